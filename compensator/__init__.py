@@ -1,0 +1,1 @@
+"""compstiff: from a planned toolpath and logged forces to a corrected toolpath."""

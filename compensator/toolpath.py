@@ -1,0 +1,90 @@
+"""Toolpath: the targets of a milling program as arrays, and where each came from in the source text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.findings import Finding
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Move(IntEnum):
+    """How the robot gets to a target."""
+
+    JOINT = 0           # MoveJ
+    LINEAR = 1          # MoveL
+    ARC_VIA = 2         # MoveC, the circle point
+    ARC_END = 3         # MoveC, the destination
+    ABSOLUTE = 4        # MoveAbsJ: joint angles, no pose
+
+
+@dataclass(frozen=True, slots=True)
+class ToolFrame:
+    """The TCP in the flange frame, as a program names it.
+
+    position (3,) [m], quaternion (4,) w x y z, unit; None: the program does not say (then cell.yaml does).
+    problem: why no target that uses it can be corrected ("" if it can), for instance `tool.tframe` assigned at run time.
+    """
+
+    name: str
+    position: Array | None
+    quaternion: Array | None
+    line: int | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkObject:
+    """World-from-object frame: the user frame times the object frame. Fields as in `ToolFrame`."""
+
+    name: str
+    position: Array | None
+    quaternion: Array | None
+    line: int | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Toolpath:
+    """N targets in the order of the text (FORMATS.md, forces.csv: `target`).
+
+    move       (N,) `Move`
+    line, column (N,) of the target's expression in the source, from 1
+    position   (N, 3) [m] in the work object; NaN where the text does not give it
+    quaternion (N, 4) w x y z, unit, in the work object; NaN likewise
+    confdata   (N, 4) cf1 cf4 cf6 cfx; `has_confdata` (N,) is False where the source has none
+    external   (N, 6) eax_a ... eax_f as written [mm or deg]; NaN where the axis is not used (9E9)
+    joints     (N, 6) [rad] controller angles of MoveAbsJ; NaN elsewhere
+    tool, workobject (N,) index into `tools`, `workobjects`
+    feed       (N,) [m/s] programmed TCP speed; NaN where unknown
+    zone       (N,) [m] radius of the fly-by zone, 0 for a fine point; NaN where unknown
+    block      (N,) "" or the reason why this target cannot be corrected (a target computed at run time, \\Corr ...)
+    """
+
+    source: str
+    move: NDArray[np.uint8]
+    line: Indices
+    column: Indices
+    position: Array
+    quaternion: Array
+    confdata: NDArray[np.int64]
+    has_confdata: NDArray[np.bool_]
+    external: Array
+    joints: Array
+    tool: Indices
+    workobject: Indices
+    feed: Array
+    zone: Array
+    block: NDArray[np.object_]
+    tools: tuple[ToolFrame, ...]
+    workobjects: tuple[WorkObject, ...]
+    findings: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.move)

@@ -1,0 +1,82 @@
+"""What the program has to say about its input: findings as data, and the one exception that carries them.
+
+Library code never prints: it returns findings, or raises `CompstiffError` with those that stopped it.
+`identification/console.py` shows them. Every code has its page in `identification/catalogue.yaml`
+(`compstiff explain CODE`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Level = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing worth saying, with the place it belongs to.
+
+    code: "CSnnnn", a page of the catalogue. message: what was found, with the number and the limit or what was
+    expected. hint: what to do. line and column count from 1; target counts from 0 (FORMATS.md, forces.csv).
+    count: how many places this finding stands for (`fold`); line, column and target are then the first one's.
+    """
+
+    code: str
+    level: Level
+    message: str
+    file: str | None = None
+    line: int | None = None
+    column: int | None = None
+    target: int | None = None
+    hint: str = ""
+    count: int = 1
+
+    def __str__(self) -> str:
+        place = self.file or ""
+        if self.file is not None and self.line is not None:
+            place += f":{self.line}" + (f":{self.column}" if self.column is not None else "")
+        more = f" (and {self.count - 1} more like it)" if self.count > 1 else ""
+        text = f"{place}{': ' if place else ''}{self.level} {self.code}: {self.message}{more}"
+        return f"{text}\nhint: {self.hint}" if self.hint else text
+
+    def as_dict(self) -> dict[str, Any]:
+        """The finding as JSON values, all keys always there."""
+        return asdict(self)
+
+
+class CompstiffError(ValueError):
+    """The job could not be done: bad content, no solution, file trouble (exit code 1)."""
+
+    exit_code = 1
+
+    def __init__(self, *findings: Finding) -> None:
+        if not findings:
+            raise TypeError("CompstiffError needs at least one Finding")
+        self.findings = findings
+        super().__init__("\n".join(str(finding) for finding in findings))
+
+
+class Refused(CompstiffError):
+    """The job was done and the answer is no: a limit is exceeded, nothing was written (exit code 3)."""
+
+    exit_code = 3
+
+
+def error(code: str, message: str, **where: Any) -> CompstiffError:
+    """A `CompstiffError` with one finding; `where` is file, line, column, target, hint."""
+    return CompstiffError(Finding(code, "error", message, **where))
+
+
+def fold(findings: list[Finding] | tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Findings with the same code, level, file and message become one with their count, at the first one's place."""
+    folded: dict[tuple[str, Level, str | None, str], Finding] = {}
+    for finding in findings:
+        key = (finding.code, finding.level, finding.file, finding.message)
+        first = folded.get(key)
+        if first is None:
+            folded[key] = finding
+        else:
+            fields = {**asdict(first), "count": first.count + finding.count}
+            folded[key] = Finding(**fields)
+    return tuple(folded.values())
