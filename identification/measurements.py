@@ -1,0 +1,168 @@
+"""Measurements: loads and deflections, read and checked (FORMATS.md, measurements.csv)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.findings import CompstiffError, Finding, error, fold
+from identification.model.robot import RobotModel
+from identification.tables import Table, read_table
+
+Array = NDArray[np.float64]
+JOINTS = tuple(f"q{i}_deg" for i in range(1, 7))
+FORCES = ("fx_n", "fy_n", "fz_n")
+MOMENTS = ("mx_nm", "my_nm", "mz_nm")
+DEFLECTIONS = ("dx_um", "dy_um", "dz_um")
+SIGMAS = ("sx_um", "sy_um", "sz_um")
+PURPOSES = ("identify", "validate")
+# A deflection beyond this is taken for a mistaken unit: every laser of such a rig ends at some millimetres.
+LARGEST_DEFLECTION_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """N rows in the order they were taken.
+
+    theta (N, 6) controller angles [rad]; wrench (N, 6) on the tool at the TCP, base frame [N, N m];
+    deflection (N, 3) loaded minus unloaded TCP, base frame [m], NaN where a component was not measured;
+    sigma (N, 3) the row's own 1 sigma [m], NaN where the file gives none; time, dwell (N,) [s], NaN where not given;
+    visit (N,) number of the pose visit, from 0; reference (N,) number of the unloaded reference, from 0;
+    validate (N,) True for rows that are never fitted; machined_pass (N,) label, "" where none; line (N,) in the file.
+    """
+
+    source: str
+    theta: Array
+    wrench: Array
+    deflection: Array
+    sigma: Array
+    time: Array
+    dwell: Array
+    visit: NDArray[np.intp]
+    reference: NDArray[np.intp]
+    validate: NDArray[np.bool_]
+    machined_pass: NDArray[np.object_]
+    line: NDArray[np.intp]
+    findings: tuple[Finding, ...]
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def select(self, rows: NDArray[np.bool_]) -> Measurements:
+        """The rows where `rows` (N,) is True."""
+        arrays = {name: getattr(self, name)[rows] for name in (
+            "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate",
+            "machined_pass", "line")}
+        return Measurements(source=self.source, findings=self.findings, **arrays)
+
+
+def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
+    """Reads measurements.csv (or Parquet) for this robot.
+
+    Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
+    CS1002 joint outside its limits, CS1003 sigma not positive, CS1004 loaded row without any deflection, CS1005 no load,
+    CS1006 deflections whose unit cannot be right.
+    """
+    table = read_table(
+        path, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),
+        texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, *SIGMAS, "dwell_s"))
+    count = len(table)
+    nothing = np.full(count, np.nan)
+    theta = np.radians(table.stack(*JOINTS))
+    moment = np.column_stack([table.numbers.get(name, np.zeros(count)) for name in MOMENTS])
+    wrench = np.concatenate([table.stack(*FORCES), moment], axis=1)
+    deflection = 1e-6 * table.stack(*DEFLECTIONS)
+    sigma = 1e-6 * np.column_stack([table.numbers.get(name, nothing) for name in SIGMAS])
+    purpose = table.texts.get("purpose", np.full(count, "", dtype=object))
+    problems = [
+        *_purposes(table, purpose), *_limits(table, robot, theta), *_sigmas(table, sigma),
+        *_rows_without_deflection(table, wrench, deflection),
+    ]
+    if problems:
+        raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:20])
+    loaded = np.any(wrench != 0, axis=1)
+    if not loaded.any():
+        raise error("CS1005", f"none of the {count} rows has a load: there is nothing to identify", file=table.source,
+                    hint="fx_n fy_n fz_n are the forces on the tool in newton")
+    if np.nanmax(np.abs(deflection), initial=0.0) > LARGEST_DEFLECTION_M:
+        row = int(np.nanargmax(np.nanmax(np.abs(np.nan_to_num(deflection)), axis=1)))
+        raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
+                    f"{1e3 * LARGEST_DEFLECTION_M:g} mm", file=table.source, line=int(table.line[row]),
+                    hint="deflections are in micrometres, loaded minus unloaded, not positions")
+    findings = []
+    empty = np.isnan(deflection)
+    if empty.any():
+        findings.append(Finding("CS1007", "note", f"{int(empty.sum())} of {deflection.size} deflection components are "
+                                "empty and were taken as not measured", file=table.source))
+    if "reference" not in table.texts and "time_s" in table.numbers and np.any(np.diff(table.numbers["time_s"]) < 0):
+        row = int(np.argmax(np.diff(table.numbers["time_s"]) < 0)) + 1
+        findings.append(Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were "
+                                "taken", file=table.source, line=int(table.line[row]), hint="a new reading of the "
+                                "unloaded reference needs a new id in the column 'reference'"))
+    return Measurements(
+        source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
+        time=table.numbers.get("time_s", nothing), dwell=table.numbers.get("dwell_s", nothing),
+        visit=_visits(table, theta), reference=_runs(table.texts.get("reference", np.full(count, "", dtype=object))),
+        validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
+        line=table.line, findings=fold(findings))
+
+
+def _runs(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:
+    """Number of the run of equal consecutive labels (N,) each row is in."""
+    changed = np.any(np.atleast_2d(np.asarray(label).T)[:, 1:] != np.atleast_2d(np.asarray(label).T)[:, :-1], axis=0)
+    return np.concatenate([[0], np.cumsum(changed)]).astype(np.intp)[: len(label)]
+
+
+def _visits(table: Table, theta: Array) -> NDArray[np.intp]:
+    """Pose visits: runs of one label, or of equal joint angles where the file has no labels."""
+    return _runs(table.texts["pose"]) if "pose" in table.texts else _runs(theta)
+
+
+def _purposes(table: Table, purpose: NDArray[np.object_]) -> list[Finding]:
+    known = (purpose == "") | np.isin(purpose.astype(str), PURPOSES)
+    return [
+        Finding("CS1001", "error", f"unknown purpose '{purpose[row]}', expected identify or validate",
+                file=table.source, line=int(table.line[row]), column=table.column("purpose"))
+        for row in np.flatnonzero(~known)
+    ]
+
+
+def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
+    excess = robot.limit_excess(theta)
+    findings = []
+    for row, joint in np.argwhere(excess > np.radians(1e-6))[:20]:
+        where = {"file": table.source, "line": int(table.line[row])}
+        hint = "angles are the controller's, in degrees, as the pendant shows them"
+        if joint < 6:
+            low, high = np.degrees(robot.limits[joint])
+            findings.append(Finding("CS1002", "error", f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is "
+                                    f"outside its limits {low:g} to {high:g} deg", column=table.column(JOINTS[joint]),
+                                    hint=hint, **where))
+        elif robot.window is not None:
+            index, low, high = robot.window
+            value = np.degrees(theta[row] @ robot.coupling[index])
+            findings.append(Finding("CS1002", "error", f"the parallel rod's angle {value:.6g} deg (joint {index + 1} "
+                                    f"with its driver) is outside its window {np.degrees(low):g} to "
+                                    f"{np.degrees(high):g} deg", column=table.column(JOINTS[index]), hint=hint, **where))
+    return findings
+
+
+def _sigmas(table: Table, sigma: Array) -> list[Finding]:
+    return [
+        Finding("CS1003", "error", f"a sigma of {1e6 * sigma[row, axis]:g} um, must be greater than zero",
+                file=table.source, line=int(table.line[row]), column=table.column(SIGMAS[axis]))
+        for row, axis in np.argwhere(sigma <= 0)[:20]
+    ]
+
+
+def _rows_without_deflection(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
+    empty = np.any(wrench != 0, axis=1) & np.isnan(deflection).all(axis=1)
+    return [
+        Finding("CS1004", "error", "a load, but no deflection: dx_um, dy_um and dz_um are all empty", file=table.source,
+                line=int(table.line[row]), column=table.column("dx_um"),
+                hint="fill in what the sensors showed, or delete the row")
+        for row in np.flatnonzero(empty)[:20]
+    ]

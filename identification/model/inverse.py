@@ -1,0 +1,210 @@
+"""Batched analytic inverse kinematics of spherical-wrist arms, every branch; ABB configuration data.
+
+Covers arms whose joints 2 and 3 are parallel, lie in one plane with the wrist centre, and whose last three axes meet in
+it: all usual milling robots, with or without a parallel rod. Other arms are refused, never approximated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.findings import error
+from identification.model.kinematics import quarter_turns, sine_cosine
+from identification.model.robot import RobotModel
+from identification.model.rotations import Frame
+
+Array = NDArray[np.float64]
+
+# Branch numbers are ABB's cfx for serial arms: 4 wrist centre behind axis 1, 2 wrist centre behind the lower arm,
+# 1 axis 5 negative.
+BRANCHES = 8
+# Within this of sin(theta5) = 0 [rad] only the sum of axes 4 and 6 is determined; axis 4 is then taken from a reference.
+WRIST_SINGULAR_RAD = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """All branches for N poses.
+
+    theta (N, 8, 6) [rad] controller angles, each axis in the turn nearest to zero that its limits allow; branch by cfx.
+    reachable (N, 8): False where the arm is too short or folds too far; theta is then the nearest pose, not a solution.
+    """
+
+    theta: Array
+    reachable: NDArray[np.bool_]
+
+
+def check_spherical_wrist(robot: RobotModel) -> None:
+    """Raises CompstiffError (CS1102) for an arm this module has no closed form for."""
+    sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
+    wanted = {
+        "alpha of joints 2, 4, 5 and 6 must be +-90 degrees": np.all(np.abs(sines[[1, 3, 4, 5]]) == 1),
+        "alpha of joints 1 and 3 must be 0 or 180 degrees": np.all(np.abs(cosines[[0, 2]]) == 1),
+        "a of joints 1, 5 and 6 must be zero": np.all(robot.a[[0, 4, 5]] == 0),
+        "d of joints 2, 3 and 5 must be zero": np.all(robot.d[[1, 2, 4]] == 0),
+        "the lower arm (a of joint 3) and the forearm must have a length": robot.a[2] > 0
+        and np.hypot(robot.a[3], robot.d[3]) > 0,
+    }
+    for condition, holds in wanted.items():
+        if not holds:
+            raise error("CS1102", f"no inverse kinematics for robot {robot.name}: {condition}", file=str(robot.source),
+                        hint="arms with a spherical wrist and two parallel main axes are supported")
+
+
+def inverse(robot: RobotModel, base_from_flange: Frame, reference: Array | None = None) -> Solutions:
+    """Every branch of the inverse kinematics of N flange poses in the base frame.
+
+    reference (N, 6) [rad], optional: where the wrist is singular axis 4 stands as in the reference (else at zero).
+    Raises CompstiffError (CS1102) for other arm structures.
+    """
+    check_spherical_wrist(robot)
+    sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
+    rotation, position = base_from_flange.rotation, base_from_flange.position
+    count = len(position)
+    serial = np.empty((6, count, 2, 2, 2))                    # [axis, pose, behind axis 1, behind lower arm, flip]
+    reachable = np.empty((count, 2, 2, 2), dtype=bool)
+    centre = (position - robot.d[5] * rotation[:, :, 2]).T
+    # The wrist centre about axis 1, whose z axis points up (alpha 0) or down (180 degrees).
+    x, y, z = centre[0], cosines[0] * centre[1], cosines[0] * centre[2]
+    radius, height = np.hypot(x, y), z - robot.d[0]
+    azimuth = np.arctan2(y, x)
+    upper = robot.a[2]
+    # The forearm as a vector of the frame of joint 3, from axis 3 to the wrist centre.
+    fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
+    forearm, fore_angle = np.hypot(fore_x, fore_y), np.arctan2(fore_y, fore_x)
+    reference_serial = None if reference is None else robot.serial_angles(reference).T
+    for behind in (0, 1):
+        theta1 = azimuth + np.pi * behind
+        # The arm's plane, seen along axis 2: u outwards from axis 2, v along frame 2's y axis.
+        u = (radius if not behind else -radius) - robot.a[1]
+        v = sines[1] * height
+        distance = np.hypot(u, v)
+        fold = (distance**2 - upper**2 - forearm**2) / (2 * upper * forearm)
+        within = np.abs(fold) <= 1 + 1e-12
+        bend = np.arccos(np.clip(fold, -1, 1))
+        for elbow in (0, 1):
+            # Sign of the angle from lower arm to forearm that puts the wrist centre in front of the lower arm, in the
+            # sense of rotation in which axis 2 leans the arm outwards.
+            sense = sines[1] * (1 if not elbow else -1) * -1.0
+            angle = sense * bend
+            theta2 = np.arctan2(v, u) - np.arctan2(forearm * np.sin(angle), upper + forearm * np.cos(angle))
+            theta3 = cosines[2] * angle - fore_angle
+            for flip in (0, 1):
+                wrist = _wrist(theta1, theta2, theta3, rotation, sines, cosines, flip,
+                               None if reference_serial is None else reference_serial[3])
+                for axis, values in enumerate((theta1, theta2, theta3, *wrist)):
+                    serial[axis, :, behind, elbow, flip] = values
+                reachable[:, behind, elbow, flip] = within
+    theta = robot.controller_angles(np.moveaxis(serial.reshape(6, count, BRANCHES), 0, -1))
+    return Solutions(_nearest_turns(robot, theta, None), reachable.reshape(count, BRANCHES))
+
+
+def _wrist(
+    theta1: Array, theta2: Array, theta3: Array, rotation: Array, sines: Array, cosines: Array, flip: int,
+    reference4: Array | None,
+) -> tuple[Array, Array, Array]:
+    """Serial angles 4, 5, 6 (n,) that turn the forearm's frame into the flange's.
+
+    With B = RotX(-alpha4) R_03^T R = RotZ(theta4) RotX(alpha5) RotZ(theta5) RotX(alpha6) RotZ(theta6), the third
+    column is (s6 sin5 cos4, s6 sin5 sin4, -s5 s6 cos5), and the second row of RotZ(-theta4) B is
+    (-s5 s6 sin6, -s5 s6 cos6, 0), which gives axis 6 sharply even where axis 5 is near zero.
+    """
+    columns = np.moveaxis(rotation, 0, -1)                                           # [component, column, pose]
+    for index, theta in enumerate((theta1, theta2, theta3)):
+        columns = _about_x(columns, -sines[index], cosines[index])
+        columns = _about_z(columns, theta, -1.0)
+    b = _about_x(columns, -sines[3], cosines[3])
+    s5, s6 = sines[4], sines[5]
+    sign = -1.0 if flip else 1.0
+    sine5 = np.hypot(b[0, 2], b[1, 2])
+    singular = sine5 < WRIST_SINGULAR_RAD
+    theta5 = np.arctan2(sign * sine5, -s5 * s6 * b[2, 2])
+    theta4 = np.arctan2(sign * s6 * b[1, 2], sign * s6 * b[0, 2])
+    theta4 = np.where(singular, 0.0 if reference4 is None else reference4, theta4)
+    second = _about_z(b, theta4, -1.0)[1]
+    return theta4, theta5, np.arctan2(-s5 * s6 * second[0], -s5 * s6 * second[1])
+
+
+def _about_x(columns: Array, sine: float, cosine: float) -> Array:
+    """RotX of a fixed twist applied to vectors [component, column, pose]."""
+    return np.stack([columns[0], cosine * columns[1] - sine * columns[2], sine * columns[1] + cosine * columns[2]])
+
+
+def _about_z(columns: Array, angle: Array, sense: float) -> Array:
+    """RotZ(sense * angle) applied to vectors [component, column, pose]."""
+    s, c = sine_cosine(angle)
+    s = sense * s
+    return np.stack([c * columns[0] - s * columns[1], s * columns[0] + c * columns[1], columns[2]])
+
+
+def _nearest_turns(robot: RobotModel, theta: Array, reference: Array | None) -> Array:
+    """Whole turns added to each joint angle (..., 6) [rad]: inside the limits where that is possible, and among those
+    the nearest to the reference (or to zero)."""
+    turn = 2 * np.pi
+    target = 0.0 if reference is None else reference
+    wanted = theta + turn * np.round((target - theta) / turn)
+    slack = 1e-9
+    highest = theta + turn * np.floor((robot.limits[:, 1] + slack - theta) / turn)
+    lowest = theta + turn * np.ceil((robot.limits[:, 0] - slack - theta) / turn)
+    return np.asarray(np.where(lowest > highest, wanted, np.clip(wanted, lowest, highest)))
+
+
+def nearest_solution(robot: RobotModel, solutions: Solutions, reference: Array) -> tuple[Array, NDArray[np.intp]]:
+    """For each pose the angles (N, 6) [rad] nearest to `reference` (N, 6), turns included, and their branch (N,).
+
+    Nearest by the largest joint difference, among the reachable branches; NaN and branch -1 where there is none.
+    """
+    turned = _nearest_turns(robot, solutions.theta, reference[:, None, :])
+    distance = np.max(np.abs(turned - reference[:, None, :]), axis=2)
+    distance[~solutions.reachable] = np.inf
+    branch = np.argmin(distance, axis=1)
+    best = np.take_along_axis(turned, branch[:, None, None], axis=1)[:, 0]
+    lost = ~solutions.reachable.any(axis=1)
+    return np.where(lost[:, None], np.nan, best), np.where(lost, -1, branch)
+
+
+def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
+    """ABB confdata cf1 cf4 cf6 cfx (N, 4) of joint angles (N, 6) [rad].
+
+    cf1, cf4, cf6 are quadrants, 0 for 0..90 degrees, 1 for 90..180, -1 for 0..-90 (RAPID manual, confdata). cfx counts
+    4 wrist centre behind axis 1, 2 wrist centre behind the lower arm, 1 axis 5 negative.
+    """
+    sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
+    serial = robot.serial_angles(theta)
+    fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
+    bend = cosines[2] * (serial[:, 2] + np.arctan2(fore_y, fore_x))
+    forearm = np.hypot(fore_x, fore_y)
+    outwards = robot.a[1] + robot.a[2] * np.cos(serial[:, 1]) + forearm * np.cos(serial[:, 1] + bend)
+    quadrants = np.floor(theta[:, [0, 3, 5]] / (np.pi / 2)).astype(np.int64)
+    cfx = 4 * (outwards < 0) + 2 * (-sines[1] * np.sin(bend) < 0) + (np.sin(serial[:, 4]) < 0)
+    return np.column_stack([quadrants, cfx])
+
+
+def configured_solution(
+    robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The solution each target's confdata (N, 4) names: angles (N, 6) [rad], and whether there is exactly that (N,).
+
+    Axes 1, 4 and 6 stand in the quadrants asked for, a rounding error beyond their ends at most; among the branches
+    that do, inside the joint limits, the one with the right cfx wins, else the first.
+    """
+    count = len(confdata)
+    wanted = confdata[:, None, :3] * (np.pi / 2) + np.pi / 4
+    theta = solutions.theta.copy()
+    for column, axis in enumerate((0, 3, 5)):
+        turn = np.round((wanted[..., column] - theta[..., axis]) / (2 * np.pi))
+        theta[..., axis] += 2 * np.pi * turn
+    off = np.abs(theta[..., [0, 3, 5]] - wanted) - np.pi / 4
+    fits = (off < 1e-6).all(axis=2) & solutions.reachable & (robot.limit_excess(theta) < 1e-9).all(axis=2)
+    score = fits * (1 + (np.arange(BRANCHES) == confdata[:, 3:4]))
+    branch = np.argmax(score, axis=1)
+    return theta[np.arange(count), branch], fits[np.arange(count), branch]
+
+
+def wrist_distance(robot: RobotModel, theta: Array) -> Array:
+    """Distance of axis 5 from the wrist singularity (N,) [rad]: 0 where axes 4 and 6 are in line."""
+    serial = robot.serial_angles(theta)[:, 4]
+    return np.asarray(np.abs(serial - np.pi * np.round(serial / np.pi)))

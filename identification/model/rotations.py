@@ -1,0 +1,112 @@
+"""Rotations and frames. Quaternions are w x y z, as in RAPID; a frame is named by its direction (`base_from_tcp`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) w x y z; they are normalised first."""
+    q = np.asarray(quaternion, dtype=float)
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    matrix = np.empty((*q.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    matrix[..., 0, 1] = 2 * (x * y - w * z)
+    matrix[..., 0, 2] = 2 * (x * z + w * y)
+    matrix[..., 1, 0] = 2 * (x * y + w * z)
+    matrix[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    matrix[..., 1, 2] = 2 * (y * z - w * x)
+    matrix[..., 2, 0] = 2 * (x * z - w * y)
+    matrix[..., 2, 1] = 2 * (y * z + w * x)
+    matrix[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return matrix
+
+
+def matrix_to_quaternion(matrix: ArrayLike) -> Array:
+    """Unit quaternions (..., 4) w x y z, w >= 0, of rotation matrices (..., 3, 3).
+
+    Each takes the largest of its four components as the pivot (Shepperd), so none is found by cancellation.
+    """
+    m = np.asarray(matrix, dtype=float)
+    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    # K / 4 of the quaternion: the outer product q q^T, of which the row with the largest diagonal is q up to scale.
+    outer = np.empty((*m.shape[:-2], 4, 4))
+    outer[..., 0, 0] = 1 + xx + yy + zz
+    outer[..., 1, 1] = 1 + xx - yy - zz
+    outer[..., 2, 2] = 1 - xx + yy - zz
+    outer[..., 3, 3] = 1 - xx - yy + zz
+    outer[..., 0, 1] = outer[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
+    outer[..., 0, 2] = outer[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
+    outer[..., 0, 3] = outer[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
+    outer[..., 1, 2] = outer[..., 2, 1] = m[..., 0, 1] + m[..., 1, 0]
+    outer[..., 1, 3] = outer[..., 3, 1] = m[..., 0, 2] + m[..., 2, 0]
+    outer[..., 2, 3] = outer[..., 3, 2] = m[..., 1, 2] + m[..., 2, 1]
+    pivot = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(outer, pivot[..., None, None], axis=-2)[..., 0, :]
+    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+
+
+def rotation_vector(matrix: ArrayLike) -> Array:
+    """Rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), exact near zero too."""
+    q = matrix_to_quaternion(matrix)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    # angle / sin(angle / 2) tends to 2; below 1e-8 the quotient is 2 to the last digit.
+    scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 1e-8)
+    return np.asarray(q[..., 1:] * scale)
+
+
+def rotation_matrix(vector: ArrayLike) -> Array:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
+    v = np.asarray(vector, dtype=float)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    half_sinc = 0.5 * np.sinc(angle / (2 * np.pi))
+    return quaternion_to_matrix(np.concatenate([np.cos(angle / 2), half_sinc * v], axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One rigid transform, or N of them: rotation (..., 3, 3) and position (..., 3) [m].
+
+    `a_from_b` maps coordinates in b to coordinates in a; `a_from_b @ b_from_c` is `a_from_c`.
+    """
+
+    rotation: Array
+    position: Array
+
+    @classmethod
+    def identity(cls) -> Frame:
+        """The frame that changes nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_quaternion(cls, position: ArrayLike, quaternion: ArrayLike) -> Frame:
+        """From position (..., 3) [m] and quaternion (..., 4) w x y z."""
+        return cls(quaternion_to_matrix(quaternion), np.asarray(position, dtype=float))
+
+    @property
+    def quaternion(self) -> Array:
+        """Unit quaternion (..., 4) w x y z, w >= 0."""
+        return matrix_to_quaternion(self.rotation)
+
+    def __matmul__(self, other: Frame) -> Frame:
+        return Frame(self.rotation @ other.rotation, self.apply(other.position))
+
+    def apply(self, point: ArrayLike) -> Array:
+        """Points (..., 3) [m] of the inner frame, in the outer frame."""
+        return self.turn(point) + self.position
+
+    def turn(self, vector: ArrayLike) -> Array:
+        """Vectors (..., 3) (forces, deviations) of the inner frame, in the outer frame."""
+        return np.asarray(np.einsum("...ij,...j->...i", self.rotation, np.asarray(vector, dtype=float)))
+
+    def inverse(self) -> Frame:
+        """`b_from_a` of `a_from_b`."""
+        transposed = np.swapaxes(self.rotation, -1, -2)
+        return Frame(transposed, -np.einsum("...ij,...j->...i", transposed, self.position))
