@@ -1,0 +1,170 @@
+"""The commands of every toolpath: `predict`, `correct`, `demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from identification.console import READABLE, WRITABLE, Outcome, Session, command
+
+if TYPE_CHECKING:
+    from compensator.pipeline import Corrected, Inputs, Predicted
+
+
+class TargetRange(click.ParamType):
+    """Two target numbers, FIRST:LAST."""
+
+    name = "FIRST:LAST"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value[0], value[1]
+        first, colon, last = str(value).partition(":")
+        if not (colon and first.isdigit() and last.isdigit() and int(first) <= int(last)):
+            self.fail(f"'{value}' is not a range of targets such as 0:3", param, ctx)
+        return int(first), int(last)
+
+
+_CELL = click.argument("cell_file", metavar="CELL", type=READABLE)
+_TOOLPATH = click.argument("toolpath_file", metavar="TOOLPATH", type=READABLE)
+_STIFFNESS = click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
+_FORCES = click.option("--forces", "forces_file", required=True, type=READABLE, help="The force log of this program.")
+_TARE = click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias.")
+_REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+
+
+@command("predict", writes=True)
+@_CELL
+@_TOOLPATH
+@_STIFFNESS
+@_FORCES
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
+@_TARE
+@_REPORT
+def predict(
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
+    tare: tuple[int, int] | None, report: Path | None,
+) -> Outcome:
+    """Predict how far the tool is pushed off its path.
+
+    CELL is cell.yaml, TOOLPATH a RAPID program; the deviation and its standard deviation are written target by target.
+    """
+    from compensator.offsets import deviation_csv
+    from compensator.pipeline import Inputs, check_distinct, predict_program, summary
+    from identification.files import check_writable, write_whole
+
+    inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
+    outputs = [output, *([report] if report else [])]
+    check_distinct(inputs, outputs)
+    check_writable(outputs, overwrite=session.overwrite)
+    predicted = predict_program(inputs, tare=tare)
+    files = {output: deviation_csv(predicted)}
+    if report:
+        from compensator.report import path_report
+
+        files[report] = path_report(predicted, None).encode()
+    write_whole(files)
+    return Outcome(summary(predicted), predicted.findings, _predicted_lines(predicted),
+                   next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
+                   f"{forces_file} -o {toolpath_file.stem}_corrected{toolpath_file.suffix}")
+
+
+@command("correct", writes=True)
+@_CELL
+@_TOOLPATH
+@_STIFFNESS
+@_FORCES
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The corrected program to write.")
+@click.option("--offsets", type=WRITABLE, help="Also write the offsets, one row a target (CSV).")
+@_TARE
+@_REPORT
+def correct(
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
+    offsets: Path | None, tare: tuple[int, int] | None, report: Path | None,
+) -> Outcome:
+    """Correct a milling program for the deflection under its logged forces.
+
+    CELL is cell.yaml, TOOLPATH a RAPID program. Only the numbers of corrected targets change; beside OUTPUT stands
+    OUTPUT.json, the record of what it was made from.
+    """
+    from compensator.pipeline import Inputs, summary
+
+    inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
+    corrected = run_correction(inputs, output, offsets, report, tare=tare, overwrite=session.overwrite)
+    step = f"open {report} in a browser" if report else f"compare {toolpath_file} with {output}, then load it into the robot"
+    return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
+
+
+def run_correction(
+    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, *, tare: tuple[int, int] | None, overwrite: bool
+) -> Corrected:
+    """Corrects one program and writes all its files, or none."""
+    import json
+
+    from compensator.offsets import offsets_csv
+    from compensator.pipeline import check_distinct, check_not_corrected, correct_program, predict_program, record
+    from identification.files import check_writable, write_whole
+
+    record_file = output.with_name(output.name + ".json")
+    outputs = [output, record_file, *(path for path in (offsets, report) if path)]
+    check_distinct(inputs, outputs)
+    check_writable(outputs, overwrite=overwrite)
+    if not overwrite:
+        check_not_corrected(inputs.toolpath)
+    corrected = correct_program(predict_program(inputs, tare=tare))
+    files = {output: corrected.content,
+             record_file: (json.dumps(record(corrected, output), indent=1, allow_nan=False) + "\n").encode()}
+    if offsets:
+        files[offsets] = offsets_csv(corrected)
+    if report:
+        from compensator.report import path_report
+
+        files[report] = path_report(corrected.predicted, corrected).encode()
+    write_whole(files)
+    return corrected
+
+
+def _predicted_lines(predicted: Predicted) -> list[str]:
+    from compensator.pipeline import summary
+
+    figures = summary(predicted)
+    deviation, std = figures["deviation_um"], figures["deviation_std_um"]
+    return [
+        f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
+        f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard deviation "
+        f"up to {std['largest']:.1f} um",
+    ]
+
+
+def correction_lines(corrected: Corrected) -> list[str]:
+    """The correction for the terminal."""
+    from compensator.pipeline import summary
+
+    figures = summary(corrected.predicted, corrected)
+    offset, residual = figures["offset_mm"], figures["residual_um"]
+    return [
+        *_predicted_lines(corrected.predicted),
+        f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
+        f"{figures['turn_deg']['largest']:.4f} deg",
+        f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um "
+        "(the rounding of the written numbers)",
+    ]
+
+
+@command("demo", writes=True)
+@click.argument("folder", metavar="[DIR]", default="compstiff-demo", type=click.Path(file_okay=False, path_type=Path))
+def demo(session: Session, folder: Path) -> Outcome:
+    """Run identify and correct on the shipped samples, into DIR.
+
+    The samples are simulated (samples/README.md says how); DIR is compstiff-demo if it is not given.
+    """
+    from compensator.demo import run_demo
+
+    return run_demo(session, folder)
+
+
+COMMANDS = (predict, correct, demo)

@@ -1,0 +1,243 @@
+"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (physics 6).
+
+Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
+`theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau
+is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. That this is so is not
+taken on trust: `correct_path` loads the commanded pose with the iterated forward model and reports what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces import TargetForces
+from compensator.planning import Plan
+from identification.findings import CompstiffError, Finding, Refused
+from identification.model.compliance import compliance_matrix, deviation, joint_torque, loaded_angles, loaded_pose
+from identification.model.inverse import configuration, wrist_distance
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame, rotation_vector
+from identification.model.stiffness import IdentifiedModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# A converged correction leaves less than this between the loaded tool and the plan [m], [rad].
+RESIDUAL_LIMIT = 1e-8
+# Axis 5 closer than this to the wrist singularity [rad]: micrometres of correction become degrees of axes 4 and 6.
+SINGULAR = np.radians(0.1)
+NEARLY_SINGULAR = np.radians(2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
+
+    position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
+    the stiffnesses, plus the scatter of the mean force where the log gives one.
+    """
+
+    targets: Indices
+    position: Array
+    rotation: Array
+    covariance: Array
+
+    @property
+    def std(self) -> Array:
+        """1 sigma of each component (M, 3) [m]."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Commanded poses of the `targets` (M,) in their work objects.
+
+    object_from_tcp (M): position [m], rotation. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
+    object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
+    residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model.
+    """
+
+    targets: Indices
+    object_from_tcp: Frame
+    offset: Array
+    turn: Array
+    theta: Array
+    confdata: NDArray[np.int64]
+    residual: Array
+    findings: tuple[Finding, ...]
+
+
+def _each_tool(plan: Plan, targets: Indices) -> list[tuple[Frame, Indices]]:
+    """The targets by tool: flange_from_tcp and the places in `targets` that use it."""
+    tools = plan.toolpath.tool[targets]
+    groups = []
+    for tool in np.unique(tools):
+        places = np.flatnonzero(tools == tool)
+        first = targets[places[0]]
+        groups.append((Frame(plan.flange_from_tcp.rotation[first], plan.flange_from_tcp.position[first]), places))
+    return groups
+
+
+def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[Finding]]:
+    """The targets (M,) with force that can be corrected, and a finding for each that is left as it is.
+
+    Raises CompstiffError (CS4103: unusable quaternion) and Refused (CS4104: a move with force depends on a tool, work
+    object or external axis that is not understood; CS4105: not reachable, outside the joint limits).
+    """
+    path = plan.toolpath
+    forced = np.flatnonzero(forces.forced)
+    blocked = [int(i) for i in forced if path.block[i]]
+    unusable = [i for i in blocked if "quaternion" in str(path.block[i])]
+    if unusable:
+        raise CompstiffError(*(_at(plan, i, "CS4103", "error", f"a move with force: {path.block[i]}",
+                                   "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
+    findings = [_at(plan, i, "CS4101", "warning", f"a move with force stays uncorrected: {path.block[i]}") for i in blocked]
+    rest = np.array([i for i in forced if not path.block[i]], dtype=np.intp)
+    joints = [int(i) for i in rest if np.isnan(path.position[i]).any()]
+    findings += [_at(plan, i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
+                     "cut with MoveL, MoveC or MoveJ") for i in joints]
+    rest = rest[~np.isnan(path.position[rest]).any(axis=1)]
+    problems = []
+    for i in rest:
+        tool, item = path.tools[path.tool[i]], path.workobjects[path.workobject[i]]
+        for kind, name, problem in (("tool", tool.name, tool.problem), ("work object", item.name, item.problem)):
+            if problem:
+                problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: {problem}"))
+        used = [f"eax_{letter}" for letter, value in zip("abcdef", path.external[i], strict=True) if not np.isnan(value)]
+        if used:
+            problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, "
+                                "which is not understood: it moves the robot's base or the part",
+                                "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
+    if problems:
+        raise Refused(*problems)
+    lost = [i for i in rest if not plan.reached[i]]
+    if lost:
+        raise Refused(*(_at(plan, int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
+                            "check tool, work object and base frame") for i in lost[:20]))
+    _refuse_outside(plan, rest, plan.theta[rest], "as planned")
+    return rest, findings
+
+
+def _refuse_outside(plan: Plan, targets: Indices, theta: Array, when: str) -> None:
+    """Refused (CS4105) where joint angles are outside the robot's limits."""
+    robot = plan.cell.robot
+    excess = robot.limit_excess(theta)
+    worst = np.argwhere(excess > 1e-7)
+    if not len(worst):
+        return
+    findings = []
+    for row, joint in worst[:20]:
+        if joint < 6:
+            low, high = np.degrees(robot.limits[joint])
+            what = f"joint {joint + 1} at {np.degrees(theta[row, joint]):.4f} deg, limits {low:g} to {high:g} deg"
+        else:
+            assert robot.window is not None
+            index, first, last = robot.window
+            what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
+                    f"{np.degrees(first):g} to {np.degrees(last):g} deg")
+        findings.append(_at(plan, int(targets[row]), "CS4105", "error", f"{when}: {what}"))
+    raise Refused(*findings)
+
+
+def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Prediction:
+    """Deviation of the uncorrected targets under their force, with its covariance."""
+    count = len(targets)
+    position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
+    for tool, places in _each_tool(plan, targets):
+        theta, wrench = plan.theta[targets[places]], forces.wrench[targets[places]]
+        position[places], rotation[places] = deviation(model.robot, theta, tool, wrench, model.compliance)
+        covariance[places] = model.deviation_covariance(theta, wrench, tool)[:, :3, :3]
+        scatter = np.nan_to_num(forces.standard_error[targets[places]]) ** 2
+        if scatter.any():
+            carried = compliance_matrix(model.robot, theta, tool, model.compliance)[:, :3, :3]
+            covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
+    return Prediction(targets, position, rotation, covariance)
+
+
+def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Correction:
+    """The commanded poses. Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over
+    the cell's limits; CompstiffError: CS4108 the forward model does not confirm the correction."""
+    robot, cell, path = model.robot, plan.cell, plan.toolpath
+    count = len(targets)
+    planned = plan.theta[targets]
+    theta = np.empty((count, 6))
+    tcp = Frame(np.empty((count, 3, 3)), np.empty((count, 3)))
+    residual, turned = np.empty(count), np.empty(count)
+    goal = Frame(plan.base_from_tcp.rotation[targets], plan.base_from_tcp.position[targets])
+    for tool, places in _each_tool(plan, targets):
+        wrench = forces.wrench[targets[places]]
+        yielded = model.compliance * joint_torque(robot, planned[places], tool, wrench)
+        theta[places] = loaded_angles(robot, planned[places], -yielded)
+        commanded = forward(robot, theta[places], tool)
+        tcp.rotation[places], tcp.position[places] = commanded.rotation, commanded.position
+        loaded = loaded_pose(robot, theta[places], tool, wrench, model.compliance)
+        residual[places] = np.linalg.norm(loaded.position - goal.position[places], axis=1)
+        turned[places] = np.linalg.norm(
+            rotation_vector(loaded.rotation @ np.swapaxes(goal.rotation[places], 1, 2)), axis=1)
+    if count and max(residual.max(), turned.max()) > RESIDUAL_LIMIT:
+        worst = int(np.argmax(residual))
+        raise CompstiffError(_at(plan, int(targets[worst]), "CS4108", "error", "the correction did not converge: the loaded "
+                                 f"tool stays {1e6 * residual.max():.3g} um and {turned.max():.3g} rad off the plan",
+                                 "check the units of the forces"))
+    object_from_base = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets]).inverse()
+    commanded, wanted = object_from_base @ tcp, object_from_base @ goal
+    offset = commanded.position - wanted.position
+    turn = rotation_vector(commanded.rotation @ np.swapaxes(wanted.rotation, 1, 2))
+    _refuse_outside(plan, targets, theta, "after correction")
+    findings = [*_singularity(plan, targets, planned, theta), *_check_size(plan, targets, offset, turn, cell.max_offset,
+                                                                           cell.max_tilt)]
+    step = configuration(robot, theta)[:, :3] - configuration(robot, planned)[:, :3]
+    confdata = path.confdata[targets].copy()
+    confdata[:, :3] += step
+    moved = np.flatnonzero(step.any(axis=1) & path.has_confdata[targets])
+    findings += [
+        _at(plan, int(targets[i]), "CS4109", "note", "the correction takes an axis into another quadrant: confdata changes "
+            f"from {path.confdata[targets[i]].tolist()} to {confdata[i].tolist()}") for i in moved
+    ]
+    return Correction(targets, commanded, offset, turn, theta, confdata, residual, tuple(findings))
+
+
+def _check_size(plan: Plan, targets: Indices, offset: Array, turn: Array, max_offset: float, max_tilt: float) -> list[Finding]:
+    """Refused (CS4107) where a correction exceeds the limits of cell.yaml."""
+    size, tilt = np.linalg.norm(offset, axis=1), np.linalg.norm(turn, axis=1)
+    hint = "check force units, sign (force_log.sign) and stiffnesses; limits.max_offset_mm and max_tilt_deg are in cell.yaml"
+    findings = []
+    for values, limit, factor, unit, what in ((size, max_offset, 1e3, "mm", "offset"),
+                                              (tilt, max_tilt, np.degrees(1.0), "deg", "rotation")):
+        over = np.flatnonzero(values > limit)
+        if len(over):
+            worst = int(over[np.argmax(values[over])])
+            findings.append(_at(plan, int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: the "
+                                f"largest {what} is {factor * values[worst]:.3f} {unit}, the limit {factor * limit:g} {unit}",
+                                hint))
+    if findings:
+        raise Refused(*findings)
+    return []
+
+
+def _singularity(plan: Plan, targets: Indices, planned: Array, theta: Array) -> list[Finding]:
+    """Refused (CS4106) at the wrist singularity or where a correction would cross it; a warning (CS4110) near it."""
+    robot = plan.cell.robot
+    distance = wrist_distance(robot, theta)
+    crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
+    bad = np.flatnonzero((distance < SINGULAR) | crossed)
+    if len(bad):
+        raise Refused(*(_at(plan, int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from the "
+                            f"wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are needed",
+                            "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
+    near = np.flatnonzero(distance < NEARLY_SINGULAR)
+    if not len(near):
+        return []
+    closest = int(near[np.argmin(distance[near])])
+    return [_at(plan, int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
+                f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
+                " deg: axes 4 and 6 turn fast there")]
+
+
+def _at(plan: Plan, target: int, code: str, level: str, message: str, hint: str = "") -> Finding:
+    path = plan.toolpath
+    return Finding(code, level, message, file=path.source, line=int(path.line[target]),  # type: ignore[arg-type]
+                   column=int(path.column[target]), target=target, hint=hint)

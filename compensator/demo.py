@@ -1,0 +1,60 @@
+"""`compstiff demo`: the main job on the shipped samples, with the commands a user would type."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from compensator.commands import correction_lines, run_correction
+from compensator.data import shipped
+from compensator.pipeline import Inputs, summary
+from identification.cell import read_cell
+from identification.commands import stiffness_lines
+from identification.console import Outcome, Session
+from identification.files import check_writable, write_whole
+from identification.inference import fit_stiffness
+from identification.measurements import read_measurements
+from identification.report import identification_report
+
+SAMPLES = ("README.md", "cell.yaml", "measurements.csv", "insert.mod", "insert.forces.parquet")
+WRITTEN = ("stiffness.json", "identify.html", "insert_corrected.mod", "insert_corrected.mod.json", "offsets.csv",
+           "correct.html")
+# The first targets of the sample program are its approach in air.
+TARE = (0, 2)
+
+
+def run_demo(session: Session, folder: Path) -> Outcome:
+    """Copies the samples into the folder, identifies, corrects, and leaves everything there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    check_writable([folder / name for name in (*SAMPLES, *WRITTEN)], overwrite=session.overwrite)
+    for name in SAMPLES:
+        shutil.copyfile(shipped("samples") / name, folder / name)
+    at = {name: folder / name for name in (*SAMPLES, *WRITTEN)}
+
+    cell = read_cell(at["cell.yaml"])
+    measurements = read_measurements(at["measurements.csv"], cell.robot)
+    fit = fit_stiffness(cell, measurements)
+    write_whole({
+        at["stiffness.json"]: (json.dumps(fit.model.as_dict(), indent=1, allow_nan=False) + "\n").encode(),
+        at["identify.html"]: identification_report(cell, measurements, fit).encode(),
+    })
+    inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
+    corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"], tare=TARE,
+                               overwrite=True)
+    session.inputs += [at[name] for name in SAMPLES]
+    lines = [
+        f"$ compstiff identify cell.yaml measurements.csv -o stiffness.json --report identify.html   (in {folder})",
+        *stiffness_lines(fit),
+        "",
+        "$ compstiff correct cell.yaml insert.mod --stiffness stiffness.json --forces insert.forces.parquet "
+        f"--tare {TARE[0]}:{TARE[1]} -o insert_corrected.mod --offsets offsets.csv --report correct.html",
+        *correction_lines(corrected),
+        "",
+        f"Everything is in {folder}: the corrected program insert_corrected.mod beside insert.mod, reports identify.html "
+        "and correct.html.",
+        "The samples are simulated: samples' README.md says how.",
+    ]
+    result = {"folder": str(folder), "stiffness": fit.model.as_dict(), "correction": summary(corrected.predicted, corrected)}
+    return Outcome(result, (*fit.findings, *corrected.findings), lines,
+                   next_step=f"open {at['correct.html']}, then write your own cell.yaml (README.md, Your own cell)")

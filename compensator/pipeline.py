@@ -1,0 +1,227 @@
+"""The main job on one program: read, place the forces, predict, correct, write, and read back what was written."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction import Correction, Prediction, correct_path, predict_path, targets_to_correct
+from compensator.forces import TargetForces, place_forces, read_force_log
+from compensator.placement import arc_length
+from compensator.planning import Plan, plan_path
+from compensator.rapid import RapidProgram, read_rapid, rewrite
+from identification.cell import Cell, read_cell
+from identification.files import sha256
+from identification.findings import CompstiffError, Finding, Refused, error, fold
+from identification.model.compliance import loaded_pose
+from identification.model.inverse import inverse, nearest_solution
+from identification.model.rotations import Frame
+from identification.model.stiffness import IdentifiedModel, read_stiffness
+
+Array = NDArray[np.float64]
+RECORD = "compstiff-correction"
+RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
+# Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
+WRITTEN_POSITION = 1e-7
+WRITTEN_ROTATION = 1e-7
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The files of one job."""
+
+    cell: Path
+    toolpath: Path
+    stiffness: Path
+    forces: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """One program with the deviation predicted for its targets with force."""
+
+    inputs: Inputs
+    cell: Cell
+    model: IdentifiedModel
+    program: RapidProgram
+    plan: Plan
+    forces: TargetForces
+    prediction: Prediction
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """One program, corrected. content: the bytes to write. residual (M,) [m]: distance of the loaded tool from the plan
+    with the numbers as written; from_plan (M,) [m]: without correction."""
+
+    predicted: Predicted
+    correction: Correction
+    content: bytes
+    residual: Array
+    findings: tuple[Finding, ...]
+
+
+def read_toolpath(path: Path) -> RapidProgram:
+    """Reads a toolpath by its suffix. Raises CompstiffError (CS4201) for formats that are not read."""
+    if path.suffix.lower() not in RAPID_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(RAPID_SUFFIXES)}",
+                    file=str(path))
+    try:
+        return read_rapid(path.read_bytes(), str(path))
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+
+
+def predict_program(inputs: Inputs, *, tare: tuple[int, int] | None = None) -> Predicted:
+    """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
+    cell = read_cell(inputs.cell)
+    model = read_stiffness(inputs.stiffness, cell)
+    program = read_toolpath(inputs.toolpath)
+    log = read_force_log(inputs.forces)
+    if not len(program.toolpath):
+        raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath))
+    plan = plan_path(program.toolpath, cell)
+    forces = place_forces(log, plan, cell, tare=tare)
+    targets, left = targets_to_correct(plan, forces)
+    prediction = predict_path(plan, forces, model, targets)
+    findings = (*program.toolpath.findings, *plan.findings, *forces.findings, *left)
+    return Predicted(inputs, cell, model, program, plan, forces, prediction, findings)
+
+
+def correct_program(predicted: Predicted) -> Corrected:
+    """The corrected program. Raises what `correct_path` raises, and CS4203 where the written text does not read back."""
+    targets = predicted.prediction.targets
+    correction = correct_path(predicted.plan, predicted.forces, predicted.model, targets)
+    written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
+                      correction.object_from_tcp.quaternion, correction.confdata)
+    residual = _read_back(predicted, correction, written.content)
+    findings = (*predicted.findings, *correction.findings, *written.findings)
+    return Corrected(predicted, correction, written.content, residual, findings)
+
+
+def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> Array:
+    """Reads the written program again: every corrected number there, every other target as it was. Returns the residual
+    (M,) [m] of the loaded tool with the numbers as written."""
+    before, targets = predicted.program.toolpath, correction.targets
+    after = read_rapid(content, before.source).toolpath
+    intact = len(after) == len(before)
+    if intact:
+        others = np.ones(len(before), dtype=bool)
+        others[targets] = False
+        intact = all(np.array_equal(getattr(after, name)[others], getattr(before, name)[others], equal_nan=True)
+                     for name in ("position", "quaternion", "confdata", "external", "joints"))
+        intact &= bool(np.array_equal(after.move, before.move) and np.array_equal(after.feed, before.feed, equal_nan=True))
+        written, wanted = after.position[targets], correction.object_from_tcp
+        alike = np.abs(np.einsum("ni,ni->n", after.quaternion[targets], wanted.quaternion))
+        intact &= bool(np.all(np.abs(written - wanted.position) <= WRITTEN_POSITION)
+                       and np.all(alike > 1 - WRITTEN_ROTATION**2 - 1e-15))
+    if not intact:
+        raise error("CS4203", "the corrected program does not read back as it was meant; nothing was written",
+                    file=before.source, hint="a defect in compstiff: please report it with this program")
+    plan = predicted.plan
+    object_from_tcp = Frame.from_quaternion(after.position[targets], after.quaternion[targets])
+    base_from_object = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets])
+    flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
+    base_from_flange = base_from_object @ object_from_tcp @ flange_from_tcp.inverse()
+    residual = np.empty(len(targets))
+    theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
+                                correction.theta)
+    tools = before.tool[targets]
+    for tool in np.unique(tools):
+        places = np.flatnonzero(tools == tool)
+        frame = Frame(flange_from_tcp.rotation[places[0]], flange_from_tcp.position[places[0]])
+        loaded = loaded_pose(predicted.cell.robot, theta[places], frame, predicted.forces.wrench[targets[places]],
+                             predicted.model.compliance)
+        residual[places] = np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets[places]], axis=1)
+    return residual
+
+
+def check_not_corrected(toolpath: Path) -> None:
+    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output."""
+    digest = sha256(toolpath)
+    for path in sorted(toolpath.parent.glob("*.json")):
+        try:
+            if path.stat().st_size > 64 << 20:
+                continue
+            record = json.loads(path.read_bytes())
+        except (OSError, ValueError):
+            continue
+        if not isinstance(record, dict) or record.get("format") != RECORD:
+            continue
+        output = record.get("output", {})
+        if output.get("sha256") == digest or output.get("file") == toolpath.name:
+            raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
+                                  "corrected twice", file=str(toolpath),
+                                  hint=f"correct the CAM system's program {record.get('input', {}).get('file', '')}; --force if "
+                                  "this really is one"))
+
+
+def planned_time(predicted: Predicted) -> Array:
+    """Time (N,) [s] at which each target is reached with the programmed feed; NaN from the first unknown feed on."""
+    path = predicted.plan.toolpath
+    length = arc_length(predicted.plan.world_position, path.move)
+    steps = np.diff(length, prepend=length[:1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.cumsum(np.where(steps == 0, 0.0, steps / path.feed)))
+
+
+def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[str, Any]:
+    """The figures of one job, JSON values."""
+    size = np.linalg.norm(predicted.prediction.position, axis=1)
+    std = np.sqrt(np.trace(predicted.prediction.covariance, axis1=1, axis2=2))
+    figures: dict[str, Any] = {
+        "targets": len(predicted.plan.toolpath),
+        "with_force": int(predicted.forces.forced.sum()),
+        "without_sample": int((predicted.forces.samples == 0).sum()),
+        "predicted": len(size),
+        "deviation_um": _figures(1e6 * size),
+        "deviation_std_um": _figures(1e6 * std),
+    }
+    if corrected is not None:
+        figures |= {
+            "corrected": len(size),
+            "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
+            "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),
+            "residual_um": _figures(1e6 * corrected.residual),
+        }
+    return figures
+
+
+def _figures(values: Array) -> dict[str, float]:
+    if not len(values):
+        return {"largest": 0.0, "rms": 0.0}
+    return {"largest": float(values.max()), "rms": float(np.sqrt(np.mean(values**2)))}
+
+
+def record(corrected: Corrected, output: Path) -> dict[str, Any]:
+    """OUT.mod.json: what was made from what (FORMATS.md, correct)."""
+    import hashlib
+
+    inputs = corrected.predicted.inputs
+    return {
+        "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
+        "input": {"file": inputs.toolpath.name, "sha256": sha256(inputs.toolpath)},
+        "output": {"file": output.name, "sha256": hashlib.sha256(corrected.content).hexdigest()},
+        **{name: {"file": path.name, "sha256": sha256(path)} for name, path in (
+            ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces))},
+        "robot": {"name": corrected.predicted.cell.robot.name, "sha256": corrected.predicted.cell.robot.sha256},
+        "summary": summary(corrected.predicted, corrected),
+        "findings": [finding.as_dict() for finding in fold(corrected.findings)],
+    }
+
+
+def check_distinct(inputs: Inputs, outputs: list[Path]) -> None:
+    """Raises CompstiffError (CS0006) where an output is one of the inputs, or two outputs are one file."""
+    seen = {path.resolve(): "input" for path in (inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces)}
+    for path in outputs:
+        if path.resolve() in seen:
+            raise CompstiffError(Finding("CS0006", "error", f"would overwrite an {seen[path.resolve()]} of this command",
+                                         file=str(path), hint="give the output another name"))
+        seen[path.resolve()] = "output"

@@ -1,0 +1,137 @@
+"""Where on the path each sample of a force log was taken, as arc length, and which target it belongs to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.toolpath import Move
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# A logged TCP position farther than this from the whole path ahead is not on it [m].
+OFF_PATH = 5e-3
+# How many samples a target are looked at one by one when the log is matched forwards; the rest follow in between.
+KEYS_PER_TARGET = 4
+
+
+def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
+    """Path length (N,) [m] at each target: chords, arcs for MoveC, joint and air moves included; 0 at the first.
+
+    position (N, 3) [m] in one frame. Targets of unknown position (NaN) have NaN and are left out of the path.
+    """
+    length = np.full(len(position), np.nan)
+    known = np.flatnonzero(~np.isnan(position).any(axis=1))
+    if not len(known):
+        return length
+    points = position[known]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    via = np.flatnonzero((move[known][1:-1] == Move.ARC_VIA) & (move[known][2:] == Move.ARC_END))
+    if len(via):
+        steps[via], steps[via + 1] = _arc_steps(points[via], points[via + 1], points[via + 2])
+    length[known] = np.concatenate([[0.0], np.cumsum(steps)])
+    return length
+
+
+def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
+    """Lengths (n,) of both parts of the circular arcs through three points (n, 3); the chord where they are in line."""
+    to_via, to_end = via - start, end - start
+    normal = np.cross(to_via, to_end)
+    doubled = np.einsum("ij,ij->i", normal, normal)
+    chord = np.linalg.norm(to_via, axis=1) * np.linalg.norm(to_end, axis=1)
+    straight = np.sqrt(doubled) <= 1e-9 * chord
+    safe = np.where(straight, 1.0, doubled)[:, None]
+    centre = start + (np.cross(normal, to_via) * np.einsum("ij,ij->i", to_end, to_end)[:, None]
+                      - np.cross(normal, to_end) * np.einsum("ij,ij->i", to_via, to_via)[:, None]) / (2 * safe)
+    radius = np.linalg.norm(start - centre, axis=1)
+    axis = normal / np.sqrt(safe)
+
+    def turned(first: Array, second: Array) -> Array:
+        """Angle from first to second about the arc's axis, 0 to 2 pi (the arc runs in its positive sense)."""
+        sine = np.einsum("ij,ij->i", axis, np.cross(first - centre, second - centre))
+        cosine = np.einsum("ij,ij->i", first - centre, second - centre)
+        return np.asarray(np.mod(np.arctan2(sine, cosine), 2 * np.pi))
+
+    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * turned(start, via))
+    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * turned(via, end))
+    return first, second
+
+
+def nearest_target(length: Array, place: Array) -> Indices:
+    """The target (M,) each arc length `place` (M,) [m] belongs to: half a segment on either side.
+
+    length (N,) [m] from `arc_length`; targets with NaN get nothing.
+    """
+    known = np.flatnonzero(~np.isnan(length))
+    borders = 0.5 * (length[known][1:] + length[known][:-1])
+    return np.asarray(known[np.searchsorted(borders, place, side="right")])
+
+
+def match_forwards(position: Array, length: Array, samples: Array) -> Array:
+    """Arc length (M,) [m] of TCP positions `samples` (M, 3) [m] in time order; NaN where a sample is not on the path.
+
+    The log is followed forwards: each sample is looked for a little ahead of the one before it, so that passes which
+    cross or lie side by side stay apart; only where nothing is near is the search widened to the whole path ahead.
+    """
+    known = np.flatnonzero(~np.isnan(length))
+    points, s = position[known], length[known]
+    if len(known) < 2:
+        near = np.linalg.norm(samples - points[0], axis=1) < OFF_PATH if len(known) else np.zeros(len(samples), bool)
+        return np.where(near, 0.0, np.nan)
+    starts, vectors = points[:-1], np.diff(points, axis=0)
+    squares = np.maximum(np.einsum("ij,ij->i", vectors, vectors), 1e-300)
+    count = min(len(samples), KEYS_PER_TARGET * len(points))
+    keys = np.unique(np.linspace(0, len(samples) - 1, count).round().astype(np.intp))
+
+    def project(point: Array, first: int, last: int) -> tuple[float, float]:
+        """Smallest distance [m] to segments first ... last - 1, and the arc length there."""
+        offset = point - starts[first:last]
+        share = np.clip(np.einsum("ij,ij->i", offset, vectors[first:last]) / squares[first:last], 0, 1)
+        gap = offset - share[:, None] * vectors[first:last]
+        distance = np.einsum("ij,ij->i", gap, gap)
+        best = int(np.argmin(distance))
+        index = first + best
+        return float(np.sqrt(distance[best])), float(s[index] + share[best] * (s[index + 1] - s[index]))
+
+    places = np.full(len(keys), np.nan)
+    here, before = 0.0, None
+    for number, key in enumerate(keys):
+        point = samples[key]
+        moved = 0.0 if before is None else float(np.linalg.norm(point - before))
+        # The first sample may lie anywhere on the path: the earliest place that is as near as any.
+        reach = s[-1] if before is None else here + 3 * moved + 1e-4
+        first = max(int(np.searchsorted(s, here - 2e-4, side="right")) - 1, 0)
+        while True:
+            last = min(max(int(np.searchsorted(s, reach, side="left")), first + 1), len(starts))
+            distance, place = project(point, min(first, last - 1), last)
+            if distance < OFF_PATH / 10 or last == len(starts):
+                break
+            reach = here + 4 * max(reach - here, 1e-3)
+        if distance <= OFF_PATH:
+            here = max(here, place)
+            places[number] = here
+            before = point
+    good = ~np.isnan(places)
+    if not good.any():
+        return np.full(len(samples), np.nan)
+    guess = np.interp(np.arange(len(samples)), keys[good], places[good])
+    return _refine(starts, vectors, squares, s, samples, guess)
+
+
+def _refine(starts: Array, vectors: Array, squares: Array, s: Array, samples: Array, guess: Array) -> Array:
+    """Each sample projected on the segments next to its interpolated place; NaN where it is off the path."""
+    middle = np.clip(np.searchsorted(s, guess, side="right") - 1, 0, len(starts) - 1)
+    best = np.full(len(samples), np.inf)
+    place = np.full(len(samples), np.nan)
+    for shift in (0, -1, 1, -2, 2):
+        index = np.clip(middle + shift, 0, len(starts) - 1)
+        offset = samples - starts[index]
+        share = np.clip(np.einsum("ij,ij->i", offset, vectors[index]) / squares[index], 0, 1)
+        gap = offset - share[:, None] * vectors[index]
+        distance = np.einsum("ij,ij->i", gap, gap)
+        closer = distance < best
+        best[closer] = distance[closer]
+        place[closer] = (s[index] + share * (s[index + 1] - s[index]))[closer]
+    place[best > OFF_PATH**2] = np.nan
+    return place

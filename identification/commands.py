@@ -1,0 +1,98 @@
+"""The commands of commissioning: `robots`, `identify`, `explain`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from identification.console import READABLE, WRITABLE, Outcome, Session, command
+
+
+@command("robots")
+def robots(session: Session) -> Outcome:
+    """List the built-in robots."""
+    import numpy as np
+
+    from identification.model.robot import built_in_robots, read_robot
+
+    listed, lines = [], [f"{'name':<22}{'reach':>9}  {'springs':<8}{'prior k1 ... k6 [1e6 N m/rad]'}"]
+    for name, path in built_in_robots().items():
+        robot = read_robot(path)
+        reach = robot.a[1] + robot.a[2] + float(np.hypot(robot.a[3], robot.d[3]))
+        prior = robot.prior.stiffness
+        listed.append({"name": name, "manufacturer": robot.manufacturer, "load_path": robot.load_path,
+                       "reach_mm": 1e3 * reach, "stiffness_nm_per_rad": prior.tolist(), "file": str(path)})
+        lines.append(f"{name:<22}{1e3 * reach:>6.0f} mm  {robot.load_path:<8}" + "  ".join(f"{k / 1e6:.2f}" for k in prior))
+    return Outcome({"robots": listed}, lines=lines,
+                   next_step="write cell.yaml (robot, tool), then compstiff identify cell.yaml measurements.csv")
+
+
+@command("identify", writes=True)
+@click.argument("cell_file", metavar="CELL", type=READABLE)
+@click.argument("measurements_file", metavar="MEASUREMENTS", type=READABLE)
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The stiffness file to write.")
+@click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+def identify(session: Session, cell_file: Path, measurements_file: Path, output: Path, report: Path | None) -> Outcome:
+    """Learn the joint stiffnesses from measured loads and deflections.
+
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
+    """
+    import json
+
+    from identification.cell import read_cell
+    from identification.files import check_writable, write_whole
+    from identification.inference import fit_stiffness
+    from identification.measurements import read_measurements
+
+    session.inputs += [cell_file, measurements_file]
+    check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    measurements = read_measurements(measurements_file, cell.robot)
+    fit = fit_stiffness(cell, measurements)
+    content = fit.model.as_dict()
+    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    if report:
+        from identification.report import identification_report
+
+        files[report] = identification_report(cell, measurements, fit).encode()
+    write_whole(files)
+    return Outcome(content, fit.findings, stiffness_lines(fit),
+                   next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
+                   "-o PART_corrected.mod")
+
+
+def stiffness_lines(fit: object) -> list[str]:
+    """The fit as a table for the terminal."""
+    from identification.inference import Fit
+
+    assert isinstance(fit, Fit)
+    model = fit.model
+    lines = ["joint   stiffness k [N m/rad]   95 % interval                grade"]
+    for joint, (k, (low, high), grade) in enumerate(
+            zip(model.stiffness, model.interval_95, model.grades, strict=True), start=1):
+        digits = 3 if high / low > 1.02 else 4
+        interval = f"{low:.{digits}g} ... {high:.{digits}g}"
+        lines.append(f"k{joint}      {k:<22.{digits}g}  {interval:<27}  {grade}")
+    lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS, "
+                 f"noise {fit.noise_scale:.2f} x the stated")
+    if fit.held_out is not None:
+        before, after = fit.held_out
+        lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
+                     "the identified")
+    return lines
+
+
+@command("explain")
+@click.argument("code", metavar="CODE")
+def explain(session: Session, code: str) -> Outcome:
+    """Explain a finding: its cause, its effect, what to do."""
+    from identification.catalogue import explain_code
+
+    page = explain_code(code)
+    lines = [f"{page['code']}: {page['title']}", "", f"cause:  {page['cause']}", f"effect: {page['effect']}",
+             f"remedy: {page['remedy']}"]
+    return Outcome(dict(page), lines=lines)
+
+
+COMMANDS = (robots, identify, explain)
