@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.planning import Plan
 from compensator.placement import arc_length, match_forwards, nearest_target
+from compensator.planning import Plan
 from identification.cell import Cell
 from identification.findings import Finding, error
 from identification.measurements import FORCES, JOINTS, MOMENTS

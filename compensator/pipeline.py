@@ -159,8 +159,8 @@ def check_not_corrected(toolpath: Path) -> None:
         if output.get("sha256") == digest or output.get("file") == toolpath.name:
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
-                                  hint=f"correct the CAM system's program {record.get('input', {}).get('file', '')}; --force if "
-                                  "this really is one"))
+                                  hint=f"correct the CAM system's program {record.get('input', {}).get('file', '')}; "
+                                  "--force if this really is one"))
 
 
 def planned_time(predicted: Predicted) -> Array:

@@ -35,14 +35,15 @@ MAX_STEPS = 50
 class Fit:
     """What the data say.
 
-    model: the posterior. residual (N, 3) [m] measured minus predicted of all rows, NaN where not measured. noise_scale:
-    estimated over stated standard deviation of the noise. held_out: RMS [m] of the validate rows with the prior's and
-    the posterior's stiffnesses, None without such rows.
+    model: the posterior. residual (N, 3) [m]: measured minus predicted, all rows, NaN where not measured. noise_scale:
+    estimated over stated standard deviation of the noise. sensor_std (3,) [m]: the stated one of a reading. held_out: RMS [m]
+    of the validate rows with the prior's and with the posterior's stiffnesses, None without such rows.
     """
 
     model: IdentifiedModel
     residual: Array
     noise_scale: float
+    sensor_std: Array
     held_out: tuple[float, float] | None
     findings: tuple[Finding, ...]
 
@@ -130,7 +131,7 @@ def fit_stiffness(cell: Cell, measurements: Measurements) -> Fit:
     else:
         raise error("CS1011", f"the fit did not converge in {MAX_STEPS} steps: the last moved by {change:.2g} posterior "
                     "standard deviations", file=measurements.source, hint="check the units and the prior")
-    covariance = np.linalg.inv(curvature)
+    covariance = np.asarray(np.linalg.inv(curvature), dtype=float)
     return _summary(cell, measurements, rows, x, covariance, scale, chi2, readings)
 
 
@@ -217,7 +218,7 @@ def _summary(
                                 "intervals were widened by that factor", file=measurements.source,
                                 hint="compstiff diagnose finds out what the model leaves out"))
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, x, covariance, grades, figures)
-    return Fit(model, residual, scale, held_out, tuple(findings))
+    return Fit(model, residual, scale, cell.noise.deflection, held_out, tuple(findings))
 
 
 def _rms(values: Array) -> float:

@@ -134,19 +134,22 @@ def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
     excess = robot.limit_excess(theta)
     findings = []
     for row, joint in np.argwhere(excess > np.radians(1e-6))[:20]:
-        where = {"file": table.source, "line": int(table.line[row])}
         hint = "angles are the controller's, in degrees, as the pendant shows them"
         if joint < 6:
             low, high = np.degrees(robot.limits[joint])
-            findings.append(Finding("CS1002", "error", f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is "
-                                    f"outside its limits {low:g} to {high:g} deg", column=table.column(JOINTS[joint]),
-                                    hint=hint, **where))
+            message = (f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is outside its limits {low:g} to {high:g} "
+                       "deg")
+            column = JOINTS[joint]
         elif robot.window is not None:
             index, low, high = robot.window
             value = np.degrees(theta[row] @ robot.coupling[index])
-            findings.append(Finding("CS1002", "error", f"the parallel rod's angle {value:.6g} deg (joint {index + 1} "
-                                    f"with its driver) is outside its window {np.degrees(low):g} to "
-                                    f"{np.degrees(high):g} deg", column=table.column(JOINTS[index]), hint=hint, **where))
+            message = (f"the parallel rod's angle {value:.6g} deg (joint {index + 1} with its driver) is outside its window "
+                       f"{np.degrees(low):g} to {np.degrees(high):g} deg")
+            column = JOINTS[index]
+        else:
+            continue
+        findings.append(Finding("CS1002", "error", message, file=table.source, line=int(table.line[row]),
+                                column=table.column(column), hint=hint))
     return findings
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
 from identification.files import sha256
-from identification.findings import error
 from identification.yaml_source import NotNegative, Positive, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
@@ -42,7 +41,15 @@ class _Coupling(Strict):
     joint: Annotated[int, Field(ge=1, le=6)]
     driven_by: Annotated[int, Field(ge=1, le=6)]
     ratio: FiniteFloat
-    window_deg: tuple[FiniteFloat, FiniteFloat]
+    window_deg: tuple[FiniteFloat, FiniteFloat] | None = None
+
+    @model_validator(mode="after")
+    def _ascending(self) -> _Coupling:
+        if self.window_deg is not None and self.window_deg[0] >= self.window_deg[1]:
+            raise ValueError(f"window_deg must be an ascending pair; received {list(self.window_deg)}")
+        if self.joint == self.driven_by:
+            raise ValueError(f"joint {self.joint} is driven by itself")
+        return self
 
 
 class PriorFile(Strict):
@@ -123,7 +130,7 @@ class RobotModel:
     @cached_property
     def uncoupling(self) -> Array:
         """Inverse of the coupling matrix (6, 6)."""
-        return np.linalg.inv(self.coupling)
+        return np.asarray(np.linalg.inv(self.coupling), dtype=float)
 
     @cached_property
     def geometry_sha256(self) -> str:
@@ -157,17 +164,16 @@ def built_in_robots() -> dict[str, Path]:
 
 
 def read_robot(path: str | Path) -> RobotModel:
-    """Reads a robot file. Raises CompstiffError (CS0101, CS0102, CS0103) with line and column."""
+    """Reads a robot file. Raises CompstiffError (CS0005, CS0101, CS0102) with line and column."""
     file = read_yaml(path, RobotFile)
     coupling = np.eye(6)
     window = None
     if file.coupling is not None:
-        if file.coupling.joint == file.coupling.driven_by:
-            raise error("CS0103", f"coupling: joint {file.coupling.joint} is driven by itself", file=str(path))
         row = file.coupling.joint - 1
         coupling[row, file.coupling.driven_by - 1] = file.coupling.ratio
-        low, high = np.radians(file.coupling.window_deg)
-        window = (row, float(low), float(high))
+        if file.coupling.window_deg is not None:
+            low, high = np.radians(file.coupling.window_deg)
+            window = (row, float(low), float(high))
     links = file.links
     joints = file.joints
     return RobotModel(

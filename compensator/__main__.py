@@ -1,0 +1,5 @@
+"""`python -m compensator` is `compstiff`."""
+
+from compensator.cli import main
+
+main()

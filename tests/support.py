@@ -1,0 +1,51 @@
+"""What several tests share: robots, random poses, small cells on disk, running the command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from identification.model.robot import RobotModel, built_in_robots, read_robot
+
+CELL = """\
+robot: irb6660-205-1.90
+tool: {position_mm: [120, 0, 250]}
+"""
+
+
+def robot(name: str = "irb6660-205-1.90") -> RobotModel:
+    return read_robot(built_in_robots()[name])
+
+
+def random_poses(model: RobotModel, count: int, rng: np.random.Generator, share: float = 1.0) -> np.ndarray:
+    """Joint angles (count, 6) [rad] inside the limits and the parallel rod's window."""
+    found = np.empty((0, 6))
+    while len(found) < count:
+        theta = share * rng.uniform(model.limits[:, 0], model.limits[:, 1], (2 * count, 6))
+        found = np.concatenate([found, theta[(model.limit_excess(theta) == 0).all(axis=1)]])
+    return found[:count]
+
+
+def write_cell(folder: Path, text: str = CELL) -> Path:
+    path = folder / "cell.yaml"
+    path.write_text(text)
+    return path
+
+
+def compstiff(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Runs the installed command line."""
+    return subprocess.run([sys.executable, "-m", "compensator", *map(str, arguments)], cwd=cwd, capture_output=True,
+                          text=True, timeout=120)
+
+
+def measurement_text(theta: np.ndarray, wrench: np.ndarray, deflection_um: np.ndarray, **columns: list[object]) -> str:
+    """measurements.csv of joint angles [rad], wrenches [N], deflections [um] and further columns."""
+    names = [*(f"q{i}_deg" for i in range(1, 7)), "fx_n", "fy_n", "fz_n", "dx_um", "dy_um", "dz_um", *columns]
+    lines = [",".join(names)]
+    for row, (q, w, d) in enumerate(zip(np.degrees(theta), wrench, deflection_um, strict=True)):
+        numbers = [*(f"{x:.9f}" for x in q), *(f"{x:.6f}" for x in w[:3]), *(f"{x:.6f}" for x in d)]
+        lines.append(",".join([*numbers, *(str(values[row]) for values in columns.values())]))
+    return "\n".join(lines) + "\n"
