@@ -1,0 +1,142 @@
+"""Texts of robtargets with new numbers, blanks, commas and everything else as it was."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from compensator.rapid.expressions import Expr
+from compensator.rapid.targets import WIDTH
+from compensator.rapid.values import UNUSED, Values
+
+POSITION_DECIMALS = 4           # of a millimetre: RAPID's num is single precision, 0.00012 mm at 1-2 m
+QUATERNION_DECIMALS = 8         # 5 move the tip of a 200 mm tool by 4 um
+_MOST_DECIMALS = 15
+
+_NUMBER = re.compile(rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?)")
+_PLAIN = re.compile(rb"[^!A-DF-Za-df-z_\x80-\xff]*")        # no comment, no name (E and e belong to numbers)
+_LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Commanded numbers of one target: x y z [mm], q1..q4 with the sign they are to be written with, and cf1 cf4 cf6 cfx
+    or None where they stay."""
+
+    numbers: Sequence[float]
+    confdata: Sequence[int] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """text: the robtarget. changed: how many numbers differ; symbols: how many names were replaced by numbers."""
+
+    text: bytes
+    changed: int
+    symbols: int = 0
+
+
+def decimals(token: bytes) -> int:
+    """Decimals a number was written with: 3 of "-12.500", 6 of "-1.2E-05"."""
+    if b"E" not in token and b"e" not in token:
+        return min(len(token) - token.find(b".") - 1, _MOST_DECIMALS) if b"." in token else 0
+    mantissa, _, exponent = token.lower().partition(b"e")
+    _, _, fraction = mantissa.partition(b".")
+    return min(max(len(fraction) - int(exponent or 0), 0), _MOST_DECIMALS)
+
+
+def figure(value: float, places: int) -> str:
+    """A number without exponent and without a negative zero."""
+    text = f"{value:.{places}f}"
+    return text[1:] if text[0] == "-" and not text.strip("-0.") else text
+
+
+def renumbered(token: bytes, value: float, least: int) -> bytes:
+    """`value` in the place of a number; the number itself where it says the same to the decimals written."""
+    places = max(least, decimals(token))
+    text = figure(value, places)
+    old = float(token)
+    if abs(old - value) < 1.0 and figure(old, places) == text:
+        return token
+    return text.encode()
+
+
+def rewritten(values: Values, start: int, end: int, row: Sequence[float], pose: Pose) -> Written:
+    """The robtarget at source.data[start:end], which says `row` (WIDTH numbers), with the numbers of `pose`."""
+    text = values.source.data[start:end]
+    if _PLAIN.fullmatch(text):
+        parts = _NUMBER.split(text)
+        if len(parts) == 2 * WIDTH + 1:
+            return _replaced(parts, pose)
+    return _replaced_parts(values, values.parse(start, end), row, pose)
+
+
+def fresh(row: Sequence[float], pose: Pose) -> bytes:
+    """A robtarget in numbers alone; `row` gives the confdata (unless `pose` does) and the external axes."""
+    numbers = [figure(value, least) for value, least in zip(pose.numbers, _LEAST, strict=True)]
+    confdata = pose.confdata if pose.confdata is not None else [round(value) for value in row[7:11]]
+    external = ["9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(value) for value in row[11:17]]
+    groups = (numbers[:3], numbers[3:], [str(value) for value in confdata], external)
+    return ("[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]").encode()
+
+
+def _shortest(value: float) -> str:
+    """All digits of a number, without exponent."""
+    text = repr(value)
+    return figure(value, 9) if "e" in text else text.removesuffix(".0")
+
+
+def _replaced(parts: list[bytes], pose: Pose) -> Written:
+    changed = 0
+    for place, (value, least) in enumerate(zip(pose.numbers, _LEAST, strict=True)):
+        token = parts[2 * place + 1]
+        new = renumbered(token, value, least)
+        if new is not token:
+            parts[2 * place + 1] = new
+            changed += 1
+    if pose.confdata is not None:
+        for place, quadrant in enumerate(pose.confdata, 7):
+            if float(parts[2 * place + 1]) != quadrant:
+                parts[2 * place + 1] = str(quadrant).encode()
+                changed += 1
+    return Written(b"".join(parts), changed)
+
+
+def _replaced_parts(values: Values, expr: Expr, row: Sequence[float], pose: Pose) -> Written:
+    """As `_replaced` for a robtarget with comments or symbols inside: a symbol gives way to numbers where they differ."""
+    data = values.source.data
+    pieces: list[bytes] = []
+    at, changed, symbols = expr.start, 0, 0
+    groups = ((pose.numbers[:3], row[:3], POSITION_DECIMALS), (pose.numbers[3:], row[3:7], QUATERNION_DECIMALS),
+              (pose.confdata, row[7:11], 0))
+    for part, (numbers, old, least) in zip(expr.items, groups, strict=False):
+        if numbers is None:
+            continue
+        whole = part.kind != "aggregate"
+        items = [(part, numbers, old)] if whole else zip(part.items, zip(numbers), zip(old), strict=True)
+        for item, new_values, old_values in items:
+            text = _part(data, item, new_values, old_values, least)
+            if text is not None:
+                pieces += [data[at:item.start], text]
+                at = item.end
+                changed += len(new_values)
+                symbols += item.kind != "number"
+    pieces.append(data[at:expr.end])
+    return Written(b"".join(pieces), changed, symbols)
+
+
+def _part(data: bytes, item: Expr, new: Sequence[float], old: Sequence[float], least: int) -> bytes | None:
+    """The text an expression inside a robtarget gets; None where it stays. A symbol may stand for several numbers."""
+    if item.kind == "number":
+        token = data[item.start:item.end]
+        if not _NUMBER.fullmatch(token):                # blanks between sign and digits
+            token = repr(item.value).encode()
+        text = renumbered(token, new[0], least)
+        return None if text is token else text
+    figures = [figure(value, least) for value in new]
+    if figures == [figure(value, least) for value in old]:
+        return None
+    text = ",".join(figures).encode()
+    return b"[" + text + b"]" if len(figures) > 1 else text

@@ -1,0 +1,77 @@
+"""Move instructions: their arguments, and what stands behind the target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from compensator.rapid.expressions import Cursor, Expr, arguments
+
+ARGUMENTS = {
+    "movel": ("MoveL", ("target", "speed", "zone", "tool")),
+    "movej": ("MoveJ", ("target", "speed", "zone", "tool")),
+    "movec": ("MoveC", ("circle point", "target", "speed", "zone", "tool")),
+    "moveabsj": ("MoveAbsJ", ("joint target", "speed", "zone", "tool")),
+}
+"""The instructions whose targets are counted: spelling and arguments."""
+
+DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
+"""Instructions that switch a program displacement on or off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tail:
+    """Speed, zone, tool and work object of a move as written; None where the argument is absent.
+
+    velocity: of \\V [mm/s]; timed: \\T stands; radius: of \\Z [mm]; stops: \\Inpos stands (a stop point replaces the zone);
+    corrected: \\Corr stands. start: offset of the speed argument, for messages.
+    """
+
+    speed: Expr
+    zone: Expr
+    tool: Expr
+    workobject: Expr | None
+    velocity: Expr | None
+    radius: Expr | None
+    timed: bool
+    stops: bool
+    corrected: bool
+    start: int
+
+
+def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail]:
+    """Targets and tail of one of `ARGUMENTS`; the cursor stands behind the instruction's name.
+
+    Raises CS2003 when the number of arguments is not the instruction's.
+    """
+    spelling, wanted = ARGUMENTS[instruction]
+    start = cursor.token.start
+    positional, options = arguments(cursor, ";")
+    if len(positional) != len(wanted):
+        raise cursor.source.fail("CS2003", f"{spelling} has {len(positional)} arguments, expected {len(wanted)}: "
+                                 + ", ".join(wanted), start, "look for a missing comma, bracket or semicolon")
+    return positional[:-3], _tail(positional[-3:], options)
+
+
+def parse_tail(cursor: Cursor) -> Tail:
+    """The tail alone, cursor behind the comma that follows the target. Raises CS2003."""
+    start = cursor.token.start
+    positional, options = arguments(cursor, ";")
+    if len(positional) != 3:
+        raise cursor.source.fail("CS2003", f"found {len(positional)} arguments behind the target, expected 3: speed, "
+                                 "zone, tool", start, "look for a missing comma, bracket or semicolon")
+    return _tail(positional, options)
+
+
+def _tail(positional: tuple[Expr, ...], options: tuple[tuple[str, Expr | None], ...]) -> Tail:
+    given = dict(options)
+    speed, zone, tool = positional
+    return Tail(
+        speed, zone, tool,
+        workobject=given.get("wobj"),
+        velocity=given.get("v"),
+        radius=given.get("z"),
+        timed="t" in given,
+        stops="inpos" in given,
+        corrected="corr" in given,
+        start=positional[0].start,
+    )

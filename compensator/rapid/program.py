@@ -1,0 +1,22 @@
+"""What reading a program gives: its toolpath, and what is needed to write it again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from compensator.rapid.rows import Rows
+from compensator.rapid.scan import Scan
+from compensator.rapid.text import Source
+from compensator.rapid.values import Values
+from compensator.toolpath import Toolpath
+
+
+@dataclass(frozen=True, slots=True)
+class RapidProgram:
+    """A RAPID program as read by `read_rapid`. Everything but `toolpath` is there for `rewrite`."""
+
+    toolpath: Toolpath
+    source: Source
+    scan: Scan
+    values: Values
+    rows: Rows

@@ -1,0 +1,80 @@
+"""From the bytes of a RAPID program to its toolpath."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from compensator.rapid.program import RapidProgram
+from compensator.rapid.quaternions import UNUSABLE
+from compensator.rapid.reports import Places, report
+from compensator.rapid.rows import Rows, collect
+from compensator.rapid.runtime import changing
+from compensator.rapid.scanner import scan
+from compensator.rapid.tails import resolve_tails
+from compensator.rapid.text import Offsets, Source, decode, locate
+from compensator.rapid.values import UNUSED, Values
+from compensator.toolpath import Move, Toolpath
+
+_LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
+
+
+def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
+    """Reads a RAPID program; `name` stands in findings as the file.
+
+    Targets count in the order of the text: one for MoveL, MoveJ, MoveAbsJ, two for MoveC (circle point, destination).
+    Raises CompstiffError for text no controller would load (CS2001 ... CS2005). What the text does not settle is NaN
+    with a reason in `toolpath.block` and a finding.
+    """
+    source = decode(data, name)
+    found = scan(source)
+    values = Values(source, found.names, changing(found.names, found.uses, found.routines))
+    count = len(found.move)
+    scope_of = _held(found.scopes, count)
+    rows = collect(found, values, scope_of)
+    _check_size(source, rows)
+    tails = resolve_tails(found, values, scope_of)
+    numbers = rows.values[rows.row] if count else rows.values[:0]
+    move = np.frombuffer(bytes(found.move), dtype=np.uint8)
+    absolute = move == Move.ABSOLUTE
+    position, quaternion = numbers[:, 0:3] / 1e3, numbers[:, 3:7].copy()
+    joints = np.full((count, 6), np.nan)
+    joints[absolute] = np.radians(numbers[absolute, :6])
+    position[absolute] = quaternion[absolute] = np.nan
+    squares = np.einsum("ni,ni->n", quaternion, quaternion)
+    off = np.abs(squares - 1.0)
+    quaternion /= np.sqrt(np.where(squares > 0, squares, 1.0))[:, None]
+    quaternion[off > UNUSABLE] = np.nan
+    confdata = numbers[:, 7:11]
+    has_confdata = ~absolute & ~np.isnan(confdata).any(axis=1)
+    external = np.where(np.abs(numbers[:, 11:17]) >= UNUSED, np.nan, numbers[:, 11:17])
+    line, column = locate(source, np.array(found.start, dtype=np.int64))
+    displaced = np.array([shift for _, shift in found.shifts])[_held(found.shifts, count)]
+    places = Places(source, line, column)
+    block, findings = report(found, values, rows, tails, places, off, displaced)
+    toolpath = Toolpath(
+        source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
+        confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
+        external=external, joints=joints, tool=tails.tool, workobject=tails.workobject, feed=tails.feed, zone=tails.zone,
+        block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
+    )
+    for array in (position, quaternion, external, joints, line, column, block, toolpath.confdata, has_confdata):
+        array.setflags(write=False)
+    return RapidProgram(toolpath, source, found, values, rows)
+
+
+def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:
+    """Which of the changes (first target, value) each of `count` targets falls under (count,)."""
+    first = np.array([target for target, _ in changes], dtype=np.int64)
+    return (np.searchsorted(first, np.arange(count), side="right") - 1).astype(np.int64)
+
+
+def _check_size(source: Source, rows: Rows) -> None:
+    """Raises CS2005 for numbers no target can have: 1E999 is infinite."""
+    with np.errstate(invalid="ignore"):
+        wrong = np.isinf(rows.values).any(axis=1) | (np.abs(rows.values[:, 7:11]) > _LARGEST_CONFDATA).any(axis=1)
+    if wrong.any():
+        at = int(rows.start[np.flatnonzero(wrong)[0]])
+        raise source.fail("CS2005", "found a number in this target that is out of range, expected finite numbers and "
+                          "quadrants as confdata", max(at, 0))

@@ -1,0 +1,161 @@
+"""Findings of reading, one for each kind and reason with its count, and why targets cannot be corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.rapid.quaternions import SLIGHT, UNUSABLE
+from compensator.rapid.rows import Rows
+from compensator.rapid.scan import Scan
+from compensator.rapid.speeds import SPEEDS
+from compensator.rapid.tails import Tails
+from compensator.rapid.text import Offsets, Source, locate
+from compensator.rapid.values import Values
+from compensator.toolpath import Array, ToolFrame, WorkObject
+from identification.findings import Finding, Level
+
+Mask = NDArray[np.bool_]
+
+_CELL = "it is taken from cell.yaml; check that it is the one there"
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Lines and columns (N,) of the targets."""
+
+    source: Source
+    line: Offsets
+    column: Offsets
+
+    def targets(self, code: str, level: Level, message: str, which: Iterable[int], hint: str = "") -> Finding:
+        """One finding for all targets in `which` (not empty, ascending), at the first one's place."""
+        numbers = list(which)
+        first = numbers[0]
+        return Finding(code, level, message, self.source.name, int(self.line[first]), int(self.column[first]), first, hint,
+                       len(numbers))
+
+    def offset(self, code: str, level: Level, message: str, offsets: list[int], hint: str = "") -> Finding:
+        """One finding for places in the text that are no targets."""
+        line, column = locate(self.source, offsets[:1])
+        return Finding(code, level, message, self.source.name, int(line[0]), int(column[0]), None, hint, len(offsets))
+
+
+def report(
+    scan: Scan, values: Values, rows: Rows, tails: Tails, places: Places, off: Array, displaced: Mask
+) -> tuple[NDArray[np.object_], tuple[Finding, ...]]:
+    """Reasons (N,) and findings. off (N,): how far the quaternion's sum of squares is off 1; displaced (N,): a program
+    displacement is on."""
+    block = np.full(len(off), "", dtype=object)
+    findings = _unsettled(rows, places, block)
+    findings += _quaternions(tails, places, off, block)
+    findings += _shifted(scan, tails, places, displaced, block)
+    findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
+    findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
+    findings += _unknown(scan, tails, places)
+    findings += _others(scan, places)
+    return block, tuple(findings)
+
+
+def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+    problem = rows.problem[rows.row]
+    findings = []
+    for number in np.unique(problem[problem > 0]).tolist():
+        which = np.flatnonzero(problem == number)
+        reason = rows.problems[number]
+        block[which] = reason.why
+        findings.append(places.targets(
+            reason.code, "warning", f"the target is left as it is: {reason.why}", which,
+            "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"))
+    return sorted(findings, key=lambda finding: finding.target or 0)
+
+
+def _quaternions(tails: Tails, places: Places, off: Array, block: NDArray[np.object_]) -> list[Finding]:
+    findings = []
+    unusable = np.flatnonzero((off > UNUSABLE) & (block == ""))
+    for number in unusable.tolist():
+        block[number] = f"the quaternion is not a unit quaternion (its sum of squares is off 1 by {off[number]:.3g})"
+    if len(unusable):
+        findings.append(places.targets(
+            "CS2012", "warning", "the quaternion's sum of squares is off 1 by up to "
+            f"{off[unusable].max():.3g}; above {UNUSABLE} the controller refuses it", unusable,
+            "post the program again with unit quaternions w x y z"))
+    slight = np.flatnonzero((off > SLIGHT) & (off <= UNUSABLE))
+    if len(slight):
+        findings.append(places.targets(
+            "CS2013", "note", f"the quaternion's sum of squares is off 1 by up to {off[slight].max():.3g}; it was normalised",
+            slight, "let the post-processor write at least 6 decimals"))
+    if tails.slight:
+        findings.append(places.offset(
+            "CS2013", "note", "the quaternion of a tool or work object is slightly off the unit; it was normalised",
+            list(tails.slight), "write it with more decimals"))
+    return findings
+
+
+def _shifted(scan: Scan, tails: Tails, places: Places, displaced: Mask, block: NDArray[np.object_]) -> list[Finding]:
+    findings = []
+    corrected = np.array([tail.corrected for tail in scan.tails] or [False])[tails.tail]
+    for mask, code, why, hint in (
+        (corrected, "CS2014", "the move has \\Corr: the controller adds path corrections at run time",
+         "take \\Corr out if the program is to be corrected offline"),
+        (displaced, "CS2015", "a program displacement (PDispOn, PDispSet) shifts the move at run time",
+         "put the displacement into the work object, or switch it off with PDispOff before the cut"),
+    ):
+        which = np.flatnonzero(mask)
+        if len(which):
+            block[which[block[which] == ""]] = why
+            findings.append(places.targets(code, "warning", f"the target is left as it is: {why}", which, hint))
+    return findings
+
+
+def _frames(
+    frames: Sequence[ToolFrame | WorkObject], used: Offsets, what: str, unknown: str, unusable: str,
+    places: Places,
+) -> list[Finding]:
+    findings = []
+    for number, frame in enumerate(frames):
+        if not frame.problem and frame.position is not None:
+            continue
+        which = np.flatnonzero(used == number)
+        if frame.problem:
+            findings.append(places.targets(unusable, "warning", f"targets with {what} {frame.name} cannot be corrected: "
+                                           f"{frame.problem}", which, "declare it with numbers that stay as they are"))
+        else:
+            findings.append(places.targets(unknown, "note", f"{what} {frame.name} is not declared with numbers in this file",
+                                           which, _CELL))
+    return findings
+
+
+def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
+    """Speeds and zones the text does not give."""
+    findings = []
+    timed = np.array([tail.timed for tail in scan.tails] or [False])[tails.tail]
+    for column, what, show in ((tails.feed, "speed", True), (tails.zone, "zone", False)):
+        unknown = np.flatnonzero(np.isnan(column) & ~(timed & show))
+        for tail in np.unique(tails.tail[unknown]).tolist():
+            written = scan.tails[tail]
+            expr = (written.velocity or written.speed) if show else (written.radius or written.zone)
+            text = places.source.text(expr.start, min(expr.end, expr.start + 40))
+            findings.append(places.targets(
+                "CS2024", "note", f"the {what} {text} is not known from this file", unknown[tails.tail[unknown] == tail],
+                "declare it with numbers in this file" if text.lower() not in SPEEDS else ""))
+    return findings
+
+
+def _others(scan: Scan, places: Places) -> list[Finding]:
+    offsets: dict[str, list[int]] = {}
+    for name, offset in scan.others:
+        if name not in scan.routines:               # a routine of the program may have such a name: its moves are read
+            offsets.setdefault(name, []).append(offset)
+    findings = [
+        places.offset("CS2016", "warning", f"{places.source.text(at[0], at[0] + len(name))} moves along targets too, but they "
+                      "are neither counted nor corrected", at, "cut with MoveL, MoveC or MoveJ if they are to be corrected")
+        for name, at in offsets.items()
+    ]
+    if scan.stray >= 0:
+        findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
+                                      "and was skipped", [scan.stray], "check that the file is complete"))
+    return findings

@@ -1,0 +1,79 @@
+"""What one pass over a program finds: its targets as columns, its declarations, and what else it does with names."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass, field
+
+from compensator.rapid.expressions import Expr
+from compensator.rapid.moves import Tail
+from compensator.rapid.runtime import Parameter
+from compensator.rapid.scopes import Names, Scope
+from compensator.rapid.text import Source
+from compensator.rapid.uses import Uses
+from compensator.toolpath import Move
+
+
+@dataclass(slots=True)
+class Scan:
+    """What one pass found. Columns hold one entry a target, in the order of the text.
+
+    start, end: span of the target's expression. rest: offset of its confdata where it is written in numbers, else -1.
+    name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
+    scopes, shifts: (first target, value) from which on the scope holds, or the program is displaced.
+    """
+
+    source: Source
+    names: Names = field(default_factory=Names)
+    uses: Uses = field(default_factory=Uses)
+    routines: dict[str, list[Parameter]] = field(default_factory=dict)
+    move: bytearray = field(default_factory=bytearray)
+    start: array[int] = field(default_factory=lambda: array("q"))
+    rest: array[int] = field(default_factory=lambda: array("q"))
+    end: array[int] = field(default_factory=lambda: array("q"))
+    name: array[int] = field(default_factory=lambda: array("i"))
+    tail: array[int] = field(default_factory=lambda: array("i"))
+    tails: list[Tail] = field(default_factory=list)
+    spellings: dict[str, int] = field(default_factory=dict)
+    expressions: dict[int, Expr] = field(default_factory=dict)
+    scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
+    shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
+    stray: int = -1                                                 # offset of text that is no statement
+    _known_tails: dict[tuple[object, ...], int] = field(default_factory=dict)
+
+    @property
+    def scope(self) -> Scope:
+        return self.scopes[-1][1]
+
+    def enter(self, scope: Scope) -> None:
+        self.scopes.append((len(self.move), scope))
+
+    def spelling(self, word: bytes) -> int:
+        return self.spellings.setdefault(self.source.fold(word), len(self.spellings))
+
+    def add_tail(self, tail: Tail) -> int:
+        """The number of a tail; tails that are spelled alike share one."""
+        data = self.source.data
+        parts = (tail.speed, tail.zone, tail.tool, tail.workobject, tail.velocity, tail.radius)
+        key = (*(part and data[part.start:part.end] for part in parts), tail.timed, tail.stops, tail.corrected)
+        number = self._known_tails.setdefault(key, len(self.tails))
+        if number == len(self.tails):
+            self.tails.append(tail)
+        return number
+
+    def add_target(self, move: Move, expr: Expr, tail: int) -> None:
+        """A target that did not come by one of the common forms."""
+        if expr.kind == "name":
+            name = self.spellings.setdefault(expr.name, len(self.spellings))
+        else:
+            name = -1
+            self.expressions[len(self.move)] = expr
+            plain = expr.kind == "element" and all(index.kind == "number" for index in expr.items)
+            self.uses.read.update((part.name, self.scope) for part in expr.walk() if part.name and not plain)
+        self.move.append(move)
+        self.start.append(expr.start)
+        self.rest.append(-1)
+        self.end.append(expr.end)
+        self.name.append(name)
+        self.tail.append(tail)

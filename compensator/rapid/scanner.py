@@ -1,0 +1,87 @@
+"""The pass over the text.
+
+The three common forms (inline target, named target, declared robtarget) cost a few appends each and nothing is parsed
+twice: tails and names are kept once per spelling. Everything else goes through `Statements`.
+"""
+
+from __future__ import annotations
+
+import re
+
+from compensator.rapid.expressions import Cursor
+from compensator.rapid.lexer import tokens
+from compensator.rapid.moves import parse_tail
+from compensator.rapid.scan import Scan
+from compensator.rapid.scopes import Declaration
+from compensator.rapid.statements import BODY, UNIT
+from compensator.rapid.structure import Statements
+from compensator.rapid.text import Source
+from compensator.toolpath import Move
+
+_WAY = {b"L": Move.LINEAR, b"l": Move.LINEAR, b"J": Move.JOINT, b"j": Move.JOINT}
+_MOTION_WORD = re.compile(rb"(?i)\bMove(?:L|J|C|AbsJ)\s")
+
+
+def scan(source: Source) -> Scan:
+    """Reads the text once. Raises CS2002 (a string or move that does not end), CS2003 (a malformed move)."""
+    found = Scan(source)
+    statements = Statements(found)
+    tails: dict[bytes, int] = {}
+    move, start, rest, end = found.move.append, found.start.append, found.rest.append, found.end.append
+    name, tail = found.name.append, found.tail.append
+
+    def tail_number(text: bytes, at: int) -> int:
+        words = tokens(source, at, at + len(text) + 1)
+        number = tails[text] = found.add_tail(parse_tail(Cursor(source, words)))
+        return number
+
+    for match in UNIT.finditer(source.data, source.start):
+        kind = match.lastgroup
+        if kind == "u_inline":
+            text = match["tail"]
+            number = tails.get(text)
+            tail(tail_number(text, match.start("tail")) if number is None else number)
+            move(_WAY[match["way"]])
+            start(match.start("pose"))
+            rest(match.start("rest"))
+            end(match.end("rest"))
+            name(-1)
+        elif kind == "u_named":
+            text = match["tail2"]
+            number = tails.get(text)
+            tail(tail_number(text, match.start("tail2")) if number is None else number)
+            move(_WAY[match["way2"]])
+            start(match.start("target"))
+            rest(-1)
+            end(match.end("target"))
+            name(found.spelling(match["target"]))
+        elif kind == "u_target":
+            value = match.span("value")
+            found.names.add(Declaration(
+                source.fold(match["name"]), "robtarget", match["class"].lower().decode(),
+                match["reach"].strip().lower().decode(), found.scope, match.start(kind), match.end(kind), *value))
+        elif kind == "u_end":
+            break
+        elif kind == "u_bad":
+            found.stray = _stray(source, match.start(kind))
+            break
+        else:
+            assert kind is not None
+            statements.unit(kind[2:], match.start(kind), match.end(kind))
+    return found
+
+
+def _stray(source: Source, at: int) -> int:
+    """`at`, where text without a semicolon begins; raises when it holds a string or a move that does not end."""
+    body = BODY.match(source.data, at)
+    stop = body.end() if body else at
+    if source.data[stop:stop + 1] == b'"':
+        raise source.fail("CS2002", "the string that begins here does not end on its line, expected '\"'", stop,
+                          "close the string; a quote inside a string is written twice")
+    motion = _MOTION_WORD.search(source.data, at)
+    if motion:
+        raise source.fail("CS2002", "the statement that begins here does not end, expected ';'", motion.start(),
+                          "the file may have been cut off; write it again from the CAM system")
+    return at
+
+

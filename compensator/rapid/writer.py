@@ -1,0 +1,204 @@
+"""Writes corrected targets into the text of a program and leaves every other byte as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from compensator.rapid.literals import Pose, Written, fresh, rewritten
+from compensator.rapid.naming import NewNames, declared_name, place_for
+from compensator.rapid.program import RapidProgram
+from compensator.rapid.reports import Places
+from compensator.toolpath import Move
+from identification.findings import Finding
+
+Edit = tuple[int, int, bytes]           # source.data[start:end] becomes the bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Rewritten:
+    """content: the bytes of the corrected program. numbers: how many numbers differ; declarations: how many were added."""
+
+    content: bytes
+    findings: tuple[Finding, ...]
+    numbers: int
+    declarations: int
+
+
+@dataclass(slots=True)
+class _Job:
+    """What is collected while the targets are gone through. The lists of targets are those of the findings."""
+
+    program: RapidProgram
+    poses: dict[int, Pose]
+    edits: list[Edit] = field(default_factory=list)
+    numbers: int = 0
+    declarations: int = 0
+    replaced: list[int] = field(default_factory=list)       # an expression became a robtarget in numbers
+    added: list[int] = field(default_factory=list)          # a declaration was added
+    symbols: list[int] = field(default_factory=list)        # a symbol in a robtarget became numbers
+
+
+def rewrite(
+    program: RapidProgram, targets: ArrayLike, position: ArrayLike, quaternion: ArrayLike, confdata: ArrayLike | None = None
+) -> Rewritten:
+    """The program with other numbers for the given targets.
+
+    targets (M,): numbers of targets, each once. position (M, 3) [m], quaternion (M, 4) w x y z, unit: commanded, in the
+    work object. confdata (M, 4): cf1 cf4 cf6 cfx, None to leave them.
+    Positions are written with 4 decimals of a millimetre, quaternions with 8, or with as many as the number had before if
+    that is more; a number that is the same to those decimals stays as it is spelled. The quaternion's sign is the one
+    nearest to the original. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ).
+    """
+    which = np.asarray(targets, dtype=np.int64).reshape(-1)
+    poses = _poses(program, which, position, quaternion, confdata)
+    if not len(which):
+        return Rewritten(program.source.data, (), 0, 0)
+    job = _Job(program, poses)
+    rows = program.rows
+    row = rows.row[which]
+    in_move = rows.declaration[row] < 0
+    _write_moves(job, which[in_move].tolist())
+    users = np.argsort(rows.row, kind="stable")
+    sorted_rows = rows.row[users]
+    elsewhere = {program.scan.names.find(name, scope) for name, scope in program.scan.uses.read}
+    names = NewNames(program.source)
+    for number in np.unique(row[~in_move]).tolist():
+        first, last = np.searchsorted(sorted_rows, [number, number + 1])
+        _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
+    return Rewritten(_apply(program.source.data, job.edits), _findings(job, which, confdata), job.numbers, job.declarations)
+
+
+def _poses(
+    program: RapidProgram, targets: np.ndarray, position: ArrayLike, quaternion: ArrayLike, confdata: ArrayLike | None
+) -> dict[int, Pose]:
+    toolpath, count = program.toolpath, len(targets)
+    place = np.asarray(position, dtype=np.float64).reshape(-1, 3)
+    turn = np.asarray(quaternion, dtype=np.float64).reshape(-1, 4)
+    if len(place) != count or len(turn) != count or len(np.unique(targets)) != count:
+        raise ValueError(f"{count} targets, each once, need as many positions and quaternions; "
+                         f"received {len(place)} and {len(turn)}")
+    if not (np.isfinite(place).all() and np.isfinite(turn).all()):
+        raise ValueError("positions and quaternions to write must be finite")
+    for target in targets[(toolpath.block[targets] != "") | (toolpath.move[targets] == Move.ABSOLUTE)].tolist():
+        raise ValueError(f"target {target} cannot be rewritten: {toolpath.block[target] or 'joint angles'}")
+    row = program.rows.values[program.rows.row[targets]]
+    old = row[:, 3:7]
+    turn = np.where(np.einsum("ni,ni->n", old, turn)[:, None] < 0, -turn, turn)
+    numbers = np.concatenate([place * 1e3, turn], axis=1).tolist()
+    if confdata is None:
+        return {target: Pose(pose, None) for target, pose in zip(targets.tolist(), numbers, strict=True)}
+    quadrants = np.asarray(confdata, dtype=np.int64).reshape(-1, 4)
+    differs = (quadrants != row[:, 7:11]).any(axis=1)
+    return {
+        target: Pose(pose, quadrant if differ else None)
+        for target, pose, quadrant, differ in zip(
+            targets.tolist(), numbers, quadrants.tolist(), differs.tolist(), strict=True)
+    }
+
+
+def _write_moves(job: _Job, targets: list[int]) -> None:
+    """Targets whose value stands in the move itself."""
+    rows, scan, values = job.program.rows, job.program.scan, job.program.values
+    for target in targets:
+        row = rows.row[target]
+        start, end = scan.start[target], scan.end[target]
+        if rows.literal[row]:
+            written = rewritten(values, start, end, rows.values[row], job.poses[target])
+            _note(job, written, target)
+            if written.changed:
+                job.edits.append((start, end, written.text))
+        else:
+            job.edits.append((start, end, fresh(rows.values[row], job.poses[target])))
+            job.numbers += 7
+            job.replaced.append(target)
+
+
+def _write_declared(job: _Job, row: int, users: list[int], elsewhere: set[int], names: NewNames) -> None:
+    """Targets whose value is that of a declaration, `users` being all targets that name it."""
+    program, rows = job.program, job.program.rows
+    number = int(rows.declaration[row])
+    start, end = int(rows.start[row]), int(rows.end[row])
+    old = program.source.data[start:end]
+    texts: dict[int, Written] = {}
+    for target in users:
+        if target in job.poses and rows.literal[row]:
+            texts[target] = rewritten(program.values, start, end, rows.values[row], job.poses[target])
+        elif target in job.poses:
+            texts[target] = Written(fresh(rows.values[row], job.poses[target]), 7)
+    spelled = {written.text for written in texts.values()}
+    if len(texts) == len(users) and len(spelled) == 1 and number not in elsewhere:
+        first = next(iter(texts))
+        if texts[first].text != old:
+            job.edits.append((start, end, texts[first].text))
+            _note(job, texts[first], first)
+            if not rows.literal[row]:
+                job.replaced.append(first)
+        return
+    _add_declarations(job, row, {target: written for target, written in texts.items() if written.text != old}, names)
+
+
+def _add_declarations(job: _Job, row: int, texts: dict[int, Written], names: NewNames) -> None:
+    program, rows = job.program, job.program.rows
+    scan, source = program.scan, program.source
+    declaration = scan.names.declarations[int(rows.declaration[row])]
+    offset, before = place_for(source, declaration)
+    groups: dict[bytes, list[int]] = {}
+    for target, written in texts.items():
+        # A copy keeps the layout; with symbols in it it might not be constant, so then numbers alone are written.
+        plain = rows.literal[row] and not _has_symbols(program, row)
+        groups.setdefault(written.text if plain else fresh(rows.values[row], job.poses[target]), []).append(target)
+    firsts = [first for first, _ in scan.scopes]
+    for text, targets in groups.items():
+        name = names.make(declared_name(source, declaration))
+        modules = {scan.scopes[int(np.searchsorted(firsts, target, side="right")) - 1][1].module for target in targets}
+        local = b"LOCAL " if declaration.scope.routine < 0 and modules == {declaration.scope.module} else b""
+        spelled = name.encode(source.encoding)
+        job.edits.append((offset, offset, before + local + b"CONST robtarget " + spelled + b":=" + text + b";"))
+        job.edits += [(scan.start[target], scan.end[target], spelled) for target in targets]
+        job.declarations += 1
+        job.numbers += texts[targets[0]].changed
+        job.added += targets
+
+
+def _has_symbols(program: RapidProgram, row: int) -> bool:
+    expr = program.values.parse(int(program.rows.start[row]), int(program.rows.end[row]))
+    return any(part.kind not in ("number", "aggregate") for part in expr.walk())
+
+
+def _note(job: _Job, written: Written, target: int) -> None:
+    job.numbers += written.changed
+    if written.symbols:
+        job.symbols.append(target)
+
+
+def _apply(data: bytes, edits: list[Edit]) -> bytes:
+    """The text with all edits made; those at one place in the order they were entered."""
+    pieces: list[bytes] = []
+    at = 0
+    for start, end, text in sorted(edits, key=lambda edit: edit[:2]):
+        pieces += [data[at:start], text]
+        at = end
+    pieces.append(data[at:])
+    return b"".join(pieces)
+
+
+def _findings(job: _Job, targets: np.ndarray, confdata: ArrayLike | None) -> tuple[Finding, ...]:
+    toolpath = job.program.toolpath
+    places = Places(job.program.source, toolpath.line, toolpath.column)
+    turned = [target for target in targets.tolist() if confdata is not None and job.poses[target].confdata is not None]
+    findings = []
+    for which, code, message, hint in (
+        (job.replaced, "CS2040", "Offs, RelTool or another expression was replaced by a robtarget in numbers",
+         "the target no longer follows its base when that is taught again"),
+        (job.added, "CS2041", "a target needs several corrections, or is used uncorrected too: declarations were added", ""),
+        (job.symbols, "CS2043", "a symbol inside a robtarget was replaced by numbers", ""),
+    ):
+        if which:
+            findings.append(places.targets(code, "note", message, sorted(which), hint))
+    if turned:
+        findings.insert(0, places.targets("CS2042", "warning", "the correction moves an axis into another quadrant: confdata "
+                                          "changed", sorted(turned), "step through these moves at low speed first"))
+    return tuple(findings)
