@@ -11,13 +11,14 @@ in the base frame, acts on the tool at the TCP, and keeps its direction while th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.findings import error
-from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns, sine_cosine
+from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame, rotation_vector
 
@@ -25,60 +26,96 @@ Array = NDArray[np.float64]
 
 # Each round shrinks the error by the ratio of geometric to joint stiffness, under 0.01 for any load a robot survives.
 MAX_ROUNDS = 60
-TOLERANCE_RAD = 1e-14
+TOLERANCE_RAD = 1e-12
+# Poses a step of the torque recursion: many enough that NumPy's call overhead does not show, few enough for the cache.
+CHUNK = 8192
 
 
 class _Arm:
-    """The constants of the torque recursion, unpacked once a call."""
+    """The torque recursion on a chunk of n poses, on buffers that are allocated once a call.
 
-    def __init__(self, robot: RobotModel, flange_from_tcp: Frame) -> None:
+    Temporaries of this size would each be fetched from and returned to the system, which costs more than the arithmetic.
+    """
+
+    def __init__(self, robot: RobotModel, flange_from_tcp: Frame, size: int) -> None:
         self.twists = [quarter_turns(alpha) for alpha in robot.alpha]
         self.a, self.d = robot.a.tolist(), robot.d.tolist()
-        self.tcp = flange_from_tcp.position.tolist()
+        self.tcp = flange_from_tcp.position
+        self.sines, self.cosines, self.arm_x, self.arm_y, self.torque, self.square = np.empty((6, 6, size))
+        self.scratch = np.empty((9, size))
 
-    def lever_arms(self, sines: Array, cosines: Array) -> tuple[list[tuple[Array, Array]], tuple[Array, Array, Array]]:
-        """Inwards from the tool: the TCP seen from each joint frame, x and y (n,) [m], and the TCP in the base frame."""
-        arms: list[tuple[Array, Array]] = []
-        x, y, z = self.tcp
+    def set_angles(self, serial: Array) -> None:
+        """Sines and cosines of serial angles (6, n) [rad] as in `kinematics.sine_cosine`, and the TCP's lever arms."""
+        n = serial.shape[1]
+        t, square, inverse = self.sines[:, :n], self.square[:, :n], self.cosines[:, :n]
+        np.multiply(serial, 0.5, out=t)
+        np.tan(t, out=t)
+        np.multiply(t, t, out=square)
+        np.add(square, 1.0, out=inverse)
+        np.divide(2.0, inverse, out=inverse)
+        np.multiply(t, inverse, out=t)              # sine = 2 t / (1 + t^2)
+        np.subtract(inverse, 1.0, out=inverse)      # cosine = 2 / (1 + t^2) - 1
+        self._lever_arms(n)
+
+    def _lever_arms(self, n: int) -> None:
+        """Inwards from the tool: the TCP seen from each joint frame [m], and last from the base (`position`)."""
+        x, y, z, product = self.scratch[:4, :n]
+        x[:], y[:], z[:] = self.tcp[:, None]
         for i in range(5, -1, -1):
-            z = z + self.d[i]
-            s, c = sines[i], cosines[i]
-            turned_x, turned_y = c * x - s * y, s * x + c * y
-            arms.append((turned_x, turned_y))
-            x = turned_x + self.a[i] if self.a[i] else turned_x
-            y, z = _twist(self.twists[i], turned_y, z)
-        return arms[::-1], (x, y, z)
+            s, c, arm_x, arm_y = self.sines[i, :n], self.cosines[i, :n], self.arm_x[i, :n], self.arm_y[i, :n]
+            np.multiply(c, x, out=arm_x)
+            np.multiply(s, y, out=product)
+            arm_x -= product
+            np.multiply(s, x, out=arm_y)
+            np.multiply(c, y, out=product)
+            arm_y += product
+            np.add(arm_x, self.a[i], out=x)
+            y[:] = arm_y
+            if self.d[i]:
+                z += self.d[i]
+            y, z = _twist(self.twists[i], y, z)
+        self.position = x, y, z
 
-    def torques(self, sines: Array, cosines: Array, wrench: Array) -> tuple[Array, tuple[Array, Array, Array]]:
-        """Torques (6, n) [N m] about the serial axes and the TCP (3 x (n,)) [m]; wrench (6, n) or, without moment, (3, n)."""
-        arms, tcp = self.lever_arms(sines, cosines)
-        torque = np.empty_like(sines)
-        force = wrench[0], wrench[1], wrench[2]
-        moment = (wrench[3], wrench[4], wrench[5]) if len(wrench) == 6 else None
+    def torques(self, wrench: Array) -> Array:
+        """Torques (6, n) [N m] about the serial axes; wrench (6, n) or, where there is no moment, (3, n) in the base frame."""
+        torque = self.torque[:, : wrench.shape[1]]
+        torque[:] = 0.0
+        for axis, (x, y, z) in self._carried(wrench[:3]):
+            torque[axis] += self.arm_x[axis, : len(x)] * y
+            torque[axis] -= self.arm_y[axis, : len(x)] * x
+        if len(wrench) == 6:
+            for axis, (_x, _y, z) in self._carried(wrench[3:]):
+                torque[axis] += z
+        return torque
+
+    def _carried(self, vector: Array) -> Iterator[tuple[int, tuple[Array, Array, Array]]]:
+        """A vector (3, n) of the base frame, outwards from joint frame to joint frame, each before its joint turns."""
+        n = vector.shape[1]
+        x, y, z, kept, product = self.scratch[4:9, :n]
+        x[:], y[:], z[:] = vector
         for i in range(6):
-            arm_x, arm_y = arms[i]
-            s, c = sines[i], cosines[i]
             sine, cosine = self.twists[i]
-            force_y, force_z = _twist((-sine, cosine), force[1], force[2])
-            np.multiply(arm_x, force_y, out=torque[i])
-            torque[i] -= arm_y * force[0]
-            if moment is not None:
-                moment_y, moment_z = _twist((-sine, cosine), moment[1], moment[2])
-                torque[i] += moment_z
-                moment = c * moment[0] + s * moment_y, c * moment_y - s * moment[0], moment_z
-            if i < 5:
-                force = c * force[0] + s * force_y, c * force_y - s * force[0], force_z
-        return torque, tcp
+            y, z = _twist((-sine, cosine), y, z)
+            yield i, (x, y, z)
+            s, c = self.sines[i, :n], self.cosines[i, :n]
+            np.multiply(s, x, out=kept)
+            np.multiply(s, y, out=product)
+            x *= c
+            x += product
+            y *= c
+            y -= kept
 
 
 def _twist(twist: tuple[float, float], y: Array, z: Array) -> tuple[Array, Array]:
-    """RotX of (y, z), without arithmetic for the twists 0 and +-90 degrees that arms are built with."""
+    """RotX of (y, z) in place, almost without arithmetic for the twists 0 and +-90 degrees that arms are built with."""
     sine, cosine = twist
     if cosine == 0.0:
-        return (-z, y) if sine > 0 else (z, -y)
-    if sine == 0.0:
-        return (y, z) if cosine > 0 else (-y, -z)
-    return cosine * y - sine * z, sine * y + cosine * z
+        changed = z if sine > 0 else y
+        np.negative(changed, out=changed)
+        return z, y
+    if sine != 0.0 or cosine < 0.0:
+        y[:], z[:] = cosine * y - sine * z, sine * y + cosine * z
+    return y, z
 
 
 def _components(wrench: Array, part: slice) -> Array:
@@ -88,18 +125,22 @@ def _components(wrench: Array, part: slice) -> Array:
     return np.ascontiguousarray(used.T)
 
 
+def _serial(robot: RobotModel, theta: Array) -> Array:
+    """Serial angles, components first (6, n) [rad], of controller angles (n, 6) [rad]."""
+    return np.asarray(robot.coupling @ theta.T + robot.offset[:, None])
+
+
 def joint_torque(robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array) -> Array:
     """Torques (N, 6) [N m] of a TCP wrench at the springs, in the pose `theta` itself (paper eq. 4 and 5).
 
     theta (N, 6) controller angles [rad]; wrench (N, 6) [N, N m] in the base frame. Where the springs sit at the drives
     this is `J^T w` with `J = J~ C`.
     """
-    arm = _Arm(robot, flange_from_tcp)
+    arm = _Arm(robot, flange_from_tcp, min(len(theta), CHUNK))
     result = np.empty_like(theta, dtype=float)
-    for part in chunks(len(theta)):
-        serial = np.ascontiguousarray(robot.serial_angles(theta[part]).T)
-        torque, _ = arm.torques(*sine_cosine(serial), _components(wrench, part))
-        result[part] = torque.T @ robot.load_matrix
+    for part in chunks(len(theta), CHUNK):
+        arm.set_angles(_serial(robot, theta[part]))
+        result[part] = (robot.load_matrix.T @ arm.torques(_components(wrench, part))).T
     return result
 
 
@@ -117,34 +158,32 @@ def equilibrium(
     """Deflection and TCP deviation under load, torque at equilibrium.
 
     theta (N, 6) [rad], wrench (N, 6) [N, N m], compliance (6,) [rad/(N m)]. rounds: stop after so many torque
-    evaluations (1: the published one-step form, up to 3e-3 off); None: iterate to 1e-14 rad.
+    evaluations (1: the published one-step form, up to 3e-3 off); None: iterate until a round changes less than 1e-12 rad.
     Raises CompstiffError (CS1101) where the load is so large that the springs find no equilibrium.
     """
-    arm = _Arm(robot, flange_from_tcp)
-    load = robot.load_matrix
-    identity = bool(np.array_equal(load, np.eye(6)))
-    gain = compliance[:, None]
+    arm = _Arm(robot, flange_from_tcp, min(len(theta), CHUNK))
+    load, gain = robot.load_matrix, compliance[:, None]
     deflection, position = np.empty((len(theta), 6)), np.empty((len(theta), 3))
-    for part in chunks(len(theta)):
-        serial = np.ascontiguousarray(robot.serial_angles(theta[part]).T)
-        piece = _components(wrench, part)
-        torque, unloaded = arm.torques(*sine_cosine(serial), piece)
-        yielded = gain * (torque if identity else load.T @ torque)
+    for part in chunks(len(theta), CHUNK):
+        serial, piece = _serial(robot, theta[part]), _components(wrench, part)
+        arm.set_angles(serial)
+        unloaded = np.array(arm.position)
+        yielded = gain * (load.T @ arm.torques(piece))
         for _ in range(1, rounds or MAX_ROUNDS):
-            torque, _tcp = arm.torques(*sine_cosine(serial + (yielded if identity else load @ yielded)), piece)
-            previous, yielded = yielded, gain * (torque if identity else load.T @ torque)
-            change = np.max(np.abs(yielded - previous), initial=0.0)
-            if rounds is None and not change > TOLERANCE_RAD:
+            arm.set_angles(serial + load @ yielded)
+            previous, yielded = yielded, gain * (load.T @ arm.torques(piece))
+            previous -= yielded
+            change = max(float(previous.max()), -float(previous.min()))
+            if rounds is None and change <= TOLERANCE_RAD:
                 break
         else:
-            if rounds is None and change > 1e3 * TOLERANCE_RAD:
+            if rounds is None:
                 raise error(
                     "CS1101", f"no equilibrium under this load after {MAX_ROUNDS} rounds: the joints still move "
                     f"by {change:.2g} rad", hint="check the units of forces [N], moments [N m] and stiffnesses")
-        _, loaded = arm.lever_arms(*sine_cosine(serial + (yielded if identity else load @ yielded)))
+        arm.set_angles(serial + load @ yielded)
         deflection[part] = yielded.T
-        for axis in range(3):
-            np.subtract(loaded[axis], unloaded[axis], out=position[part, axis])
+        position[part] = (np.array(arm.position) - unloaded).T
     return Equilibrium(deflection, position)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.findings import error
-from identification.model.kinematics import quarter_turns, sine_cosine
+from identification.model.kinematics import chunks, quarter_turns, sine_cosine
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
 
@@ -61,6 +61,16 @@ def inverse(robot: RobotModel, base_from_flange: Frame, reference: Array | None 
     Raises CompstiffError (CS1102) for other arm structures.
     """
     check_spherical_wrist(robot)
+    count = len(base_from_flange.position)
+    theta, reachable = np.empty((count, BRANCHES, 6)), np.empty((count, BRANCHES), dtype=bool)
+    for part in chunks(count):
+        pose = Frame(base_from_flange.rotation[part], base_from_flange.position[part])
+        theta[part], reachable[part] = _branches(robot, pose, None if reference is None else reference[part])
+    return Solutions(theta, reachable)
+
+
+def _branches(robot: RobotModel, base_from_flange: Frame, reference: Array | None) -> tuple[Array, NDArray[np.bool_]]:
+    """`inverse` of one chunk."""
     sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
     rotation, position = base_from_flange.rotation, base_from_flange.position
     count = len(position)
@@ -99,7 +109,7 @@ def inverse(robot: RobotModel, base_from_flange: Frame, reference: Array | None 
                     serial[axis, :, behind, elbow, flip] = values
                 reachable[:, behind, elbow, flip] = within
     theta = robot.controller_angles(np.moveaxis(serial.reshape(6, count, BRANCHES), 0, -1))
-    return Solutions(_nearest_turns(robot, theta, None), reachable.reshape(count, BRANCHES))
+    return _nearest_turns(robot, theta, None), reachable.reshape(count, BRANCHES)
 
 
 def _wrist(
