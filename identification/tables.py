@@ -52,12 +52,12 @@ def read_table(
     CS0202 column missing or twice, CS0203 text, NaN or infinity where a number must be.
     """
     path = Path(path)
-    frame, line = _parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _csv(path)
+    frame, line, header_line = _parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _csv(path)
     names = [str(name) for name in frame.columns]
     missing = [name for name in required if name not in names]
     if missing:
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
-                    f"found {', '.join(names) or 'none'}", file=str(path), line=1,
+                    f"found {', '.join(names) or 'none'}", file=str(path), line=header_line,
                     hint="the header line names the columns, unit included, as in FORMATS (docs/formats.md)")
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
@@ -91,7 +91,7 @@ def _floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp]]
     return values, np.flatnonzero(~good)
 
 
-def _parquet(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp]]:
+def _parquet(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -102,11 +102,11 @@ def _parquet(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp]]:
     except pa.ArrowInvalid as reason:
         raise error("CS0201", f"is not a Parquet file: {reason}", file=str(path)) from reason
     # A Parquet file has no lines; rows are counted as if a header stood above them.
-    return frame, np.arange(2, len(frame) + 2)
+    return frame, np.arange(2, len(frame) + 2), 1
 
 
-def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp]]:
-    """Header and cells of a CSV file, comments and blank lines left out, with the line each row stands on."""
+def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+    """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as reason:
@@ -139,6 +139,6 @@ def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp]]:
                             low_memory=False)
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
         if not body:
-            return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp)
+            return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp), kept[0] + 1
         raise error("CS0201", f"is not a table: {reason}", file=str(path)) from reason
-    return frame, np.array(kept[1:], dtype=np.intp) + 1
+    return frame, np.array(kept[1:], dtype=np.intp) + 1, kept[0] + 1

@@ -1,0 +1,112 @@
+"""Reading measurements: every promised complaint, with its line and column, and what is accepted."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.findings import CompstiffError
+from identification.measurements import read_measurements
+from tests.support import robot
+
+HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um"
+ROW = "10,5,20,30,60,40,0,100,0,1.5,210.25,-3"
+
+
+def read(folder: Path, *lines: str, encoding: str = "utf-8", end: str = "\n"):
+    path = folder / "measurements.csv"
+    path.write_bytes(end.join(lines).encode(encoding) + end.encode())
+    return read_measurements(path, robot())
+
+
+def complaint(folder: Path, *lines: str):
+    with pytest.raises(CompstiffError) as caught:
+        read(folder, *lines)
+    return caught.value.findings[0]
+
+
+def test_units_and_defaults(tmp_path) -> None:
+    rows = read(tmp_path, HEADER, ROW)
+    assert_allclose(rows.theta[0], np.radians([10, 5, 20, 30, 60, 40]))
+    assert_allclose(rows.wrench[0], [0, 100, 0, 0, 0, 0])
+    assert_allclose(rows.deflection[0], [1.5e-6, 210.25e-6, -3e-6])
+    assert np.isnan(rows.sigma).all()
+    assert not rows.validate.any()
+    assert rows.line.tolist() == [2]
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [(";", ","), ("\t", ","), (";", "."), ("\t", "."), (",", ".")])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_spellings_of_csv(tmp_path, separator: str, decimal: str, end: str, encoding: str) -> None:
+    def spell(line: str) -> str:
+        return separator.join(cell.replace(".", decimal) for cell in line.split(","))
+
+    rows = read(tmp_path, "# a comment, with a comma", spell(HEADER), "", spell(ROW), "  # another", spell(ROW),
+                encoding=encoding, end=end)
+    assert_allclose(rows.deflection, 1e-6 * np.array([[1.5, 210.25, -3]] * 2))
+    assert rows.line.tolist() == [4, 6]
+
+
+def test_parquet(tmp_path) -> None:
+    values = [float(x) for x in ROW.split(",")]
+    pd.DataFrame([values, values], columns=HEADER.split(",")).to_parquet(tmp_path / "m.parquet")
+    rows = read_measurements(tmp_path / "m.parquet", robot())
+    assert_allclose(rows.deflection[1], [1.5e-6, 210.25e-6, -3e-6])
+
+
+def test_pose_visits(tmp_path) -> None:
+    poses = ["A", "A", "B", "A", "A"]
+    rows = read(tmp_path, HEADER + ",pose", *(f"{ROW},{pose}" for pose in poses))
+    assert rows.visit.tolist() == [0, 0, 1, 2, 2]
+    moved = ROW.replace("10,5", "11,5")
+    assert read(tmp_path, HEADER, ROW, ROW, moved, ROW).visit.tolist() == [0, 0, 1, 2]
+
+
+def test_components_that_were_not_measured(tmp_path) -> None:
+    rows = read(tmp_path, HEADER, "10,5,20,30,60,40,0,100,0,,210,")
+    assert np.isnan(rows.deflection[0]).tolist() == [True, False, True]
+    assert [finding.code for finding in rows.findings] == ["CS1007"]
+
+
+@pytest.mark.parametrize(("lines", "code", "line", "column", "words"), [
+    (["# c", HEADER.replace("fz_n", "f_n"), ROW], "CS0202", 2, None, "missing: fz_n"),
+    ([HEADER + ",fx_n", ROW + ",1"], "CS0202", 1, None, "twice: fx_n"),
+    ([HEADER, ROW, ROW.replace("100", "hundred")], "CS0203", 3, 8, "'hundred'"),
+    ([HEADER, ROW, ROW.replace("100", "nan")], "CS0203", 3, 8, "'nan'"),
+    ([HEADER, ROW, ROW.replace("100", "inf")], "CS0203", 3, 8, "'inf'"),
+    ([HEADER, ROW, ROW.replace("100", "")], "CS0203", 3, 8, "an empty cell"),
+    ([HEADER, ROW + ",7"], "CS0201", 2, None, "13 cells"),
+    ([HEADER, "# c", "200" + ROW[2:]], "CS1002", 3, 1, "joint 1 at 200 deg"),
+    ([HEADER, "10,-40,100,30,60,40,0,100,0,1,2,3"], "CS1002", 2, 3, "window -70 to 70"),
+    ([HEADER, "10,5,20,30,60,40,0,100,0,,,"], "CS1004", 2, 10, "no deflection"),
+    ([HEADER, ROW.replace("100", "0")], "CS1005", None, None, "none of the 1 rows"),
+    ([HEADER, "10,5,20,30,60,40,0,100,0,0.3,1820000,5"], "CS1006", 2, None, "1820 mm"),
+    ([HEADER + ",purpose", ROW + ",test"], "CS1001", 2, 13, "'test'"),
+    ([HEADER + ",sx_um,sy_um,sz_um", ROW + ",1,0,1"], "CS1003", 2, 14, "greater than zero"),
+    ([""], "CS0201", 1, None, "empty"),
+])
+def test_complaints(tmp_path, lines, code, line, column, words) -> None:
+    finding = complaint(tmp_path, *lines)
+    assert (finding.code, finding.line, finding.column) == (code, line, column)
+    assert words in finding.message
+    assert finding.file
+    assert finding.file.endswith("measurements.csv")
+
+
+def test_all_places_at_fault_are_named(tmp_path) -> None:
+    with pytest.raises(CompstiffError) as caught:
+        read(tmp_path, HEADER, ROW.replace("100", "x"), ROW, ROW.replace("1.5", "y"))
+    assert [(finding.line, finding.column) for finding in caught.value.findings] == [(2, 8), (4, 10)]
+
+
+def test_not_text(tmp_path) -> None:
+    path = tmp_path / "m.csv"
+    path.write_bytes(b"q1_deg\n\xff\xfe")
+    with pytest.raises(CompstiffError, match="CS0201.*UTF-8"):
+        read_measurements(path, robot())
+    (tmp_path / "m.parquet").write_bytes(b"not parquet")
+    with pytest.raises(CompstiffError, match="CS0201.*Parquet"):
+        read_measurements(tmp_path / "m.parquet", robot())
