@@ -16,7 +16,8 @@ QUATERNION_DECIMALS = 8         # 5 move the tip of a 200 mm tool by 4 um
 _MOST_DECIMALS = 15
 
 _NUMBER = re.compile(rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?)")
-_PLAIN = re.compile(rb"[^!A-DF-Za-df-z_\x80-\xff]*")        # no comment, no name (E and e belong to numbers)
+# No comment, no name (E and e belong to numbers), no sign that stands apart from its digits.
+_PLAIN = re.compile(rb"(?:[^!A-DF-Za-df-z_\x80-\xff+-]++|[-+](?=[\d.]))*+")
 _LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from compensator.rapid.quaternions import SLIGHT, UNUSABLE
 from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
-from compensator.rapid.speeds import SPEEDS
 from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
@@ -135,13 +134,16 @@ def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
     timed = np.array([tail.timed for tail in scan.tails] or [False])[tails.tail]
     for column, what, show in ((tails.feed, "speed", True), (tails.zone, "zone", False)):
         unknown = np.flatnonzero(np.isnan(column) & ~(timed & show))
+        spelled: dict[str, list[int]] = {}
         for tail in np.unique(tails.tail[unknown]).tolist():
             written = scan.tails[tail]
             expr = (written.velocity or written.speed) if show else (written.radius or written.zone)
-            text = places.source.text(expr.start, min(expr.end, expr.start + 40))
-            findings.append(places.targets(
-                "CS2024", "note", f"the {what} {text} is not known from this file", unknown[tails.tail[unknown] == tail],
-                "declare it with numbers in this file" if text.lower() not in SPEEDS else ""))
+            spelled.setdefault(places.source.text(expr.start, min(expr.end, expr.start + 40)), []).append(tail)
+        findings += [
+            places.targets("CS2024", "note", f"the {what} {text} is not known from this file",
+                           unknown[np.isin(tails.tail[unknown], alike)].tolist(), "declare it with numbers in this file")
+            for text, alike in spelled.items()
+        ]
     return findings
 
 

@@ -1,5 +1,8 @@
 """Laws that hold for any program: layout does not matter, nothing crashes, what is written reads back."""
 
+from itertools import pairwise
+from random import Random
+
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -31,29 +34,27 @@ ENDMODULE"""
 WORDS = PLAIN.split()
 REFERENCE = read_rapid(PLAIN.encode(), "x").toolpath
 # between two words there must be something; beside a bracket or comma there need not be
-GAPS = st.lists(st.sampled_from([" ", "\t", "\n", "\r\n", "\r", "\r\r\n", "! a ; \" comment [1]\n", "! MoveL *,v5,z1,tool0;\r\n", "  "]),
-                min_size=1, max_size=2).map("".join)
+GAPS = [" ", " ", "\t", "\n", "\r\n", "\r", "\r\r\n", "! a ; \" comment [1]\n", "! MoveL *,v5,z1,tool0;\r\n", " \n "]
 
 
 def glued(before: str, after: str) -> bool:
     return not (before[-1].isalnum() and after[0].isalnum())
 
 
-@st.composite
-def layouts(draw):
+def layout(seed: int) -> str:
+    """The reference with other blanks, comments, line ends and letter case. A seed, because one draw a blank is slow."""
+    random = Random(seed)
     text = WORDS[0]
-    for before, word in zip(WORDS, WORDS[1:], strict=False):
-        gap = draw(GAPS)
-        if glued(before, word) and draw(st.booleans()):
-            gap = ""
-        text += gap + draw(st.sampled_from([word, word.upper(), word.lower()]))
+    for before, word in pairwise(WORDS):
+        gap = "" if glued(before, word) and random.random() < 0.5 else random.choice(GAPS)
+        text += gap + random.choice([word, word.upper(), word.lower()])
     return text
 
 
-@given(layouts())
+@given(st.integers(0, 2**32))
 @settings(max_examples=150, deadline=None)
-def test_layout_and_case_do_not_matter(text):
-    same(read_rapid(text.encode(), "x").toolpath, REFERENCE)
+def test_layout_and_case_do_not_matter(seed):
+    same(read_rapid(layout(seed).encode(), "x").toolpath, REFERENCE)
 
 
 def test_the_reference_is_what_it_should_be():

@@ -65,6 +65,7 @@ def test_zones(text, declarations, expected):
 
 
 def test_unknown_zone():
-    toolpath = path(f"MoveL {target(1)},v100,zMine,tool0;")
+    toolpath = path(f"MoveL {target(1)},v100,zMine,tool0;MoveL {target(1)},v50,zMine,tool0;")
+    assert found(toolpath, "CS2024")[0].count == 2
     assert np.isnan(toolpath.zone[0])
     assert "zMine" in found(toolpath, "CS2024")[0].message
