@@ -11,14 +11,17 @@ GOOD = target(1)
 
 
 @pytest.mark.parametrize(("body", "code", "column", "message"), [
-    ("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9],v1,z1,tool0;", "CS2003", 73, "found ';', expected ',' or ']'"),
-    (f"MoveL [[1,2],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2004", 8, "position has 2 components, expected 3: [x, y, z]"),
+    ("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9],v1,z1,tool0;", "CS2003", 73,
+     "found ';', expected ',' or ']'"),
+    (f"MoveL [[1,2],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2004", 8,
+     "position has 2 components, expected 3: [x, y, z]"),
     (f"MoveL [[1,2,3],[1,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2004", 16, "orientation has 3 components, expected 4"),
     (f"MoveL [[1,2,3],[1,0,0,0],[0,0,0],{UNUSED}],v1,z1,tool0;", "CS2004", 26, "confdata has 3 components, expected 4"),
     ("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9]],v1,z1,tool0;", "CS2004", 36, "external axes has 1 components, expected 6"),
     ("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0]],v1,z1,tool0;", "CS2004", 7, "robtarget has 3 components, expected 4"),
     (f"MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],{UNUSED},5],v1,z1,tool0;", "CS2004", 7, "robtarget has 5 components, expected 4"),
-    (f'MoveL [[1,"2",3],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;', "CS2005", 11, 'found "2", expected a number: y of position'),
+    (f'MoveL [[1,"2",3],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;', "CS2005", 11,
+     'found "2", expected a number: y of position'),
     (f"MoveL [[1,[2],3],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2005", 11, "expected a number: y of position"),
     (f"MoveL [[1,2 3,3],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2003", 13, "found '3', expected ',' or ']'"),
     (f"MoveL [[1,,3],[1,0,0,0],[0,0,0,0],{UNUSED}],v1,z1,tool0;", "CS2003", 11, "found ',', expected a value"),

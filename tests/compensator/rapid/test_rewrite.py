@@ -27,7 +27,8 @@ def test_no_targets_gives_the_same_bytes():
 def test_inline_numbers_are_replaced_and_their_surroundings_kept():
     text = "MoveL [ [10.5, -3 ,\t.25],[1,0, 0,0 ],[0,-1,0,0],[9E9,9E+09,9E9,9E9,9E9,9E9] ] , v100,z1,tool0; ! keep 10.5\r\n"
     written = shift(text, [0], [TENTH])
-    assert written.content.decode() == text.replace("10.5,", "10.6000,", 1).replace("-3 ", "-2.8000 ").replace(".25]", "0.5500]")
+    wanted = text.replace("10.5,", "10.6000,", 1).replace("-3 ", "-2.8000 ").replace(".25]", "0.5500]")
+    assert written.content.decode() == wanted
     assert (written.numbers, written.declarations, written.findings) == (3, 0, ())
 
 
@@ -125,7 +126,8 @@ def test_a_target_used_from_another_module_is_not_made_local():
 def test_new_names_are_unique_and_short():
     long = "a_name_of_exactly_32_characters_"
     assert len(long) == 32
-    text = program(f"MoveL {long},{MOVE}\nMoveL {long},{MOVE}\nA_NAME_OF_EXACTLY_32_CHARACTE_C1;! A_name_of_exactly_32_characte_c2",
+    text = program(f"MoveL {long},{MOVE}\nMoveL {long},{MOVE}\n"
+                   "A_NAME_OF_EXACTLY_32_CHARACTE_C1;! A_name_of_exactly_32_characte_c2",
                    f"CONST robtarget {long}:={target(1)};")
     written = shift(text, [0], [TENTH])
     assert b"MoveL a_name_of_exactly_32_characte_c3," in written.content
@@ -147,8 +149,8 @@ def test_added_declarations_have_the_line_end_and_encoding_of_the_file(end, enco
 def test_a_declaration_in_the_middle_of_a_line():
     text = f"PROC a()\nCONST robtarget p:={target(1)}; MoveL p,{MOVE} MoveL p,{MOVE}\nENDPROC"
     assert shift(text, [1], [TENTH]).content.decode() == (
-        f"PROC a()\nCONST robtarget p:={target(1)}; CONST robtarget p_c1:={target('1.1000', '0.2000', '0.3000')}; MoveL p,{MOVE} "
-        f"MoveL p_c1,{MOVE}\nENDPROC")
+        f"PROC a()\nCONST robtarget p:={target(1)}; CONST robtarget p_c1:={target('1.1000', '0.2000', '0.3000')}; "
+        f"MoveL p,{MOVE} MoveL p_c1,{MOVE}\nENDPROC")
 
 
 def test_a_declaration_at_the_very_end():
@@ -159,7 +161,8 @@ def test_a_declaration_at_the_very_end():
 
 def test_array_elements():
     declarations = f"CONST robtarget pts{{3}}:=[{target(1)},\n {target(2)}, ! two\n {target(3)}];"
-    text = program(f"MoveL pts{{1}},{MOVE}\nMoveL pts{{2}},{MOVE}\nMoveL pts{{ 3 }},{MOVE}\nMoveL pts{{3}},{MOVE}", declarations)
+    text = program(f"MoveL pts{{1}},{MOVE}\nMoveL pts{{2}},{MOVE}\n"
+                   f"MoveL pts{{ 3 }},{MOVE}\nMoveL pts{{3}},{MOVE}", declarations)
     written = shift(text, [1, 2], [TENTH, [1, 0, 0]])
     assert changed(text, written.content) == [
         " [[2.1000,0.2000,0.3000],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]], ! two",
@@ -213,7 +216,8 @@ def test_a_declaration_with_symbols_is_copied_in_numbers():
     text = program(f"MoveL p,{MOVE}\nMoveL p,{MOVE}",
                    f"PERS confdata conf1:=[0,0,1,0];\nPERS robtarget p:=[[1,2,3],[1,0,0,0],conf1,{UNUSED}];")
     assert changed(text, shift(text, [0], [[1, 0, 0]]).content)[0] == (
-        f"LOCAL CONST robtarget p_c1:=[[2.0000,2.0000,3.0000],[1.00000000,0.00000000,0.00000000,0.00000000],[0,0,1,0],{UNUSED}];")
+        "LOCAL CONST robtarget p_c1:=[[2.0000,2.0000,3.0000],"
+        f"[1.00000000,0.00000000,0.00000000,0.00000000],[0,0,1,0],{UNUSED}];")
 
 
 @pytest.mark.parametrize("body", [f"MoveL *,{MOVE}", f"MoveAbsJ [[0,0,0,0,0,0],{UNUSED}],{MOVE}",
@@ -224,7 +228,8 @@ def test_a_blocked_target_is_never_written(body):
 
 
 @pytest.mark.parametrize(("targets", "position", "quaternion"), [
-    ([0, 0], [[0, 0, 0]] * 2, [[1, 0, 0, 0]] * 2), ([0], [[0, 0, np.nan]], [[1, 0, 0, 0]]), ([0], [[0, 0, 0]] * 2, [[1, 0, 0, 0]]),
+    ([0, 0], [[0, 0, 0]] * 2, [[1, 0, 0, 0]] * 2), ([0], [[0, 0, np.nan]], [[1, 0, 0, 0]]), ([0], [[0, 0, 0]] * 2, [[1, 0,
+                                                                                                                     0, 0]]),
 ])
 def test_wrong_calls(targets, position, quaternion):
     with pytest.raises(ValueError):     # noqa: PT011

@@ -14,7 +14,8 @@ def zone(text: str, declarations: str = "") -> float:
     return float(path(f"MoveL {target(1)},v100,{text},tool0;", declarations).zone[0])
 
 
-@pytest.mark.parametrize("speed", [5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000, 2500,
+@pytest.mark.parametrize("speed", [5, 10, 20, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 500, 600, 800, 1000, 1500, 2000,
+                                   2500,
                                    3000, 4000, 5000, 6000, 7000])
 def test_predefined_speeds(speed):
     assert feed(f"v{speed}") == pytest.approx(speed / 1000, rel=1e-15)

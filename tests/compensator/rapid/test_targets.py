@@ -101,7 +101,8 @@ def test_reltool_moves_along_the_tool_and_turns_about_it():
 
 
 def test_reltool_turns_about_x_then_the_new_y_then_the_new_z():
-    toolpath = path(f"MoveL RelTool({target()},0,0,0\\Rx:=90\\Ry:=90),{MOVE}MoveL RelTool({target()},0,0,0 \\Ry:=90, \\Rz:=-90),{MOVE}")
+    toolpath = path(f"MoveL RelTool({target()},0,0,0\\Rx:=90\\Ry:=90),{MOVE}"
+                    f"MoveL RelTool({target()},0,0,0 \\Ry:=90, \\Rz:=-90),{MOVE}")
     # Rx(90) Ry(90) = (1+i)(1+j)/2 = (1+i+j+k)/2; Ry(90) Rz(-90) = (1+j)(1-k)/2 = (1-i+j-k)/2
     assert toolpath.quaternion[0] == pytest.approx([0.5, 0.5, 0.5, 0.5], abs=1e-15)
     assert toolpath.quaternion[1] == pytest.approx([0.5, -0.5, 0.5, -0.5], abs=1e-15)
@@ -155,7 +156,8 @@ def test_data_declared_by_itself_ends():
     (f"MoveL p,{MOVE}P.trans.z := p.trans.z + 5;", f"PERS robtarget p:={target(1)};", "assigned at run time"),
     (f"IF a=1 p:=other;MoveL p,{MOVE}", f"VAR robtarget p:={target(1)};", "assigned at run time"),
     (f"MoveL pts{{1}},{MOVE}pts{{2}} := p;", f"VAR robtarget pts{{2}}:=[{target(1)},{target(2)}];", "assigned at run time"),
-    (f"MoveL pts{{1}},{MOVE}pts{{i+1}}.trans.x := 4;", f"VAR robtarget pts{{2}}:=[{target(1)},{target(2)}];", "assigned at run"),
+    (f"MoveL pts{{1}},{MOVE}pts{{i+1}}.trans.x := 4;", f"VAR robtarget pts{{2}}:=[{target(1)},{target(2)}];",
+     "assigned at run"),
     (f"SearchL\\Stop,di1,p,q,v100,tool0;MoveL p,{MOVE}", f"VAR robtarget p:={target(1)};", "assigned at run time"),
     (f"Teach p;MoveL p,{MOVE}", f"PERS robtarget p:={target(1)};", "assigned at run time"),
     (f"ok:=StrToVal(text, p);MoveL p,{MOVE}", f"VAR robtarget p:={target(1)};", "assigned at run time"),

@@ -10,8 +10,8 @@ from identification.findings import CompstiffError
 from .helpers import found, millimetres, program, target
 
 ENDS = {"LF": "\n", "CRLF": "\r\n", "CR CR LF": "\r\r\n", "CR": "\r"}
-TEXT = program(f'! Fräser "größe"; MoveL\nTPWrite "Größe: ü; ! ""x""";\n  MoveL {target(1)},v100,z1,Fräser;  MoveJ {target(2)},v100,'
-               f'z1,FRÄSER;\nMoveL pü,v100,z1,tool0;', f"CONST robtarget pü:={target(3)};")
+TEXT = program(f'! Fräser "größe"; MoveL\nTPWrite "Größe: ü; ! ""x""";\n  MoveL {target(1)},v100,z1,Fräser;'
+               f'  MoveJ {target(2)},v100,z1,FRÄSER;\nMoveL pü,v100,z1,tool0;', f"CONST robtarget pü:={target(3)};")
 
 
 def read(data: bytes):
@@ -116,8 +116,8 @@ def test_text_that_is_no_rapid_is_reported():
 
 
 def test_statements_over_several_lines_with_comments():
-    text = program("MoveL\n [ [ 1 , ! x\n 2,3],\n[1,0,0,0] ! turn [9,9]\n,[0,0,0,0],[9E9,9E9,9E9,\n9E9,9E9,9E9]],\n v100 ! speed;\n"
-                   ",z1,\ntool0;")
+    text = program("MoveL\n [ [ 1 , ! x\n 2,3],\n[1,0,0,0] ! turn [9,9]\n,[0,0,0,0],[9E9,9E9,9E9,\n9E9,9E9,9E9]],\n"
+                   " v100 ! speed;\n,z1,\ntool0;")
     toolpath = read(text.encode())
     assert millimetres(toolpath) == [[1, 2, 3]]
     assert (toolpath.line[0], toolpath.column[0]) == (5, 2)
