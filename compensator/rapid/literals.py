@@ -18,6 +18,8 @@ _MOST_DECIMALS = 15
 _NUMBER = re.compile(rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?)")
 # No comment, no name (E and e belong to numbers), no sign that stands apart from its digits.
 _PLAIN = re.compile(rb"(?:[^!A-DF-Za-df-z_\x80-\xff+-]++|[-+](?=[\d.]))*+")
+_FORMATS = tuple(b"%%.%df" % places for places in range(_MOST_DECIMALS + 1))
+_STEPS = tuple(10.0**-places for places in range(_MOST_DECIMALS + 1))
 _LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 
 
@@ -42,26 +44,30 @@ class Written:
 def decimals(token: bytes) -> int:
     """Decimals a number was written with: 3 of "-12.500", 6 of "-1.2E-05"."""
     if b"E" not in token and b"e" not in token:
-        return min(len(token) - token.find(b".") - 1, _MOST_DECIMALS) if b"." in token else 0
+        point = token.find(b".") + 1
+        places = len(token) - point if point else 0
+        return places if places < _MOST_DECIMALS else _MOST_DECIMALS
     mantissa, _, exponent = token.lower().partition(b"e")
     _, _, fraction = mantissa.partition(b".")
     return min(max(len(fraction) - int(exponent or 0), 0), _MOST_DECIMALS)
 
 
-def figure(value: float, places: int) -> str:
+def figure(value: float, places: int) -> bytes:
     """A number without exponent and without a negative zero."""
-    text = f"{value:.{places}f}"
-    return text[1:] if text[0] == "-" and not text.strip("-0.") else text
+    text = _FORMATS[places] % value
+    return text[1:] if -1.0 < value <= 0.0 and text[0] == 45 and not text.strip(b"-0.") else text
 
 
 def renumbered(token: bytes, value: float, least: int) -> bytes:
     """`value` in the place of a number; the number itself where it says the same to the decimals written."""
-    places = max(least, decimals(token))
-    text = figure(value, places)
+    places = decimals(token)
+    if places < least:
+        places = least
     old = float(token)
-    if abs(old - value) < 1.0 and figure(old, places) == text:
+    text = figure(value, places)
+    if abs(old - value) < _STEPS[places] and figure(old, places) == text:
         return token
-    return text.encode()
+    return text
 
 
 def rewritten(values: Values, start: int, end: int, row: Sequence[float], pose: Pose) -> Written:
@@ -78,15 +84,15 @@ def fresh(row: Sequence[float], pose: Pose) -> bytes:
     """A robtarget in numbers alone; `row` gives the confdata (unless `pose` does) and the external axes."""
     numbers = [figure(value, least) for value, least in zip(pose.numbers, _LEAST, strict=True)]
     confdata = pose.confdata if pose.confdata is not None else [round(value) for value in row[7:11]]
-    external = ["9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(value) for value in row[11:17]]
-    groups = (numbers[:3], numbers[3:], [str(value) for value in confdata], external)
-    return ("[" + ",".join("[" + ",".join(group) + "]" for group in groups) + "]").encode()
+    external = [b"9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(float(value)) for value in row[11:17]]
+    groups = (numbers[:3], numbers[3:], [b"%d" % value for value in confdata], external)
+    return b"[" + b",".join(b"[" + b",".join(group) + b"]" for group in groups) + b"]"
 
 
-def _shortest(value: float) -> str:
+def _shortest(value: float) -> bytes:
     """All digits of a number, without exponent."""
     text = repr(value)
-    return figure(value, 9) if "e" in text else text.removesuffix(".0")
+    return figure(value, 9) if "e" in text else text.removesuffix(".0").encode()
 
 
 def _replaced(parts: list[bytes], pose: Pose) -> Written:
@@ -139,5 +145,5 @@ def _part(data: bytes, item: Expr, new: Sequence[float], old: Sequence[float], l
     figures = [figure(value, least) for value in new]
     if figures == [figure(value, least) for value in old]:
         return None
-    text = ",".join(figures).encode()
+    text = b",".join(figures)
     return b"[" + text + b"]" if len(figures) > 1 else text

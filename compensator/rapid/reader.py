@@ -50,7 +50,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     has_confdata = ~absolute & ~np.isnan(confdata).any(axis=1)
     external = np.where(np.abs(numbers[:, 11:17]) >= UNUSED, np.nan, numbers[:, 11:17])
     line, column = locate(source, np.array(found.start, dtype=np.int64))
-    displaced = np.array([shift for _, shift in found.shifts])[_held(found.shifts, count)]
+    displaced = np.array([shift for _, shift in found.shifts])[_held(found.shifts, count)] & ~absolute
     places = Places(source, line, column)
     block, findings = report(found, values, rows, tails, places, off, displaced)
     toolpath = Toolpath(

@@ -33,7 +33,7 @@ class Places:
     def targets(self, code: str, level: Level, message: str, which: Iterable[int], hint: str = "") -> Finding:
         """One finding for all targets in `which` (not empty, ascending), at the first one's place."""
         numbers = list(which)
-        first = numbers[0]
+        first = int(numbers[0])
         return Finding(code, level, message, self.source.name, int(self.line[first]), int(self.column[first]), first, hint,
                        len(numbers))
 

@@ -106,12 +106,12 @@ def _write_moves(job: _Job, targets: list[int]) -> None:
         row = rows.row[target]
         start, end = scan.start[target], scan.end[target]
         if rows.literal[row]:
-            written = rewritten(values, start, end, rows.values[row].tolist(), job.poses[target])
+            written = rewritten(values, start, end, rows.values[row], job.poses[target])
             _note(job, written, target)
             if written.changed:
                 job.edits.append((start, end, written.text))
         else:
-            job.edits.append((start, end, fresh(rows.values[row].tolist(), job.poses[target])))
+            job.edits.append((start, end, fresh(rows.values[row], job.poses[target])))
             job.numbers += 7
             job.replaced.append(target)
 
@@ -125,9 +125,9 @@ def _write_declared(job: _Job, row: int, users: list[int], elsewhere: set[int], 
     texts: dict[int, Written] = {}
     for target in users:
         if target in job.poses and rows.literal[row]:
-            texts[target] = rewritten(program.values, start, end, rows.values[row].tolist(), job.poses[target])
+            texts[target] = rewritten(program.values, start, end, rows.values[row], job.poses[target])
         elif target in job.poses:
-            texts[target] = Written(fresh(rows.values[row].tolist(), job.poses[target]), 7)
+            texts[target] = Written(fresh(rows.values[row], job.poses[target]), 7)
     spelled = {written.text for written in texts.values()}
     if len(texts) == len(users) and len(spelled) == 1 and number not in elsewhere:
         first = next(iter(texts))
@@ -149,7 +149,7 @@ def _add_declarations(job: _Job, row: int, texts: dict[int, Written], names: New
     for target, written in texts.items():
         # A copy keeps the layout; with symbols in it it might not be constant, so then numbers alone are written.
         plain = rows.literal[row] and not _has_symbols(program, row)
-        groups.setdefault(written.text if plain else fresh(rows.values[row].tolist(), job.poses[target]), []).append(target)
+        groups.setdefault(written.text if plain else fresh(rows.values[row], job.poses[target]), []).append(target)
     firsts = [first for first, _ in scan.scopes]
     for text, targets in groups.items():
         name = names.make(declared_name(source, declaration))

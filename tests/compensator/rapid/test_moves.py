@@ -82,6 +82,10 @@ def test_corr_blocks_the_move():
     assert millimetres(toolpath)[2] == [3, 0, 0]        # still part of the path
 
 
+def test_program_displacement_does_not_move_joint_targets():
+    assert path(f"PDispSet f;MoveAbsJ [[0,0,0,0,0,0],{UNUSED}],v100,z1,tool0;").block[0] == ""
+
+
 def test_program_displacement_blocks_until_it_is_off():
     move = f"MoveL {target(1)},v100,z1,tool0;"
     toolpath = path(f"{move}PDispSet frame1;{move}{move}PDispOff;{move}PDispOn\\Rot, p1, tool0;{move}pdispoff;{move}")

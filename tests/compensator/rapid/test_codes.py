@@ -1,0 +1,32 @@
+"""Every finding code has its entry in CODES.yaml, and findings are plain values."""
+
+import json
+import re
+from pathlib import Path
+
+import yaml
+
+import compensator.rapid
+
+from .helpers import path, shift, target
+
+FOLDER = Path(compensator.rapid.__file__).parent
+CODES = yaml.safe_load((FOLDER / "CODES.yaml").read_text())
+
+
+def test_every_code_is_explained_and_none_is_left_over():
+    used = set(re.findall(r"CS20\d\d", "".join(file.read_text() for file in FOLDER.glob("*.py"))))
+    assert set(CODES) == used
+    for entry in CODES.values():
+        assert list(entry) == ["title", "cause", "effect", "remedy"]
+        assert all(isinstance(text, str) and text.endswith((".", entry["title"][-1])) for text in entry.values())
+
+
+def test_findings_are_plain_values():
+    body = (f"PDispOn p,tool0;MoveL {target(q='[0,0,0,0]')},vx,zx,t\\WObj:=w\\Corr;PDispOff;TriggL p,v5,g,z1,tool0;"
+            f"MoveL *,v5,z1,tool0;MoveL {target(q='[0.707,0,0.707,0]')},v5,z1,tool0;")
+    toolpath = path(body)
+    written = shift(f"MoveL Offs({target()},0,0,1),v5,z1,tool0;", [0], [[1, 0, 0]], confdata=[[1, 0, 0, 0]])
+    plain = json.loads(json.dumps([finding.as_dict() for finding in (*toolpath.findings, *written.findings)]))
+    assert [finding["code"] for finding in plain] == [
+        "CS2010", "CS2012", "CS2013", "CS2014", "CS2015", "CS2020", "CS2021", "CS2024", "CS2024", "CS2016", "CS2042", "CS2040"]
