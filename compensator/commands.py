@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from compensator.pipeline import Corrected, Inputs, Predicted
 
 
-class TargetRange(click.ParamType):
+class TargetRange(click.ParamType[tuple[int, int]]):
     """Two target numbers, FIRST:LAST."""
 
     name = "FIRST:LAST"

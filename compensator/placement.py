@@ -12,8 +12,8 @@ Indices = NDArray[np.intp]
 
 # A logged TCP position farther than this from the whole path ahead is not on it [m].
 OFF_PATH = 5e-3
-# How many samples a target are looked at one by one when the log is matched forwards; the rest follow in between.
-KEYS_PER_TARGET = 4
+# How many samples are looked at one by one when the log is matched forwards; the rest follow in between.
+KEYS_PER_TARGET, FEWEST_KEYS = 4, 4000
 
 
 def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
@@ -81,7 +81,7 @@ def match_forwards(position: Array, length: Array, samples: Array) -> Array:
         return np.where(near, 0.0, np.nan)
     starts, vectors = points[:-1], np.diff(points, axis=0)
     squares = np.maximum(np.einsum("ij,ij->i", vectors, vectors), 1e-300)
-    count = min(len(samples), KEYS_PER_TARGET * len(points))
+    count = min(len(samples), max(KEYS_PER_TARGET * len(points), FEWEST_KEYS))
     keys = np.unique(np.linspace(0, len(samples) - 1, count).round().astype(np.intp))
 
     def project(point: Array, first: int, last: int) -> tuple[float, float]:
@@ -115,23 +115,33 @@ def match_forwards(position: Array, length: Array, samples: Array) -> Array:
     good = ~np.isnan(places)
     if not good.any():
         return np.full(len(samples), np.nan)
-    guess = np.interp(np.arange(len(samples)), keys[good], places[good])
-    return _refine(starts, vectors, squares, s, samples, guess)
+    return _refine(starts, vectors, squares, s, samples, keys[good], places[good])
 
 
-def _refine(starts: Array, vectors: Array, squares: Array, s: Array, samples: Array, guess: Array) -> Array:
-    """Each sample projected on the segments next to its interpolated place; NaN where it is off the path."""
+def _refine(
+    starts: Array, vectors: Array, squares: Array, s: Array, samples: Array, keys: Indices, places: Array
+) -> Array:
+    """Every sample projected on the path between the places of the key samples before and after it; NaN off the path."""
+    number = np.arange(len(samples))
+    after = np.clip(np.searchsorted(keys, number, side="left"), 0, len(keys) - 1)
+    before = np.maximum(after - 1, 0)
+    low, high = places[before] - 1e-4, places[after] + 1e-4
+    guess = np.interp(number, keys, places)
     middle = np.clip(np.searchsorted(s, guess, side="right") - 1, 0, len(starts) - 1)
-    best = np.full(len(samples), np.inf)
-    place = np.full(len(samples), np.nan)
+    lengths = np.diff(s)
+    place = guess
+    share = (guess - s[middle]) / np.maximum(lengths[middle], 1e-300)
+    best = np.sum((samples - starts[middle] - np.clip(share, 0, 1)[:, None] * vectors[middle]) ** 2, axis=1)
     for shift in (0, -1, 1, -2, 2):
         index = np.clip(middle + shift, 0, len(starts) - 1)
         offset = samples - starts[index]
         share = np.clip(np.einsum("ij,ij->i", offset, vectors[index]) / squares[index], 0, 1)
-        gap = offset - share[:, None] * vectors[index]
+        there = np.clip(s[index] + share * lengths[index], low, high)
+        share = (there - s[index]) / np.maximum(lengths[index], 1e-300)
+        gap = offset - np.clip(share, 0, 1)[:, None] * vectors[index]
         distance = np.einsum("ij,ij->i", gap, gap)
-        closer = distance < best
+        closer = (distance < best) & (share > -1e-9) & (share < 1 + 1e-9)
         best[closer] = distance[closer]
-        place[closer] = (s[index] + share * (s[index + 1] - s[index]))[closer]
+        place[closer] = there[closer]
     place[best > OFF_PATH**2] = np.nan
     return place

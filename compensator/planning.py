@@ -114,28 +114,33 @@ def _follow(
     configured, fits = configured_solution(robot, solutions, toolpath.confdata[where])
     fits &= toolpath.has_confdata[where]
     moves = toolpath.move[where]
+    # The MoveAbsJ that stands before each posed target, behind the posed target before it: -1 where there is none.
+    latest = np.maximum.accumulate(np.where(by_joints, np.arange(len(by_joints)), -1))[where]
+    latest[latest < np.concatenate([[-1], where[:-1]])] = -1
+    # Where a run of linear moves and arcs ends because the next target is reached by joint move or from known joint angles.
+    ends = np.append(np.flatnonzero((moves == Move.JOINT) | (latest >= 0)), len(where))
     previous: Array | None = None
     findings: list[Finding] = []
     result = np.full((len(where), 6), np.nan)
+    follows = np.ones(len(where), dtype=bool)
     start = 0
     while start < len(where):
-        # What stands between two posed targets: a MoveAbsJ gives the angles the robot leaves from.
-        between = np.flatnonzero(by_joints[(where[start - 1] if start else 0):where[start]])
-        if len(between):
-            previous = theta[(where[start - 1] if start else 0) + between[-1]]
+        if latest[start] >= 0:
+            previous = theta[latest[start]]
         anchor = _anchor(robot, solutions, start, configured[start], bool(fits[start]), previous, int(moves[start]))
         if anchor is None:
             start += 1
             continue
         angles, branch, guessed = anchor
         if guessed:
+            follows[start] = False
             findings.append(Finding(
                 "CS4001", "warning", "no reachable configuration has this target's confdata "
                 f"{toolpath.confdata[where[start]].tolist()}; the nearest was taken" if toolpath.has_confdata[where[start]]
                 else "no confdata: the configuration nearest to the joints' zero was taken", file=toolpath.source,
                 line=int(toolpath.line[where[start]]), target=int(where[start]),
                 hint="another configuration yields differently under load: check it on the robot"))
-        stop = _run_end(moves, where, by_joints, start)
+        stop = int(ends[np.searchsorted(ends, start, side="right")])
         run = np.array(solutions.theta[start:stop, branch])
         run[0] = angles
         run = np.unwrap(run, axis=0)
@@ -146,7 +151,7 @@ def _follow(
         previous = run[length - 1]
         start += length
     theta[where] = result
-    turned = np.flatnonzero(toolpath.has_confdata[where] & ~np.isnan(result).any(axis=1))
+    turned = np.flatnonzero(toolpath.has_confdata[where] & ~np.isnan(result).any(axis=1) & follows)
     if len(turned):
         differs = (configuration(robot, result[turned])[:, :3] != toolpath.confdata[where[turned], :3]).any(axis=1)
         if differs.any():
@@ -156,16 +161,6 @@ def _follow(
                 "moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
                 target=int(first)))
     return findings
-
-
-def _run_end(moves: NDArray[np.uint8], where: Indices, by_joints: NDArray[np.bool_], start: int) -> int:
-    """End of the run of linear and arc moves that follows the target `start` without a joint move in between."""
-    rest = moves[start + 1:]
-    breaks = rest == Move.JOINT
-    gaps = np.flatnonzero(breaks)
-    stop = start + 1 + (int(gaps[0]) if len(gaps) else len(rest))
-    crossed = np.flatnonzero(np.add.reduceat(by_joints, where)[start:stop - 1] > 0) if by_joints.any() else ()
-    return start + 1 + int(crossed[0]) if len(crossed) else stop
 
 
 def _anchor(

@@ -87,8 +87,9 @@ def _space(predicted: Predicted) -> Figure:
                        "cmax": limit, "colorbar": {"title": {"text": "um"}}}})
         caption = (f"Base frame. Colour: predicted deviation along ({', '.join(f'{x:.2f}' for x in direction)}), the direction "
                    f"the tool is pushed in most; {clipped} of {len(along)} points are beyond the ends of the scale." + note)
-    layout = {"scene": {"aspectmode": "data", **{f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}},
-              "showlegend": False}
+    axes = {f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}
+    camera = {"eye": {"x": 1.3, "y": -1.6, "z": 1.3}}
+    layout = {"scene": {"aspectmode": "data", "camera": camera, **axes}, "showlegend": False}
     return Figure("The path and where the tool is pushed", caption, data, layout, height=560)
 
 

@@ -36,7 +36,7 @@ class Figure:
     @property
     def json(self) -> str:
         """The figure for the page; NaN becomes null."""
-        base = {"margin": {"l": 70, "r": 20, "t": 10, "b": 50}, "plot_bgcolor": "#fff", "height": self.height}
+        base = {"margin": {"l": 70, "r": 20, "t": 30, "b": 50}, "plot_bgcolor": "#fff", "height": self.height}
         return _embedded({"data": self.data, "layout": base | self.layout})
 
 

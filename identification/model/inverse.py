@@ -172,8 +172,10 @@ def nearest_solution(robot: RobotModel, solutions: Solutions, reference: Array) 
     distance[~solutions.reachable] = np.inf
     branch = np.argmin(distance, axis=1)
     best = np.take_along_axis(turned, branch[:, None, None], axis=1)[:, 0]
-    lost = ~solutions.reachable.any(axis=1)
-    return np.where(lost[:, None], np.nan, best), np.where(lost, -1, branch)
+    lost = np.isinf(distance).all(axis=1)
+    best[lost] = np.nan
+    branch[lost] = -1
+    return best, branch
 
 
 def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:

@@ -1,0 +1,33 @@
+"""The sample job, run once: identify, predict and correct on the shipped files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from compensator.data import shipped
+from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
+from identification.cell import read_cell
+from identification.inference import fit_stiffness
+from identification.measurements import read_measurements
+
+TARE = (0, 2)
+
+
+@pytest.fixture(scope="session")
+def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
+    """The shipped files, with the stiffnesses identified from the shipped measurements."""
+    samples = shipped("samples")
+    cell = read_cell(samples / "cell.yaml")
+    fit = fit_stiffness(cell, read_measurements(samples / "measurements.csv", cell.robot))
+    stiffness: Path = tmp_path_factory.mktemp("sample") / "stiffness.json"
+    stiffness.write_text(json.dumps(fit.model.as_dict()))
+    return Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
+
+
+@pytest.fixture(scope="session")
+def sample(sample_inputs: Inputs) -> Corrected:
+    """The corrected sample program."""
+    return correct_program(predict_program(sample_inputs, tare=TARE))

@@ -1,0 +1,151 @@
+"""What the correction promises, checked on the independent arm and against the posterior it states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from compensator.correction import correct_path, predict_path, targets_to_correct
+from compensator.pipeline import Corrected, correct_program, summary
+from compensator.rapid import read_rapid
+from identification.findings import CompstiffError, Refused
+from identification.model.compliance import loaded_pose
+from identification.model.rotations import Frame, quaternion_to_matrix, rotation_vector
+from tests.virtual_cell.arm import IRB6660
+
+
+def residual_of(sample: Corrected, compliance: np.ndarray) -> np.ndarray:
+    """Distance vectors (M, 3) [m] of the loaded tool from the plan when the robot really has this compliance."""
+    plan, targets = sample.predicted.plan, sample.correction.targets
+    tool = sample.predicted.cell.flange_from_tcp
+    loaded = loaded_pose(sample.predicted.cell.robot, sample.correction.theta, tool, sample.predicted.forces.wrench[targets],
+                         compliance)
+    return loaded.position - plan.base_from_tcp.position[targets]
+
+
+def test_the_loaded_independent_arm_stands_on_the_plan(sample: Corrected) -> None:
+    """From the written text alone: the independent arm, commanded to the corrected target, comes to rest on the plan."""
+    before = sample.predicted.program.toolpath
+    after = read_rapid(sample.content, "corrected.mod").toolpath
+    fixture = quaternion_to_matrix([0.99965732, 0, 0, 0.02617695])
+    corner, tcp = np.array([1.05, -0.07, 0.62]), np.array([0.12, 0, 0.25])
+    stiffness = sample.predicted.model.stiffness
+    targets = sample.correction.targets[::90]
+    assert len(targets) > 25
+    for target in targets:
+        wanted = corner + fixture @ before.position[target]
+        goal = fixture @ quaternion_to_matrix(before.quaternion[target])
+        commanded = corner + fixture @ after.position[target]
+        turned = fixture @ quaternion_to_matrix(after.quaternion[target])
+        row = int(np.searchsorted(sample.correction.targets, target))
+        q = sample.correction.theta[row]
+        reached, flange = IRB6660.pose(q, tcp)
+        assert_allclose(reached, commanded, atol=1e-7)              # the text names the pose of these joint angles
+        assert_allclose(flange.as_matrix(), turned, atol=1e-7)
+        rest = IRB6660.loaded(q, tcp, sample.predicted.forces.wrench[target], stiffness)
+        loaded, flange = IRB6660.pose(rest, tcp)
+        assert np.linalg.norm(loaded - wanted) < 2e-10
+        assert np.linalg.norm(rotation_vector(flange.as_matrix() @ goal.T)) < 1e-9
+
+
+def test_more_than_99_percent_of_the_predicted_deviation_is_gone(sample: Corrected) -> None:
+    figures = summary(sample.predicted, sample)
+    assert figures["deviation_um"]["largest"] > 100
+    assert figures["residual_um"]["largest"] < 0.01 * figures["deviation_um"]["largest"]
+    assert figures["residual_um"]["rms"] < 0.01 * figures["deviation_um"]["rms"]
+
+
+def test_the_residual_of_robots_drawn_from_the_posterior_is_what_the_covariance_says(sample: Corrected) -> None:
+    predicted = sample.predicted
+    model, targets = predicted.model, sample.correction.targets
+    rng = np.random.default_rng(1)
+    squares = [np.mean(residual_of(sample, np.exp(rng.multivariate_normal(model.mean, model.covariance))) ** 2, axis=0)
+               for _ in range(60)]
+    covariance = model.deviation_covariance(predicted.plan.theta[targets], predicted.forces.wrench[targets],
+                                            predicted.cell.flange_from_tcp)
+    stated = np.mean(np.diagonal(covariance, axis1=1, axis2=2)[:, :3], axis=0)
+    assert_allclose(np.mean(squares, axis=0), stated, rtol=0.5)
+
+
+def test_no_target_is_made_worse_by_such_a_robot(sample: Corrected) -> None:
+    """Over robots drawn from the posterior: no target ends up farther off than before by more than 2 of its sigmas."""
+    predicted = sample.predicted
+    model = predicted.model
+    tool, targets = predicted.cell.flange_from_tcp, sample.correction.targets
+    sigma = np.linalg.norm(predicted.prediction.std, axis=1)
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        compliance = np.exp(rng.multivariate_normal(model.mean, model.covariance))
+        loaded = loaded_pose(predicted.cell.robot, predicted.plan.theta[targets], tool, predicted.forces.wrench[targets],
+                             compliance)
+        before = np.linalg.norm(loaded.position - predicted.plan.base_from_tcp.position[targets], axis=1)
+        after = np.linalg.norm(residual_of(sample, compliance), axis=1)
+        assert np.all(after <= before + 2 * sigma)
+
+
+def test_stiffnesses_wrong_by_30_percent_leave_30_percent(sample: Corrected) -> None:
+    before = np.linalg.norm(sample.predicted.prediction.position, axis=1)
+    left = np.linalg.norm(residual_of(sample, 1.3 * sample.predicted.model.compliance), axis=1)
+    assert_allclose(left, 0.3 * before, rtol=0.02)
+
+
+def test_no_force_no_correction(sample: Corrected) -> None:
+    forces = replace(sample.predicted.forces, forced=np.zeros_like(sample.predicted.forces.forced))
+    targets, findings = targets_to_correct(sample.predicted.plan, forces)
+    prediction = predict_path(sample.predicted.plan, forces, sample.predicted.model, targets)
+    again = correct_program(replace(sample.predicted, forces=forces, prediction=prediction))
+    assert not findings
+    assert again.content == sample.predicted.program.source.data
+
+
+def test_opposite_forces_give_opposite_first_order_corrections(sample: Corrected) -> None:
+    predicted = sample.predicted
+    targets = sample.correction.targets
+    turned = replace(predicted.forces, wrench=-predicted.forces.wrench)
+    mirrored = correct_path(predicted.plan, turned, predicted.model, targets)
+    size = np.linalg.norm(sample.correction.offset, axis=1)
+    assert np.all(np.linalg.norm(mirrored.offset + sample.correction.offset, axis=1) < 5e-3 * size)
+
+
+def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sample_inputs, tmp_path) -> None:
+    """World and work object moved together with the base: the corrections are the same."""
+    from compensator.pipeline import Inputs, predict_program
+
+    cell = tmp_path / "cell.yaml"
+    cell.write_text(sample_inputs.cell.read_text() + "base_frame: {position_mm: [500, -300, 200], quaternion: "
+                    "[0.70710678118654752, 0, 0, 0.70710678118654752]}\n")
+    world_from_base = Frame.from_quaternion([0.5, -0.3, 0.2], [np.sqrt(0.5), 0, 0, np.sqrt(0.5)])
+    moved = world_from_base @ Frame.from_quaternion([1.05, -0.07, 0.62], [0.99965732, 0, 0, 0.02617695])
+    old = b"[[1050.0000,-70.0000,620.0000],[0.99965732,0.00000000,0.00000000,0.02617695]]"
+    numbers = ",".join(f"{1e3 * x:.12f}" for x in moved.position), ",".join(f"{x:.16f}" for x in moved.quaternion)
+    new = f"[[{numbers[0]}],[{numbers[1]}]]".encode()
+    text = sample_inputs.toolpath.read_bytes()
+    assert old in text
+    program = tmp_path / "insert.mod"
+    program.write_bytes(text.replace(old, new))
+    again = correct_program(predict_program(
+        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), tare=(0, 2)))
+    # A sample on the border between two targets may fall to the other one by the last digit: a few nanometres there.
+    assert_allclose(again.correction.offset, sample.correction.offset, atol=2e-8)
+
+
+def test_limits_refuse(sample: Corrected) -> None:
+    predicted, targets = sample.predicted, sample.correction.targets
+    tight = replace(predicted.plan, cell=replace(predicted.cell, max_offset=1e-4))
+    with pytest.raises(Refused, match=r"CS4107.*corrections exceed the limit: the largest offset is 0\.3.* mm, the limit 0\.1 mm"):
+        correct_path(tight, predicted.forces, predicted.model, targets)
+    tilt = replace(predicted.plan, cell=replace(predicted.cell, max_tilt=np.radians(0.01)))
+    with pytest.raises(Refused, match=r"CS4107.*largest rotation is 0\.02.* deg, the limit 0\.01 deg"):
+        correct_path(tilt, predicted.forces, predicted.model, targets)
+    limits = predicted.cell.robot.limits.copy()
+    limits[4, 1] = predicted.plan.theta[targets, 4].max() - 1e-4
+    narrow = replace(predicted.plan, cell=replace(predicted.cell, robot=replace(predicted.cell.robot, limits=limits)))
+    with pytest.raises(Refused, match=r"CS4105.*as planned: joint 5 at"):
+        targets_to_correct(narrow, predicted.forces)
+
+
+def test_absurd_forces_are_an_error_not_a_program(sample: Corrected) -> None:
+    huge = replace(sample.predicted.forces, wrench=1e5 * sample.predicted.forces.wrench)
+    with pytest.raises(CompstiffError):
+        correct_path(sample.predicted.plan, huge, sample.predicted.model, sample.correction.targets)

@@ -1,0 +1,141 @@
+"""From a log to one wrench a target: means, their error, bias, frames, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from compensator.forces import TargetForces, place_forces, read_force_log
+from compensator.planning import Plan, plan_path
+from compensator.rapid import read_rapid
+from identification.cell import read_cell
+from identification.findings import CompstiffError
+from identification.model.rotations import quaternion_to_matrix
+
+QUATERNION = (0.02522428, -0.00054983, -0.99944426, 0.02178562)
+CELL = """\
+robot: irb6660-205-1.90
+tool: {position_mm: [120, 0, 250]}
+"""
+
+
+def plan(folder: Path, cell_text: str = CELL, count: int = 5) -> Plan:
+    """`count` targets 10 mm apart along x."""
+    moves = "\n".join(
+        f"Move{'J' if i == 0 else 'L'} [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+        "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;" for i in range(count))
+    text = f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n"
+    (folder / "cell.yaml").write_text(cell_text)
+    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+
+
+def place(folder: Path, text: str, cell_text: str = CELL, **options) -> TargetForces:
+    path = folder / "forces.csv"
+    path.write_text(text)
+    here = plan(folder, cell_text)
+    return place_forces(read_force_log(path), here, here.cell, **options)
+
+
+def log_text(header: str, rows: np.ndarray) -> str:
+    return header + "\n" + "\n".join(",".join(f"{x:.9g}" for x in row) for row in rows) + "\n"
+
+
+def test_by_target(tmp_path) -> None:
+    forces = place(tmp_path, "target,fx_n,fy_n,fz_n\n1,10,0,0\n1,20,0,0\n3,0,0,-5\n")
+    assert forces.samples.tolist() == [0, 2, 0, 1, 0]
+    assert forces.forced.tolist() == [False, True, False, True, False]
+    assert_allclose(forces.wrench[1], [15, 0, 0, 0, 0, 0])
+    assert_allclose(forces.wrench[3], [0, 0, -5, 0, 0, 0])
+    assert {finding.code for finding in forces.findings} == {"CS3003", "CS3011", "CS3012"}
+
+
+@pytest.mark.parametrize("header", ["path_mm", "x_mm,y_mm,z_mm"])
+def test_half_a_segment_on_either_side(tmp_path, header: str) -> None:
+    places = np.array([0, 4.9, 5.1, 14.9, 15.1, 24, 36, 40.0])
+    columns = places[:, None] if header == "path_mm" else np.column_stack([1000 + places, 0 * places, 700 + 0 * places])
+    rows = np.column_stack([columns, np.arange(1, 9), np.zeros(8), np.zeros(8)])
+    forces = place(tmp_path, log_text(header + ",fx_n,fy_n,fz_n", rows))
+    assert forces.samples.tolist() == [2, 2, 2, 0, 2]
+    assert_allclose(forces.wrench[:, 0], [1.5, 3.5, 5.5, 0, 7.5])
+
+
+def test_standard_error_covers_the_mean_of_a_correlated_force(tmp_path) -> None:
+    """Tooth passing and noise about a steady force: the error of the mean is stated neither at zero nor at the scatter."""
+    rng = np.random.default_rng(1)
+    count = 4000
+    along = np.linspace(0, 40, count)
+    wave = 60 * np.sin(2 * np.pi * 0.37 * np.arange(count))
+    drift = np.convolve(rng.standard_normal(count + 49), np.ones(50) / 7, mode="valid")       # correlated over 50 samples
+    rows = np.column_stack([along, 200 + wave + 5 * drift, np.zeros(count), np.zeros(count)])
+    forces = place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows))
+    assert np.all(np.abs(forces.wrench[:, 0] - 200) < 5 * forces.standard_error[:, 0])
+    assert np.all(forces.standard_error[:, 0] < 3)
+    assert np.all(forces.standard_error[:, 0] > 0.1)
+
+
+def test_noise_in_air_is_no_force_and_a_bias_is_subtracted(tmp_path) -> None:
+    rng = np.random.default_rng(2)
+    along = np.repeat(np.arange(5) * 10.0, 200)
+    force = np.where(along[:, None] >= 20, [0.0, 150, 0], 0.0)
+    rows = np.column_stack([along, force + [3, -4, 5] + 2 * rng.standard_normal((1000, 3))])
+    biased = place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows))
+    assert biased.forced.all()
+    forces = place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows), tare=(0, 1))
+    assert forces.forced.tolist() == [False, False, True, True, True]
+    assert not forces.wrench[:2].any()
+    assert_allclose(forces.wrench[2:, :3], [[0, 150, 0]] * 3, atol=1)
+    assert forces.tare is not None
+    assert_allclose(forces.tare[:3], [3, -4, 5], atol=0.5)
+
+
+@pytest.mark.parametrize(("frame", "sign"), [("base", 1), ("tool", 1), ("tool", -1), ("sensor", 1)])
+def test_frames_and_sign(tmp_path, frame: str, sign: int) -> None:
+    """The wrench at the TCP in the base frame, worked out by hand from rotation matrices."""
+    base_from_tool = quaternion_to_matrix(QUATERNION)
+    force, moment = np.array([30.0, -20, 10]), np.array([1.0, 2, -3])
+    log_force, log_moment = force, moment
+    text = CELL
+    if frame == "tool":
+        log_force, log_moment = base_from_tool.T @ force, base_from_tool.T @ moment
+    if frame == "sensor":
+        flange_from_sensor, place_in_flange = quaternion_to_matrix([0.9, 0.1, 0.3, -0.2]), np.array([0.01, 0.02, 0.05])
+        text += ("force_log: {frame: sensor, sensor_quaternion: [0.92318602, 0.10257622, 0.30772867, -0.20515245], "
+                 "sensor_position_mm: [10, 20, 50]}\n")
+        base_from_sensor = base_from_tool @ flange_from_sensor          # the tool's orientation is the flange's
+        lever = base_from_tool @ (np.array([0.12, 0, 0.25]) - place_in_flange)
+        log_force = base_from_sensor.T @ force
+        log_moment = base_from_sensor.T @ (moment + np.cross(lever, force))         # moment about the sensor's origin
+    else:
+        text += f"force_log: {{frame: {frame}, sign: {'on_tool' if sign > 0 else 'by_tool'}}}\n"
+    values = sign * np.concatenate([log_force, log_moment])
+    forces = place(tmp_path, log_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm", np.array([[2, *values]])), text)
+    assert_allclose(forces.wrench[2], [*force, *moment], atol=1e-5)
+
+
+def test_by_joint_angles(tmp_path) -> None:
+    here = plan(tmp_path)
+    rows = np.column_stack([np.degrees(here.theta), np.arange(1, 6), np.zeros(5), np.zeros(5)])
+    forces = place(tmp_path, log_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n", rows))
+    assert_allclose(forces.wrench[:, 0], [1, 2, 3, 4, 5])
+
+
+@pytest.mark.parametrize(("text", "code", "words"), [
+    ("target,fx_n,fy_n,fz_n\n5,1,0,0\n", "CS3004", "beyond the program, which has 5 targets"),
+    ("target,fx_n,fy_n,fz_n\n-1,1,0,0\n", "CS3004", "not a target number"),
+    ("target,fx_n,fy_n,fz_n\n1.5,1,0,0\n", "CS3004", "not a target number"),
+    ("target,fx_n,fy_n,fz_n\n1,inf,0,0\n", "CS0203", "'inf'"),
+    ("target,fx_n,fy_n,fz_n\n", "CS3002", "no samples"),
+    ("fx_n,fy_n,fz_n\n1,0,0\n", "CS3001", "no column says where"),
+    ("time_s,fx_n,fy_n,fz_n\n0,1,0,0\n", "CS3001", "time alone"),
+    ("path_mm,fx_n,fy_n,fz_n\n900,1,0,0\n", "CS3005", "none of the 1 samples"),
+    ("x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n0,0,0,1,0,0\n", "CS3005", "none of the 1 samples"),
+])
+def test_refusals(tmp_path, text: str, code: str, words: str) -> None:
+    with pytest.raises(CompstiffError, match=f"{code}.*{words}"):
+        place(tmp_path, text)
+
+
+def test_tare_without_samples(tmp_path) -> None:
+    with pytest.raises(CompstiffError, match="CS3006.*0 to 1"):
+        place(tmp_path, "target,fx_n,fy_n,fz_n\n3,1,0,0\n", tare=(0, 1))

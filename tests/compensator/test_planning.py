@@ -1,0 +1,89 @@
+"""The joint angles a program is driven with: configuration by confdata, by MoveAbsJ, and along linear moves."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.testing import assert_allclose
+
+from compensator.planning import Plan, plan_path
+from compensator.rapid import read_rapid
+from identification.cell import read_cell
+from identification.model.inverse import configuration
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame
+from tests.support import robot, write_cell
+
+TOOL = Frame.from_quaternion([0.12, 0, 0.25], [1, 0, 0, 0])
+
+
+def target(theta_deg: list[float], confdata: list[int] | None = None) -> str:
+    """A robtarget in wobj0 that these joint angles reach, with their confdata or another."""
+    theta = np.radians([theta_deg])
+    tcp = forward(robot(), theta, TOOL)
+    numbers = ",".join(f"{1e3 * x:.9f}" for x in tcp.position[0]), ",".join(f"{x:.12f}" for x in tcp.quaternion[0])
+    cf = configuration(robot(), theta)[0].tolist() if confdata is None else confdata
+    return f"[[{numbers[0]}],[{numbers[1]}],{cf},[9E9,9E9,9E9,9E9,9E9,9E9]]"
+
+
+def planned(folder: Path, *moves: str) -> Plan:
+    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(write_cell(folder)))
+
+
+def linear(theta_deg: list[float], confdata: list[int] | None = None) -> str:
+    return f"MoveL {target(theta_deg, confdata)},v100,fine,tSpindle;"
+
+
+def joint(theta_deg: list[float], confdata: list[int] | None = None) -> str:
+    return f"MoveJ {target(theta_deg, confdata)},v100,fine,tSpindle;"
+
+
+def test_confdata_names_the_configuration_of_a_joint_move(tmp_path) -> None:
+    wanted = [[10.0, 20, 30, 40, 50, 60], [-20.0, 10, 20, 200, -60, -300], [30.0, 0, 10, -250, 40, 340]]
+    plan = planned(tmp_path, *(joint(theta) for theta in wanted))
+    assert_allclose(np.degrees(plan.theta), wanted, atol=1e-6)
+    assert not plan.findings
+
+
+def test_linear_moves_keep_the_configuration_whatever_their_confdata_say(tmp_path) -> None:
+    steps = [[10.0, 20, 30, 178 + 2 * i, -50, 60] for i in range(5)]
+    plan = planned(tmp_path, joint(steps[0]), *(linear(theta, [0, 0, 0, 0]) for theta in steps[1:]))
+    assert_allclose(np.degrees(plan.theta), steps, atol=1e-6)
+    assert [finding.code for finding in plan.findings] == ["CS4002"]
+
+
+def test_a_joint_move_inside_a_path_takes_its_own_configuration(tmp_path) -> None:
+    theta = [10.0, 20, 30, 40, 50, 60]
+    flipped = [10.0, 20, 30, -140, -50, -120]
+    plan = planned(tmp_path, joint(theta), linear(theta), joint(flipped), linear(flipped, [0, 0, 0, 0]))
+    assert_allclose(np.degrees(plan.theta), [theta, theta, flipped, flipped], atol=1e-6)
+
+
+def test_move_abs_j_says_where_a_linear_move_starts(tmp_path) -> None:
+    angles = [12.0, 22, 31, 220, -50, -300]
+    near = [13.0, 22, 31, 221, -50, -300]
+    plan = planned(tmp_path, f"MoveAbsJ [{angles},[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;", linear(near, [0, 0, 0, 0]))
+    assert_allclose(np.degrees(plan.theta), [angles, near], atol=1e-6)
+    assert_allclose(plan.world_position[0], forward(robot(), np.radians([angles]), TOOL).position[0], atol=1e-12)
+
+
+def test_confdata_that_fits_nothing_is_said(tmp_path) -> None:
+    plan = planned(tmp_path, joint([10.0, 20, 30, 40, 50, 60], [3, 3, 3, 0]))
+    assert [(finding.code, finding.level, finding.target) for finding in plan.findings] == [("CS4001", "warning", 0)]
+    assert_allclose(np.degrees(plan.theta[0]), [10, 20, 30, 40, 50, 60], atol=1e-6)
+
+
+def test_out_of_reach_is_marked(tmp_path) -> None:
+    far = "MoveL [[9000,0,700],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;"
+    plan = planned(tmp_path, joint([10.0, 20, 30, 40, 50, 60]), far, linear([10.0, 20, 30, 40, 50, 60]))
+    assert plan.reached.tolist() == [True, False, True]
+
+
+def test_the_many_joint_moves_of_a_long_program_are_quick(tmp_path) -> None:
+    import time
+
+    moves = [joint([10.0, 20, 30, 40, 50, 60 + 0.01 * i]) for i in range(50)] * 80
+    start = time.perf_counter()
+    plan = planned(tmp_path, *moves)
+    assert time.perf_counter() - start < 10
+    assert plan.reached.all()
