@@ -90,7 +90,7 @@ def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[
     path = plan.toolpath
     forced = np.flatnonzero(forces.forced)
     blocked = [int(i) for i in forced if path.block[i]]
-    unusable = [i for i in blocked if "quaternion" in str(path.block[i])]
+    unusable = [i for i in blocked if np.isfinite(path.position[i]).all() and np.isnan(path.quaternion[i]).any()]
     if unusable:
         raise CompstiffError(*(_at(plan, i, "CS4103", "error", f"a move with force: {path.block[i]}",
                                    "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
@@ -192,11 +192,6 @@ def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
     step = configuration(robot, theta)[:, :3] - configuration(robot, planned)[:, :3]
     confdata = path.confdata[targets].copy()
     confdata[:, :3] += step
-    moved = np.flatnonzero(step.any(axis=1) & path.has_confdata[targets])
-    findings += [
-        _at(plan, int(targets[i]), "CS4109", "note", "the correction takes an axis into another quadrant: confdata changes "
-            f"from {path.confdata[targets[i]].tolist()} to {confdata[i].tolist()}") for i in moved
-    ]
     return Correction(targets, commanded, offset, turn, theta, confdata, residual, tuple(findings))
 
 

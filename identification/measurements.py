@@ -137,8 +137,8 @@ def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
         hint = "angles are the controller's, in degrees, as the pendant shows them"
         if joint < 6:
             low, high = np.degrees(robot.limits[joint])
-            message = (f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is outside its limits {low:g} to {high:g} "
-                       "deg")
+            message = (f"joint {joint + 1} at {np.degrees(theta[row, joint]):.6g} deg is outside its limits {low:g} to "
+                       f"{high:g} deg")
             column = JOINTS[joint]
         elif robot.window is not None:
             index, low, high = robot.window

@@ -80,7 +80,7 @@ class _Arm:
         """Torques (6, n) [N m] about the serial axes; wrench (6, n) or, where there is no moment, (3, n) in the base frame."""
         torque = self.torque[:, : wrench.shape[1]]
         torque[:] = 0.0
-        for axis, (x, y, z) in self._carried(wrench[:3]):
+        for axis, (x, y, _z) in self._carried(wrench[:3]):
             torque[axis] += self.arm_x[axis, : len(x)] * y
             torque[axis] -= self.arm_y[axis, : len(x)] * x
         if len(wrench) == 6:

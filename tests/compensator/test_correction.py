@@ -133,7 +133,7 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
 def test_limits_refuse(sample: Corrected) -> None:
     predicted, targets = sample.predicted, sample.correction.targets
     tight = replace(predicted.plan, cell=replace(predicted.cell, max_offset=1e-4))
-    with pytest.raises(Refused, match=r"CS4107.*corrections exceed the limit: the largest offset is 0\.3.* mm, the limit 0\.1 mm"):
+    with pytest.raises(Refused, match=r"CS4107.*exceed the limit: the largest offset is 0\.3.* mm, the limit 0\.1 mm"):
         correct_path(tight, predicted.forces, predicted.model, targets)
     tilt = replace(predicted.plan, cell=replace(predicted.cell, max_tilt=np.radians(0.01)))
     with pytest.raises(Refused, match=r"CS4107.*largest rotation is 0\.02.* deg, the limit 0\.01 deg"):

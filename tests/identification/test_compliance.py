@@ -6,7 +6,13 @@ from numpy.testing import assert_allclose
 
 from identification.findings import CompstiffError
 from identification.model.compliance import (
-    compliance_matrix, deviation, equilibrium, joint_torque, loaded_angles, sensitivity, signature,
+    compliance_matrix,
+    deviation,
+    equilibrium,
+    joint_torque,
+    loaded_angles,
+    sensitivity,
+    signature,
 )
 from identification.model.kinematics import forward
 from identification.model.robot import built_in_robots, read_robot
