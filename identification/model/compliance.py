@@ -79,10 +79,10 @@ class _Arm:
     def torques(self, wrench: Array) -> Array:
         """Torques (6, n) [N m] about the serial axes; wrench (6, n) or, where there is no moment, (3, n) in the base frame."""
         torque = self.torque[:, : wrench.shape[1]]
-        torque[:] = 0.0
         for axis, (x, y, _z) in self._carried(wrench[:3]):
-            torque[axis] += self.arm_x[axis, : len(x)] * y
-            torque[axis] -= self.arm_y[axis, : len(x)] * x
+            np.multiply(self.arm_x[axis, : len(x)], y, out=torque[axis])
+            np.multiply(self.arm_y[axis, : len(x)], x, out=self.square[axis, : len(x)])
+            torque[axis] -= self.square[axis, : len(x)]
         if len(wrench) == 6:
             for axis, (_x, _y, z) in self._carried(wrench[3:]):
                 torque[axis] += z
@@ -97,6 +97,8 @@ class _Arm:
             sine, cosine = self.twists[i]
             y, z = _twist((-sine, cosine), y, z)
             yield i, (x, y, z)
+            if i == 5:
+                return
             s, c = self.sines[i, :n], self.cosines[i, :n]
             np.multiply(s, x, out=kept)
             np.multiply(s, y, out=product)
@@ -162,16 +164,20 @@ def equilibrium(
     Raises CompstiffError (CS1101) where the load is so large that the springs find no equilibrium.
     """
     arm = _Arm(robot, flange_from_tcp, min(len(theta), CHUNK))
-    load, gain = robot.load_matrix, compliance[:, None]
+    load, soften = robot.load_matrix, compliance[:, None] * robot.load_matrix.T
     deflection, position = np.empty((len(theta), 6)), np.empty((len(theta), 3))
+    buffers = np.empty((3, 6, min(len(theta), CHUNK)))
     for part in chunks(len(theta), CHUNK):
         serial, piece = _serial(robot, theta[part]), _components(wrench, part)
+        angles, yielded, previous = buffers[:, :, : serial.shape[1]]
         arm.set_angles(serial)
-        unloaded = np.array(arm.position)
-        yielded = gain * (load.T @ arm.torques(piece))
+        for axis in range(3):
+            position[part, axis] = arm.position[axis]
+        np.matmul(soften, arm.torques(piece), out=yielded)
         for _ in range(1, rounds or MAX_ROUNDS):
-            arm.set_angles(serial + load @ yielded)
-            previous, yielded = yielded, gain * (load.T @ arm.torques(piece))
+            arm.set_angles(np.add(serial, np.matmul(load, yielded, out=angles), out=angles))
+            previous, yielded = yielded, previous
+            np.matmul(soften, arm.torques(piece), out=yielded)
             previous -= yielded
             change = max(float(previous.max()), -float(previous.min()))
             if rounds is None and change <= TOLERANCE_RAD:
@@ -181,9 +187,10 @@ def equilibrium(
                 raise error(
                     "CS1101", f"no equilibrium under this load after {MAX_ROUNDS} rounds: the joints still move "
                     f"by {change:.2g} rad", hint="check the units of forces [N], moments [N m] and stiffnesses")
-        arm.set_angles(serial + load @ yielded)
+        arm.set_angles(np.add(serial, np.matmul(load, yielded, out=angles), out=angles))
         deflection[part] = yielded.T
-        position[part] = (np.array(arm.position) - unloaded).T
+        for axis in range(3):
+            np.subtract(arm.position[axis], position[part, axis], out=position[part, axis])
     return Equilibrium(deflection, position)
 
 
