@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from compensator.data import shipped
 from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
 from identification.cell import read_cell
-from identification.inference import fit_stiffness
+from identification.fit import fit_stiffness
 from identification.measurements import read_measurements
 from identification.model.compliance import loaded_pose
 from samples.make_samples import TRUE_STIFFNESS

@@ -13,9 +13,9 @@ from identification.cell import read_cell
 from identification.commands import stiffness_lines
 from identification.console import Outcome, Session
 from identification.files import check_writable, write_whole
-from identification.inference import fit_stiffness
+from identification.fit import fit_stiffness
+from identification.fit_report import identification_report
 from identification.measurements import read_measurements
-from identification.report import identification_report
 
 SAMPLES = ("README.md", "cell.yaml", "measurements.csv", "insert.mod", "insert.forces.parquet")
 WRITTEN = ("stiffness.json", "identify.html", "insert_corrected.mod", "insert_corrected.mod.json", "offsets.csv",

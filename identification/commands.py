@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from identification.console import READABLE, WRITABLE, Outcome, Session, command
+
+if TYPE_CHECKING:
+    from identification.fit import Fit
+    from identification.inference import PriorKind
 
 
 @command("robots")
@@ -32,8 +37,16 @@ def robots(session: Session) -> Outcome:
 @click.argument("cell_file", metavar="CELL", type=READABLE)
 @click.argument("measurements_file", metavar="MEASUREMENTS", type=READABLE)
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The stiffness file to write.")
+@click.option("--prior", "prior_kind", type=click.Choice(["lognormal", "gaussian"]), default="lognormal", show_default=True,
+              help="Shape of the prior; gaussian in k is the paper's.")
+@click.option("--gamma", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+              help="Weight of the Gaussian prior (paper, eq. 11).")
+@click.option("--profile", is_flag=True, help="Also compute each stiffness's profile likelihood (in --json and the report).")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
-def identify(session: Session, cell_file: Path, measurements_file: Path, output: Path, report: Path | None) -> Outcome:
+def identify(
+    session: Session, cell_file: Path, measurements_file: Path, output: Path, prior_kind: PriorKind, gamma: float,
+    profile: bool, report: Path | None,
+) -> Outcome:
     """Learn the joint stiffnesses from measured loads and deflections.
 
     CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
@@ -42,31 +55,28 @@ def identify(session: Session, cell_file: Path, measurements_file: Path, output:
 
     from identification.cell import read_cell
     from identification.files import check_writable, write_whole
-    from identification.inference import fit_stiffness
+    from identification.fit import fit_stiffness
     from identification.measurements import read_measurements
 
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     measurements = read_measurements(measurements_file, cell.robot)
-    fit = fit_stiffness(cell, measurements)
+    fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
     content = fit.model.as_dict()
     files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
     if report:
-        from identification.report import identification_report
+        from identification.fit_report import identification_report
 
         files[report] = identification_report(cell, measurements, fit).encode()
     write_whole(files)
-    return Outcome(content, fit.findings, stiffness_lines(fit),
+    return Outcome(content | {"details": fit.details()}, fit.findings, stiffness_lines(fit),
                    next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
                    "-o PART_corrected.mod")
 
 
-def stiffness_lines(fit: object) -> list[str]:
+def stiffness_lines(fit: Fit) -> list[str]:
     """The fit as a table for the terminal."""
-    from identification.inference import Fit
-
-    assert isinstance(fit, Fit)
     model = fit.model
     lines = ["joint   stiffness k [N m/rad]   95 % interval                grade"]
     for joint, (k, (low, high), grade) in enumerate(
@@ -74,8 +84,11 @@ def stiffness_lines(fit: object) -> list[str]:
         digits = 3 if high / low > 1.02 else 4
         interval = f"{low:.{digits}g} ... {high:.{digits}g}"
         lines.append(f"k{joint}      {k:<22.{digits}g}  {interval:<27}  {grade}")
-    lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS, "
-                 f"noise {fit.noise_scale:.2f} x the stated")
+    noise = model.fit["noise"]
+    offset = sum(noise["pose_offset_um"]) / 3
+    lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: sensor "
+                 f"{noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
+    lines.append(fit.ellipsoid.words)
     if fit.held_out is not None:
         before, after = fit.held_out
         lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "

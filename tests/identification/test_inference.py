@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from identification.cell import Cell, read_cell
 from identification.findings import CompstiffError
-from identification.inference import fit_stiffness
+from identification.fit import fit_stiffness
 from identification.measurements import Measurements, read_measurements
 from identification.model.compliance import equilibrium, signature
 from tests.support import measurement_text, random_poses, write_cell
@@ -58,10 +58,12 @@ def test_noiseless_data_of_the_independent_arm_give_the_true_stiffnesses(tmp_pat
 
 
 def test_the_map_is_the_minimum(tmp_path) -> None:
-    """Against SciPy's minimiser of the written-out posterior, dense covariance, noise size as estimated."""
+    """Against SciPy's minimiser of the written-out posterior, dense covariance, noise sizes as estimated."""
     cell, rows = simulate(tmp_path, np.random.default_rng(2), poses=4)
     fit = fit_stiffness(cell, rows)
-    c = fit.model.compliance
+    found = fit.posterior
+    assert np.all(found.row_weight == 1)
+    c = np.exp(found.map)
     columns = signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)
     covariance = np.zeros((3 * len(rows), 3 * len(rows)))
     for i in range(len(rows)):
@@ -72,10 +74,11 @@ def test_the_map_is_the_minimum(tmp_path) -> None:
                                   for w in unit])
         force = cell.noise.force**2 + (cell.noise.force_relative * rows.wrench[i, :3])**2
         own = slice(3 * i, 3 * i + 3)
-        covariance[own, own] += matrix @ np.diag(force) @ matrix.T + np.diag(cell.noise.deflection**2)
+        covariance[own, own] += (found.size.force**2 * matrix @ np.diag(force) @ matrix.T
+                                 + found.size.sensor**2 * np.diag(cell.noise.deflection**2))
         for j in np.flatnonzero(rows.visit == rows.visit[i]):
-            covariance[own, 3 * j:3 * j + 3] += np.diag(cell.noise.pose_offset**2)
-    weight = np.linalg.inv(fit.noise_scale**2 * covariance)
+            covariance[own, 3 * j:3 * j + 3] += found.size.offset**2 * np.diag(cell.noise.pose_offset**2)
+    weight = np.linalg.inv(covariance)
     centre, width = -np.log(cell.prior.stiffness), cell.prior.log_std
 
     def objective(x: np.ndarray) -> float:
@@ -84,7 +87,9 @@ def test_the_map_is_the_minimum(tmp_path) -> None:
         return float(0.5 * r @ weight @ r + 0.5 * np.sum(((x - centre) / width) ** 2))
 
     best = minimize(objective, -np.log(TRUE), method="BFGS", options={"gtol": 1e-9})
-    assert np.max(np.abs(fit.model.mean - best.x) / fit.model.log_std) < 0.02
+    assert np.max(np.abs(found.map - best.x) / fit.model.log_std) < 0.03
+    # Averaging over the noise sizes and the shape of the prior moves the centre by less than its uncertainty.
+    assert np.max(np.abs(fit.model.mean - found.map) / fit.model.log_std) < 0.6
     assert columns.shape == (len(rows), 6, 6)
 
 
@@ -114,9 +119,12 @@ def test_the_paper_s_x_only_data_say_nothing_of_joint_6(tmp_path) -> None:
     fit = fit_stiffness(cell, read_measurements(path, cell.robot))
     for joint in (0, 3, 5):
         assert fit.model.grades[joint] == "not identifiable"
-        assert_allclose(fit.model.stiffness[joint], cell.prior.stiffness[joint], rtol=1e-6)
-        assert_allclose(fit.model.log_std[joint], cell.prior.log_std, rtol=1e-3)
-    assert any(finding.code == "CS1012" and "k1, k4, k6" in finding.message for finding in fit.findings)
+        assert_allclose(fit.model.stiffness[joint], cell.prior.stiffness[joint], rtol=5e-3)
+        assert_allclose(fit.model.log_std[joint], cell.prior.log_std, rtol=2e-2)
+    unseen = [finding for finding in fit.findings if finding.code == "CS1012"]
+    assert [finding.message[:2] for finding in unseen] == ["k1", "k4", "k6"]
+    assert all("was never loaded" in finding.message for finding in unseen)
+    assert all("would bring the uncertainty" in finding.hint for finding in unseen)
 
 
 def test_validation_rows_are_never_fitted(tmp_path) -> None:
@@ -139,16 +147,20 @@ def test_empty_components_carry_no_weight(tmp_path) -> None:
     deflection[::2, 1] = np.nan
     fit = fit_stiffness(cell, replace(rows, deflection=deflection))
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
-    # Only the y readings of half of the rows are gone: the uncertainty grows, never falls, once the noise size is taken out.
+    # Only the y readings of half of the rows are gone: at the same noise the uncertainty grows, never falls.
     whole = fit_stiffness(cell, rows)
-    assert np.all(fit.model.log_std / fit.noise_scale > 0.98 * whole.model.log_std / whole.noise_scale)
+    size = fit.posterior.size
+    kept = [np.diag(np.linalg.inv(f.posterior.at_map.noise.weights(size).inner(
+        f.posterior.at_map.design, f.posterior.at_map.design))) for f in (fit, whole)]
+    assert np.all(kept[0] >= 0.999 * kept[1])
 
 
 def test_larger_noise_than_stated_widens_the_intervals_and_is_said(tmp_path) -> None:
     cell, rows = simulate(tmp_path, np.random.default_rng(5))
     loud = rows.deflection + 3e-5 * np.random.default_rng(6).standard_normal(rows.deflection.shape)
     fit = fit_stiffness(cell, replace(rows, deflection=loud))
-    assert fit.noise_scale > 3
+    assert fit.posterior.size.sensor > 3
+    assert fit.posterior.size.offset < 3
     assert any(finding.code == "CS1013" for finding in fit.findings)
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
 
