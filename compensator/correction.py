@@ -105,7 +105,8 @@ def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[
         tool, item = path.tools[path.tool[i]], path.workobjects[path.workobject[i]]
         for kind, name, problem in (("tool", tool.name, tool.problem), ("work object", item.name, item.problem)):
             if problem:
-                problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: {problem}"))
+                problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: {problem}",
+                                    "declare it with its numbers in this module, or in cell.yaml"))
         used = [f"eax_{letter}" for letter, value in zip("abcdef", path.external[i], strict=True) if not np.isnan(value)]
         if used:
             problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, "
@@ -138,7 +139,8 @@ def _refuse_outside(plan: Plan, targets: Indices, theta: Array, when: str) -> No
             index, first, last = robot.window
             what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
                     f"{np.degrees(first):g} to {np.degrees(last):g} deg")
-        findings.append(_at(plan, int(targets[row]), "CS4105", "error", f"{when}: {what}"))
+        findings.append(_at(plan, int(targets[row]), "CS4105", "error", f"{when}: {what}",
+                            "check the configuration (confdata), tool and work object, or move the part"))
     raise Refused(*findings)
 
 
@@ -148,7 +150,13 @@ def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
     for tool, places in _each_tool(plan, targets):
         theta, wrench = plan.theta[targets[places]], forces.wrench[targets[places]]
-        position[places], rotation[places] = deviation(model.robot, theta, tool, wrench, model.compliance)
+        try:
+            position[places], rotation[places] = deviation(model.robot, theta, tool, wrench, model.compliance)
+        except CompstiffError as stopped:
+            worst = int(targets[places[np.argmax(np.linalg.norm(wrench[:, :3], axis=1))]])
+            raise CompstiffError(*(_at(plan, worst, finding.code, "error", f"{finding.message} (largest force "
+                                       f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N)", finding.hint)
+                                   for finding in stopped.findings)) from stopped
         covariance[places] = model.deviation_covariance(theta, wrench, tool)[:, :3, :3]
         scatter = np.nan_to_num(forces.standard_error[targets[places]]) ** 2
         if scatter.any():

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.placement import arc_length, match_forwards, nearest_target
+from compensator.placement import arc_length, match_forwards, nearest_target, polyline
 from compensator.planning import Plan
 from identification.cell import Cell
-from identification.findings import Finding, error
+from identification.findings import Finding, Level, counted, error
 from identification.measurements import FORCES, JOINTS, MOMENTS
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame
@@ -23,6 +23,8 @@ Indices = NDArray[np.intp]
 Key = Literal["target", "path_mm", "position", "joints"]
 POSITION = ("x_mm", "y_mm", "z_mm")
 BATCHES = 8
+# A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
+SIGMAS, GROW, GAP = 5.0, 2.0, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +63,24 @@ class TargetForces:
 
 def read_force_log(path: str | Path) -> ForceLog:
     """Reads a force log. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty."""
-    table = read_table(path, required=FORCES, optional=(*MOMENTS, "target", "path_mm", *POSITION, *JOINTS, "time_s"))
+    table = read_table(path, required=FORCES, optional=(*MOMENTS, "target", "path_mm", *POSITION, *JOINTS, "time_s"),
+                       together=(MOMENTS, POSITION, JOINTS))
     if not len(table):
-        raise error("CS3002", "no samples", file=table.source)
+        raise error("CS3002", "no samples below the header line", file=table.source, hint="check the logger")
     force = table.stack(*FORCES)
     has_moment = any(name in table.numbers for name in MOMENTS)
     moment = np.column_stack([table.numbers.get(name, np.zeros(len(table))) for name in MOMENTS])
     key, place = _placing_columns(table)
-    note = Finding("CS3003", "note", f"{len(table)} samples, placed by {_KEY_WORDS[key]}", file=table.source)
-    return ForceLog(table.source, force, moment, has_moment, key, place, table.line, (note,))
+    others = [words for other, words in _KEY_WORDS.items() if other != key and _FIRST[other] in table.numbers]
+    unused = f"; not used: {', '.join(others)}" if others else ""
+    note = Finding("CS3003", "note", f"{counted(len(table), 'sample')}, placed by {_KEY_WORDS[key]}{unused}", file=table.source)
+    return ForceLog(table.source, force, moment, has_moment, key, place, table.line, (note, *table.findings))
 
 
 _KEY_WORDS = {"target": "target number", "path_mm": "path length", "position": "TCP position", "joints": "joint angles"}
+
+
+_FIRST = {"target": "target", "path_mm": "path_mm", "position": "x_mm", "joints": "q1_deg"}
 
 
 def _placing_columns(table: Table) -> tuple[Key, Array]:
@@ -82,7 +90,8 @@ def _placing_columns(table: Table) -> tuple[Key, Array]:
         if len(broken):
             row = int(broken[0])
             raise error("CS3004", f"target {target[row]:g} is not a target number, expected 0, 1, 2 ...", file=table.source,
-                        line=int(table.line[row]), column=table.column("target"))
+                        line=int(table.line[row]), column=table.column("target"),
+                        hint="targets count from 0 in the order of the text; MoveC has two")
         return "target", target
     if "path_mm" in table.numbers:
         return "path_mm", 1e-3 * table.numbers["path_mm"]
@@ -97,12 +106,13 @@ def _placing_columns(table: Table) -> tuple[Key, Array]:
 
 
 def place_forces(
-    log: ForceLog, plan: Plan, cell: Cell, *, tare: tuple[int, int] | None = None, significance: float = 4.0
+    log: ForceLog, plan: Plan, cell: Cell, *, tare: tuple[int, int] | None = None
 ) -> TargetForces:
     """Averages the samples around each target and turns the mean into the base frame at the TCP.
 
-    tare: first and last target of an air stretch whose mean is the sensor's bias. significance: a mean of 8 samples or
-    more counts as no force while every component is within so many standard errors of zero.
+    tare: first and last target of an air stretch. Its mean is the sensor's bias, and its scatter says what a mean of so many
+    samples shows without any force: targets within 5 sigma of that are without force. Without a tare the scatter about each
+    mean itself decides. Short gaps inside a cut belong to the cut.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3006 no samples in the tare.
     """
     count = len(plan.toolpath)
@@ -113,27 +123,34 @@ def place_forces(
                     hint="is it the log of this program, with TCP positions in its work object?")
     lost = int((~placed).sum())
     if lost:
-        level: Literal["warning", "note"] = "warning" if lost > 0.01 * len(target) else "note"
-        findings.append(Finding("CS3007", level, f"{lost} of {len(target)} samples are not on the path and were not used",
-                                file=log.source))
+        level: Level = "warning" if lost > 0.01 * len(target) else "note"
+        findings.append(Finding("CS3007", level, f"{lost} of {counted(len(target), 'sample')} not on the path, not used",
+                                file=log.source, line=int(log.line[np.argmin(placed)])))
     loads = np.concatenate([log.force, log.moment], axis=1)[placed]
     index = target[placed]
     samples = np.bincount(index, minlength=count)
     mean, standard_error = _means(loads, index, samples)
     subtracted = None
-    if tare is not None:
-        subtracted = _tare(log, loads, index, tare)
+    if tare is None:
+        forced, words = _told_apart(mean, standard_error, samples), "a mean force that is not told apart from zero"
+    else:
+        subtracted, noise = _tare(log, loads, index, tare)
         mean = np.where(samples[:, None] > 0, mean - subtracted, 0.0)
-        if not log.has_moment:
-            mean[:, 3:] = 0.0
+        # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
+        share = np.abs(mean) / np.maximum(noise / np.sqrt(np.maximum(samples, 1))[:, None], 1e-12)
+        forced, words = (samples > 0) & (share > SIGMAS).any(axis=1), "a mean force within what the sensor shows in air"
         findings.append(Finding("CS3008", "note", f"bias {', '.join(f'{x:.2f}' for x in subtracted[:3])} N, mean of targets "
                                 f"{tare[0]} to {tare[1]}, was subtracted", file=log.source))
-    told_apart = (samples < BATCHES) | (np.abs(mean[:, :3]) > significance * standard_error).any(axis=1)
-    forced = (samples > 0) & np.any(mean != 0, axis=1) & (told_apart | (log.has_moment & np.any(mean[:, 3:] != 0, axis=1)))
-    silent = int(((samples > 0) & ~forced & np.any(mean != 0, axis=1)).sum())
-    if silent:
-        findings.append(Finding("CS3009", "note", f"{silent} targets whose mean force is not told apart from zero "
-                                f"({significance:g} standard errors) were taken as without force", file=log.source))
+    forced = _without_gaps(forced, samples > 0)
+    silent = np.flatnonzero((samples > 0) & ~forced & np.any(mean != 0, axis=1))
+    if len(silent):
+        findings.append(Finding(
+            "CS3009", "note", f"{counted(len(silent), 'target')} with {words} ({SIGMAS:g} sigma) taken as without force",
+            file=plan.toolpath.source, line=int(plan.toolpath.line[silent[0]]), target=int(silent[0])))
+    mass = cell.tool_mass
+    if mass and cell.force_log.kind != "base":
+        findings.append(Finding("CS3013", "warning", f"tool.mass_kg {mass:g} kg: the payload is not "
+                                "subtracted from the log", file=log.source, hint="log with payload compensation on"))
     wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
@@ -144,12 +161,12 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
     """Target (M,) of each sample, -1 where it is not on the path."""
     count = len(plan.toolpath)
     if log.key == "target":
-        target = log.place.astype(np.intp)
-        if target.max() >= count:
-            row = int(np.argmax(target >= count))
-            raise error("CS3004", f"target {target[row]} is beyond the program, which has {count} targets (0 to {count - 1})",
-                        file=log.source, line=int(log.line[row]), hint="is it the log of this program?")
-        return target, []
+        if log.place.max() >= count:
+            row = int(np.argmax(log.place >= count))
+            raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has "
+                        f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
+                        hint="is it the log of this program?")
+        return log.place.astype(np.intp), []
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
@@ -157,7 +174,7 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
     if log.key == "path_mm":
         inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
         return np.where(inside, nearest_target(length, log.place), -1), []
-    place = match_forwards(plan.world_position, length, _world_positions(log, plan))
+    place = match_forwards(*polyline(plan.world_position, plan.toolpath.move), _world_positions(log, plan))
     on_path = ~np.isnan(place)
     return np.where(on_path, nearest_target(length, np.where(on_path, place, 0.0)), -1), []
 
@@ -202,12 +219,57 @@ def _means(loads: Array, index: Indices, samples: Indices) -> tuple[Array, Array
     return mean, errors
 
 
-def _tare(log: ForceLog, loads: Array, index: Indices, tare: tuple[int, int]) -> Array:
-    air = (index >= tare[0]) & (index <= tare[1])
-    if not air.any():
+def _tare(log: ForceLog, loads: Array, index: Indices, tare: tuple[int, int]) -> tuple[Array, Array]:
+    """Mean (6,) of the air stretch, and the noise (6,) of one sample as a mean of many shows it: sigma of a mean of n is
+    noise / sqrt(n), correlation between neighbouring samples included, from up to 32 consecutive batches."""
+    air = np.flatnonzero((index >= tare[0]) & (index <= tare[1]))
+    if not len(air):
         raise error("CS3006", f"no sample lies on the targets {tare[0]} to {tare[1]} of --tare", file=log.source,
                     hint="name targets of an air move during which the log was already running")
-    return np.asarray(loads[air].mean(axis=0))
+    batches = np.array_split(loads[air], min(32, max(len(air) // 4, 1)))
+    means = np.array([batch.mean(axis=0) for batch in batches])
+    size = len(air) / len(batches)
+    spread = means.std(axis=0, ddof=1) * np.sqrt(size) if len(batches) > 1 else np.zeros(6)
+    return np.asarray(loads[air].mean(axis=0)), np.asarray(spread)
+
+
+def _told_apart(mean: Array, standard_error: Array, samples: Indices) -> NDArray[np.bool_]:
+    """Runs of targets (N,) whose mean force is other than zero by its own scatter: each target by 2 sigma, and one of them,
+    or their common mean, by 5.
+
+    The error of one target comes from 8 batches; it is steadied by the lower quartile of all targets, which is the noise of
+    air where there is air. Under 8 samples any mean that is not zero is a force.
+    """
+    few = (samples > 0) & (samples < BATCHES)
+    many = np.flatnonzero(samples >= BATCHES)
+    other = np.any(mean != 0, axis=1)
+    if not len(many):
+        return np.asarray(few & other)
+    variance = np.full((len(samples), 3), np.inf)
+    own = standard_error[many] ** 2 * samples[many, None]
+    variance[many] = np.maximum(0.5 * (own + np.quantile(own, 0.25, axis=0)) / samples[many, None], 1e-24)
+    sigmas = np.max(np.abs(mean[:, :3]) / np.sqrt(variance), axis=1)
+    # Moments and single samples have no such error: they count as they are.
+    sigmas[other & (few | np.any(mean[:, 3:] != 0, axis=1))] = np.inf
+    possible = sigmas > GROW
+    run = np.cumsum(np.diff(possible, prepend=False))
+    total, spread = np.zeros((run.max() + 1, 3)), np.zeros((run.max() + 1, 3))
+    np.add.at(total, run, mean[:, :3])
+    np.add.at(spread, run, np.where(np.isfinite(variance), variance, 0.0))
+    together = np.max(np.abs(total) / np.sqrt(np.maximum(spread, 1e-24)), axis=1) > SIGMAS
+    alone = np.bincount(run, sigmas > SIGMAS) > 0
+    return np.asarray(possible & (together | alone)[run])
+
+
+def _without_gaps(forced: NDArray[np.bool_], sampled: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """A stretch of at most GAP sampled targets between targets with force belongs to the cut: no step in the surface."""
+    filled = forced.copy()
+    places = np.flatnonzero(forced)
+    step = np.diff(places)
+    for place in np.flatnonzero((step > 1) & (step <= GAP + 1)):
+        inside = slice(places[place] + 1, places[place + 1])
+        filled[inside] = sampled[inside]
+    return filled
 
 
 def _to_base(mean: Array, standard_error: Array, log: ForceLog, plan: Plan, cell: Cell) -> tuple[Array, Array]:

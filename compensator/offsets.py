@@ -57,7 +57,9 @@ def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
 
 
 def _columns(values: Array, names: str, decimals: int) -> dict[str, Array]:
-    rounded = np.round(values, decimals) + 0.0          # + 0.0: no -0
+    with np.errstate(over="ignore", invalid="ignore"):
+        rounded = np.round(values, decimals) + 0.0      # + 0.0: no -0
+    rounded[~np.isfinite(rounded)] = np.nan             # JSON and CSV hold no infinity
     return dict(zip(names.split(), rounded.T, strict=True))
 
 

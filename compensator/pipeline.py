@@ -72,7 +72,7 @@ def read_toolpath(path: Path) -> RapidProgram:
     """Reads a toolpath by its suffix. Raises CompstiffError (CS4201) for formats that are not read."""
     if path.suffix.lower() not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(RAPID_SUFFIXES)}",
-                    file=str(path))
+                    file=str(path), hint="post the toolpath as RAPID; APT and CSV are not supported yet")
     try:
         return read_rapid(path.read_bytes(), str(path))
     except OSError as reason:
@@ -86,13 +86,21 @@ def predict_program(inputs: Inputs, *, tare: tuple[int, int] | None = None) -> P
     program = read_toolpath(inputs.toolpath)
     log = read_force_log(inputs.forces)
     if not len(program.toolpath):
-        raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath))
-    plan = plan_path(program.toolpath, cell)
-    forces = place_forces(log, plan, cell, tare=tare)
-    targets, left = targets_to_correct(plan, forces)
-    prediction = predict_path(plan, forces, model, targets)
-    findings = (*program.toolpath.findings, *plan.findings, *forces.findings, *left)
-    return Predicted(inputs, cell, model, program, plan, forces, prediction, findings)
+        raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
+                    hint="name the module that holds the moves")
+    said: tuple[Finding, ...] = (*program.toolpath.findings, *log.findings)
+    try:
+        # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            plan = plan_path(program.toolpath, cell)
+            forces = place_forces(log, plan, cell, tare=tare)
+            said = (*program.toolpath.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
+            targets, left = targets_to_correct(plan, forces)
+            prediction = predict_path(plan, forces, model, targets)
+    except CompstiffError as stopped:
+        # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
+        raise type(stopped)(*stopped.findings, *said) from stopped
+    return Predicted(inputs, cell, model, program, plan, forces, prediction, (*said, *left))
 
 
 def correct_program(predicted: Predicted) -> Corrected:
@@ -147,20 +155,32 @@ def check_not_corrected(toolpath: Path) -> None:
     """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output."""
     digest = sha256(toolpath)
     for path in sorted(toolpath.parent.glob("*.json")):
-        try:
-            if path.stat().st_size > 64 << 20:
-                continue
-            record = json.loads(path.read_bytes())
-        except (OSError, ValueError):
+        names = _recorded(path)
+        if names is None:
             continue
-        if not isinstance(record, dict) or record.get("format") != RECORD:
-            continue
-        output = record.get("output", {})
-        if output.get("sha256") == digest or output.get("file") == toolpath.name:
+        (source, source_digest), (output, output_digest) = names
+        # A record of a program that came out as it went in forbids nothing.
+        if source_digest != output_digest and (output_digest == digest or output == toolpath.name):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
-                                  hint=f"correct the CAM system's program {record.get('input', {}).get('file', '')}; "
-                                  "--force if this really is one"))
+                                  hint=f"correct the CAM system's program {source}; --force if this really is one"))
+
+
+def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
+    """Name and SHA-256 of input and output of a correction record; None where the file is no such record."""
+    try:
+        if path.stat().st_size > 64 << 20:
+            return None
+        record = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(record, dict) or record.get("format") != RECORD:
+        return None
+    source, output = record.get("input"), record.get("output")
+    if not (isinstance(source, dict) and isinstance(output, dict)):
+        return None
+    return (str(source.get("file", "")), str(source.get("sha256", ""))), (str(output.get("file", "")),
+                                                                          str(output.get("sha256", "")))
 
 
 def planned_time(predicted: Predicted) -> Array:
@@ -213,7 +233,8 @@ def record(corrected: Corrected, output: Path) -> dict[str, Any]:
             ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces))},
         "robot": {"name": corrected.predicted.cell.robot.name, "sha256": corrected.predicted.cell.robot.sha256},
         "summary": summary(corrected.predicted, corrected),
-        "findings": [finding.as_dict() for finding in fold(corrected.findings)],
+        "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}
+                     for finding in fold(corrected.findings)],
     }
 
 

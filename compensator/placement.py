@@ -12,6 +12,7 @@ Indices = NDArray[np.intp]
 
 # A logged TCP position farther than this from the whole path ahead is not on it [m].
 OFF_PATH = 5e-3
+ARC_STEP = np.radians(3.0)
 # How many samples are looked at one by one when the log is matched forwards; the rest follow in between.
 KEYS_PER_TARGET, FEWEST_KEYS = 4, 4000
 
@@ -36,6 +37,16 @@ def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
 
 def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
     """Lengths (n,) of both parts of the circular arcs through three points (n, 3); the chord where they are in line."""
+    straight, centre, axis = _circle(start, via, end)
+    radius = np.linalg.norm(start - centre, axis=1)
+    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * _turned(axis, start - centre, via - centre))
+    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * _turned(axis, via - centre, end - centre))
+    return first, second
+
+
+def _circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Of the circles through three points (n, 3): whether they are in line (n,), centre and axis (n, 3); the arc from start
+    over via to end turns in the positive sense about the axis."""
     to_via, to_end = via - start, end - start
     normal = np.cross(to_via, to_end)
     doubled = np.einsum("ij,ij->i", normal, normal)
@@ -44,18 +55,37 @@ def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
     safe = np.where(straight, 1.0, doubled)[:, None]
     centre = start + (np.cross(normal, to_via) * np.einsum("ij,ij->i", to_end, to_end)[:, None]
                       - np.cross(normal, to_end) * np.einsum("ij,ij->i", to_via, to_via)[:, None]) / (2 * safe)
-    radius = np.linalg.norm(start - centre, axis=1)
-    axis = normal / np.sqrt(safe)
+    return straight, centre, normal / np.sqrt(safe)
 
-    def turned(first: Array, second: Array) -> Array:
-        """Angle from first to second about the arc's axis, 0 to 2 pi (the arc runs in its positive sense)."""
-        sine = np.einsum("ij,ij->i", axis, np.cross(first - centre, second - centre))
-        cosine = np.einsum("ij,ij->i", first - centre, second - centre)
-        return np.asarray(np.mod(np.arctan2(sine, cosine), 2 * np.pi))
 
-    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * turned(start, via))
-    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * turned(via, end))
-    return first, second
+def _turned(axis: Array, first: Array, second: Array) -> Array:
+    """Angle (n,) from first to second about the axis, 0 to 2 pi [rad]."""
+    sine = np.einsum("ij,ij->i", axis, np.cross(first, second))
+    return np.asarray(np.mod(np.arctan2(sine, np.einsum("ij,ij->i", first, second)), 2 * np.pi))
+
+
+def polyline(position: Array, move: NDArray[np.uint8]) -> tuple[Array, Array]:
+    """The path as points (K, 3) [m] and their arc length (K,) [m]: the targets of known position, arcs in steps of at most
+    3 degrees."""
+    length = arc_length(position, move)
+    known = np.flatnonzero(~np.isnan(length))
+    points, s, kind = position[known], length[known], move[known]
+    via = np.flatnonzero((kind[1:-1] == Move.ARC_VIA) & (kind[2:] == Move.ARC_END))
+    if not len(via):
+        return points, s
+    straight, centre, axis = _circle(points[via], points[via + 1], points[via + 2])
+    extra_points, extra_s = [points], [s]
+    for arc in np.flatnonzero(~straight):
+        for first in (via[arc], via[arc] + 1):
+            radius = points[first] - centre[arc]
+            angle = (s[first + 1] - s[first]) / np.linalg.norm(radius)
+            inner = np.arange(1, int(np.ceil(angle / ARC_STEP))) / np.ceil(angle / ARC_STEP)
+            turned = angle * inner[:, None]
+            extra_points.append(centre[arc] + np.cos(turned) * radius + np.sin(turned) * np.cross(axis[arc], radius))
+            extra_s.append(s[first] + inner * (s[first + 1] - s[first]))
+    every = np.concatenate(extra_s)
+    order = np.argsort(every, kind="stable")
+    return np.concatenate(extra_points)[order], every[order]
 
 
 def nearest_target(length: Array, place: Array) -> Indices:
@@ -68,16 +98,16 @@ def nearest_target(length: Array, place: Array) -> Indices:
     return np.asarray(known[np.searchsorted(borders, place, side="right")])
 
 
-def match_forwards(position: Array, length: Array, samples: Array) -> Array:
+def match_forwards(points: Array, s: Array, samples: Array) -> Array:
     """Arc length (M,) [m] of TCP positions `samples` (M, 3) [m] in time order; NaN where a sample is not on the path.
+
+    points (K, 3) [m] and s (K,) [m]: the path as from `polyline`.
 
     The log is followed forwards: each sample is looked for a little ahead of the one before it, so that passes which
     cross or lie side by side stay apart; only where nothing is near is the search widened to the whole path ahead.
     """
-    known = np.flatnonzero(~np.isnan(length))
-    points, s = position[known], length[known]
-    if len(known) < 2:
-        near = np.linalg.norm(samples - points[0], axis=1) < OFF_PATH if len(known) else np.zeros(len(samples), bool)
+    if len(points) < 2:
+        near = np.linalg.norm(samples - points[0], axis=1) < OFF_PATH if len(points) else np.zeros(len(samples), bool)
         return np.where(near, 0.0, np.nan)
     starts, vectors = points[:-1], np.diff(points, axis=0)
     squares = np.maximum(np.einsum("ij,ij->i", vectors, vectors), 1e-300)

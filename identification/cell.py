@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from identification.findings import error
-from identification.model.robot import Prior, PriorFile, RobotModel, built_in_robots, read_robot
+from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 from identification.yaml_source import NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
 
@@ -72,6 +72,13 @@ class ModbusFile(Strict):
     unit: Annotated[int, Field(ge=0, le=255)] = 1
 
 
+class CellPriorFile(Strict):
+    """The prior, where it differs from the robot file's."""
+
+    stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None
+    relative_std: Positive | None = None
+
+
 class CellFile(Strict):
     """cell.yaml."""
 
@@ -80,7 +87,7 @@ class CellFile(Strict):
     base_frame: FrameFile = FrameFile()
     workobject: FrameFile = FrameFile()
     measurement: MeasurementFile = MeasurementFile()
-    prior: PriorFile | None = None
+    prior: CellPriorFile = CellPriorFile()
     force_log: ForceLogFile = ForceLogFile()
     limits: LimitsFile = LimitsFile()
     modbus: ModbusFile = ModbusFile()
@@ -145,8 +152,8 @@ def read_cell(path: str | Path) -> Cell:
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
     robot = _robot(file.robot, path)
-    prior = robot.prior if file.prior is None else Prior(
-        np.array(file.prior.stiffness_nm_per_rad), file.prior.relative_std)
+    prior = Prior(robot.prior.stiffness if file.prior.stiffness_nm_per_rad is None
+                  else np.array(file.prior.stiffness_nm_per_rad), file.prior.relative_std or robot.prior.relative_std)
     measurement = file.measurement
     centre = file.tool.centre_of_mass_mm
     return Cell(

@@ -97,11 +97,14 @@ def stiffness_lines(fit: Fit) -> list[str]:
 
 
 @command("explain")
-@click.argument("code", metavar="CODE")
-def explain(session: Session, code: str) -> Outcome:
-    """Explain a finding: its cause, its effect, what to do."""
-    from identification.catalogue import explain_code
+@click.argument("code", metavar="CODE", required=False)
+def explain(session: Session, code: str | None) -> Outcome:
+    """Explain a finding: its cause, its effect, what to do; without CODE, list them."""
+    from identification.catalogue import catalogue, explain_code
 
+    if code is None:
+        titles = {name: page["title"] for name, page in catalogue().items()}
+        return Outcome({"codes": titles}, lines=[f"{name}  {title}" for name, title in titles.items()])
     page = explain_code(code)
     lines = [f"{page['code']}: {page['title']}", "", f"cause:  {page['cause']}", f"effect: {page['effect']}",
              f"remedy: {page['remedy']}"]

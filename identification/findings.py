@@ -68,6 +68,11 @@ def error(code: str, message: str, **where: Any) -> CompstiffError:
     return CompstiffError(Finding(code, "error", message, **where))
 
 
+def counted(number: int, noun: str) -> str:
+    """"1 sample", "2 samples"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def fold(findings: list[Finding] | tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Findings with the same code, level, file and message become one with their count, at the first one's place."""
     folded: dict[tuple[str, Level, str | None, str], Finding] = {}

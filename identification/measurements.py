@@ -68,7 +68,8 @@ def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
     """
     table = read_table(
         path, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),
-        texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, *SIGMAS, "dwell_s"))
+        texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, *SIGMAS, "dwell_s"),
+        together=(MOMENTS, SIGMAS))
     count = len(table)
     nothing = np.full(count, np.nan)
     theta = np.radians(table.stack(*JOINTS))
@@ -92,7 +93,7 @@ def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
         raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
                     f"{1e3 * LARGEST_DEFLECTION_M:g} mm", file=table.source, line=int(table.line[row]),
                     hint="deflections are in micrometres, loaded minus unloaded, not positions")
-    findings = []
+    findings = list(table.findings)
     empty = np.isnan(deflection)
     if empty.any():
         findings.append(Finding("CS1007", "note", f"{int(empty.sum())} of {deflection.size} deflection components are "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import difflib
 import io
 import re
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from identification.findings import CompstiffError, Finding, error
+from identification.findings import CompstiffError, Finding, Level, error
 
 Array = NDArray[np.float64]
 MOST_COMPLAINTS = 20
@@ -21,13 +22,15 @@ MOST_COMPLAINTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of equal length by name: floats, or text where the caller asked for it. line (N,): source line of each row."""
+    """Columns of equal length by name: floats, or text where the caller asked for it. line (N,): source line of each row.
+    findings: columns that were not read."""
 
     source: str
     numbers: dict[str, Array]
     texts: dict[str, NDArray[np.object_]]
     line: NDArray[np.intp]
     columns: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
 
     def __len__(self) -> int:
         return len(self.line)
@@ -43,13 +46,14 @@ class Table:
 
 def read_table(
     path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
-    may_be_empty: Sequence[str] = (),
+    may_be_empty: Sequence[str] = (), together: Sequence[Sequence[str]] = (),
 ) -> Table:
-    """Reads the named columns, leaves the others alone.
+    """Reads the named columns, leaves the others alone and says so.
 
     required, optional: columns of finite numbers. texts: optional columns of text. may_be_empty: among the number
-    columns, those whose empty cells are read as NaN. Raises CompstiffError: CS0005 cannot be read, CS0201 not a table,
-    CS0202 column missing or twice, CS0203 text, NaN or infinity where a number must be.
+    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there. Raises
+    CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
+    where a number must be.
     """
     path = Path(path)
     frame, line, header_line = _parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _csv(path)
@@ -59,6 +63,11 @@ def read_table(
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=str(path), line=header_line,
                     hint="the header line names the columns, unit included, as in FORMATS (docs/formats.md)")
+    for group in together:
+        there = [name for name in group if name in names]
+        if there and len(there) < len(group):
+            raise error("CS0202", f"found {', '.join(there)} without {', '.join(name for name in group if name not in names)}",
+                        file=str(path), line=header_line, hint="give all of them or none")
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
     for name in [*required, *(name for name in optional if name in names)]:
@@ -66,14 +75,33 @@ def read_table(
         numbers[name] = values
         findings += [
             Finding("CS0203", "error", f"column '{name}': found {_shown(frame[name].iloc[row])}, expected a finite number",
-                    file=str(path), line=int(line[row]), column=names.index(name) + 1)
+                    file=str(path), line=int(line[row]), column=names.index(name) + 1,
+                    hint="mend the cell, or delete the row if the value is lost")
             for row in bad[:MOST_COMPLAINTS]
         ]
     if findings:
         raise CompstiffError(*sorted(findings, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
     labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
               for name in texts if name in names}
-    return Table(str(path), numbers, labels, line, tuple(names))
+    known = (*required, *optional, *texts)
+    unread = _unread([name for name in names if name not in known], [name for name in known if name not in names])
+    notes = [Finding("CS0204", level, text, file=str(path), line=header_line) for level, text in unread]
+    return Table(str(path), numbers, labels, line, tuple(names), tuple(notes))
+
+
+def _unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
+    """What to say of columns that are not read: a warning for one that looks like a misspelt name."""
+    said: list[tuple[Level, str]] = []
+    others = []
+    for name in extra:
+        near = difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.6)
+        if near:
+            said.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?"))
+        else:
+            others.append(name)
+    if others:
+        said.append(("note", f"columns that are not read: {', '.join(others)}"))
+    return said
 
 
 def _shown(value: object) -> str:
@@ -123,7 +151,10 @@ def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     body = [lines[index] for index in kept[1:]]
     if separator != ",":
         body = [re.sub(r"(?<=\d),(?=\d)", ".", line) for line in body] if any("," in line for line in body) else body
-    names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]
+    try:
+        names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]
+    except csv.Error as reason:
+        raise error("CS0201", f"the header line is not CSV: {reason}", file=str(path), line=kept[0] + 1) from reason
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise error("CS0202", f"column twice: {', '.join(twice)}", file=str(path), line=kept[0] + 1)

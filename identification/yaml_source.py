@@ -77,6 +77,8 @@ def read_yaml(path: str | Path, model: type[Model]) -> Model:
         raise error("CS0101", f"is not YAML: {reason.problem}", file=name, **where) from reason
     except yaml.YAMLError as reason:
         raise error("CS0101", f"is not YAML: {reason}", file=name) from reason
+    except RecursionError as reason:
+        raise error("CS0101", "is not a file of this kind: brackets nested too deeply", file=name) from reason
     if not isinstance(content, dict):
         raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1)
     try:
@@ -103,6 +105,9 @@ def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> An
     loader = _Loader("")
     try:
         return loader.construct_object(node, deep=True)
+    except ValueError as reason:
+        line, column = places[key]
+        raise error("CS0102", f"a value that cannot be read: {reason}", file=name, line=line, column=column) from reason
     finally:
         loader.dispose()
 

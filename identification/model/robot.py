@@ -68,7 +68,7 @@ class RobotFile(Strict):
     """robot.yaml (FORMATS.md)."""
 
     name: str
-    manufacturer: str
+    manufacturer: str = ""
     load_path: LoadPath
     joints: Annotated[list[_Joint], Field(min_length=6, max_length=6)]
     coupling: _Coupling | None = None

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 FORMAT = "compstiff-stiffness"
 JOINT_NAMES = tuple(f"k{i}" for i in range(1, 7))
 NORMAL_97_5 = 1.959963984540054
+# ln k in parameters and log_compliance may differ by rounding, not by more.
+DISAGREEMENT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +112,7 @@ class _File(BaseModel):
 class _Parameter(_File):
     name: str
     estimate: FiniteFloat
+    unit: str = "N*m/rad"
     grade: str = ""
 
 
@@ -126,7 +129,7 @@ class _StiffnessFile(_File):
     robot_sha256: str | None = None
     geometry_sha256: str | None = None
     parameters: list[_Parameter] = Field(min_length=6)
-    covariance: list[list[FiniteFloat]] | None = None
+    covariance: list[list[FiniteFloat]]
     log_compliance: _LogCompliance | None = None
     effects: list[dict[str, Any]] = []
     fit: dict[str, Any] = {}
@@ -148,6 +151,9 @@ def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
     names = [parameter.name for parameter in file.parameters]
     if names != list(JOINT_NAMES):
         raise error("CS1201", f"parameters are {names}, expected {list(JOINT_NAMES)} in this order", file=name)
+    units = {parameter.unit for parameter in file.parameters}
+    if units != {"N*m/rad"}:
+        raise error("CS1201", f"parameters are in {', '.join(sorted(units))}, expected N*m/rad", file=name)
     mean, covariance = _log_compliance(file, name)
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
                            tuple(parameter.grade for parameter in file.parameters), file.fit)
@@ -160,8 +166,8 @@ def _parse(path: str | Path, name: str) -> _StiffnessFile:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except json.JSONDecodeError as reason:
         raise error("CS1201", f"is not JSON: {reason.msg}", file=name, line=reason.lineno, column=reason.colno) from reason
-    except UnicodeDecodeError as reason:
-        raise error("CS1201", f"is not JSON: {reason.reason}", file=name) from reason
+    except (ValueError, RecursionError) as reason:
+        raise error("CS1201", f"is not JSON: {reason}", file=name) from reason
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise error("CS1201", f"is not a stiffness file: format is {found!r}, expected {FORMAT!r}", file=name,
@@ -192,18 +198,21 @@ def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
 
 def _log_compliance(file: _StiffnessFile, name: str) -> tuple[Array, Array]:
     """Mean and covariance of ln c, from the file's own or from the covariance in k (log-normal moments inverted)."""
+    median = np.array([parameter.estimate for parameter in file.parameters[:6]])
+    if np.any(median <= 0):
+        raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
+    in_k = _square(file.covariance, name)
     if file.log_compliance is not None:
         mean = np.array(file.log_compliance.mean)
         covariance = _square(file.log_compliance.covariance, name)
         if mean.shape != (6,):
             raise error("CS1203", f"log_compliance.mean has {len(mean)} values, expected 6", file=name)
+        differs = np.abs(np.log(median) + mean)
+        if differs.max() > DISAGREEMENT:
+            worst = int(np.argmax(differs))
+            raise error("CS1203", f"k{worst + 1} is {median[worst]:.6g} N m/rad in parameters, {np.exp(-mean[worst]):.6g} in "
+                        "log_compliance", file=name, hint="edit neither by hand, or remove log_compliance")
         return mean, covariance
-    median = np.array([parameter.estimate for parameter in file.parameters[:6]])
-    if np.any(median <= 0):
-        raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
-    if file.covariance is None:
-        raise error("CS1201", "has neither covariance nor log_compliance", file=name)
-    in_k = _square(file.covariance, name)
     # Log-normal with median m and variance v of k: e^s (e^s - 1) = v / m^2 for s the variance of ln k.
     growth = 0.5 * (1 + np.sqrt(1 + 4 * np.diag(in_k) / median**2))
     average = median * np.sqrt(growth)

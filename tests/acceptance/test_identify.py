@@ -315,9 +315,6 @@ def test_a_robot_file_by_path(tmp_path: Path) -> None:
     assert np.all(np.abs([p["estimate"] for p in s["parameters"]] - k) < 0.5 * k * np.sqrt(np.diag(cov)))
 
 
-@pytest.mark.xfail(
-    reason="prior.relative_std alone is refused: the robot file's stiffnesses are not taken as its default", strict=True
-)
 def test_a_prior_s_width_alone_can_be_set(tmp_path: Path, data: Data) -> None:
     """`prior: optional; default: the robot file's`: the median may be left to the robot file."""
     result = identify(tmp_path, data.text(), cell=CELL + "prior: {relative_std: 1.0}\n")
@@ -472,14 +469,12 @@ def test_nothing_is_overwritten(tmp_path: Path, data: Data) -> None:
     assert (tmp_path / "s.json").read_bytes() == first
 
 
-@pytest.mark.xfail(reason="columns that are not read are dropped without a finding", strict=True)
 @pytest.mark.parametrize("column", ["mx", "sx", "weight"])
 def test_a_column_that_is_not_read_is_reported(tmp_path: Path, data: Data, column: str) -> None:
     result = identify(tmp_path, data.text(more={column: [3] * 36}), "--json")
     assert result.code == 1 or any(column in f["message"] for f in result.json["findings"]), result.err
 
 
-@pytest.mark.xfail(reason="moments and sigmas that are not all three there are completed without a finding", strict=True)
 def test_one_moment_of_three_is_not_taken_silently(tmp_path: Path, data: Data) -> None:
     result = identify(tmp_path, data.text(more={"mx_nm": [0] * 36}), "--json")
     assert result.code == 1 or result.json["findings"], result.err

@@ -344,7 +344,6 @@ def noisy(means: list[float], seed: int = 0) -> str:
     return "\n".join(rows) + "\n"
 
 
-@pytest.mark.xfail(reason="means of 4 to 6 true standard errors count as no force, in the middle of a cut too", strict=True)
 def test_a_weaker_force_within_a_cut_makes_no_step(tmp_path: Path) -> None:
     """`A target takes the mean of the samples`: in the middle of a cut, too, where that mean falls below some threshold."""
     path = line(7, 1)
@@ -382,9 +381,6 @@ def test_the_noise_of_the_force_is_in_sigma(tmp_path: Path) -> None:
     assert np.all((ratio > 0.3) & (ratio < 3)), ratio
 
 
-@pytest.mark.xfail(
-    reason="positions and joint angles are matched to a MoveC's chords: samples over 5 mm off are lost", strict=True
-)
 def test_arcs_by_position(tmp_path: Path) -> None:
     """Samples along a MoveC lie on its arc, not on its chords (9 mm off here)."""
     r = 30.0

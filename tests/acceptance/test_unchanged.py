@@ -183,9 +183,6 @@ def test_a_corrected_program_edited_by_hand_is_still_corrected(tmp_path: Path) -
     assert result.code == 3, result
 
 
-@pytest.mark.xfail(
-    reason="an output equal to its input is recorded like a corrected one: its own input is then refused", strict=True
-)
 def test_an_uncorrected_copy_is_not_locked_out(tmp_path: Path) -> None:
     """A program that needed no correction comes out byte for byte; its log measured anew must not be refused for ever."""
     path = line(3, 10)

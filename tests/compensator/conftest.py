@@ -10,7 +10,7 @@ import pytest
 from compensator.data import shipped
 from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
 from identification.cell import read_cell
-from identification.inference import fit_stiffness
+from identification.fit import fit_stiffness
 from identification.measurements import read_measurements
 
 TARE = (0, 2)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from compensator.placement import arc_length, match_forwards, nearest_target
+from compensator.placement import arc_length, match_forwards, nearest_target, polyline
 from compensator.toolpath import Move
 
 LINEAR, VIA, END, JOINT = (np.uint8(m) for m in (Move.LINEAR, Move.ARC_VIA, Move.ARC_END, Move.JOINT))
@@ -36,7 +36,7 @@ def test_half_a_segment_on_either_side() -> None:
 
 
 def follow(points: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    return match_forwards(points, arc_length(points, np.full(len(points), LINEAR)), samples)
+    return match_forwards(*polyline(points, np.full(len(points), LINEAR)), samples)
 
 
 def along(points: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -94,3 +94,17 @@ def test_a_log_that_starts_in_the_middle() -> None:
     points = np.array([[x, 0, 0] for x in np.linspace(0, 1, 101)])
     places = np.linspace(0.6, 0.8, 500)
     assert_allclose(follow(points, along(points, places)), places, atol=1e-9)
+
+
+def test_positions_on_arcs() -> None:
+    """Two arcs, of 200 and of 90 degrees: samples exactly on them are found at their angle."""
+    angle = np.radians([0, 100, 200])
+    points = np.column_stack([0.05 * np.cos(angle), 0.05 * np.sin(angle), np.zeros(3)])
+    move = np.array([LINEAR, VIA, END])
+    along_arc = np.radians(np.linspace(0, 200, 3000))
+    samples = np.column_stack([0.05 * np.cos(along_arc), 0.05 * np.sin(along_arc), np.zeros(3000)])
+    found = match_forwards(*polyline(points, move), samples)
+    assert np.max(np.abs(found - 0.05 * along_arc)) < 2e-5
+    corners, length = polyline(points, move)
+    assert_allclose(np.linalg.norm(corners, axis=1), 0.05, rtol=1e-12)
+    assert_allclose(length[-1], 0.05 * angle[-1])
