@@ -84,12 +84,13 @@ def simulate(cell: Cell, design: str, noise: str, truth: np.ndarray, rng: np.ran
 @dataclass(frozen=True)
 class Case:
     """One data set's answer: z (6,) standardised error of ln k, distance (squared Mahalanobis), rank of the task deflection,
-    and for both baselines whether the 95 % interval of each k holds the truth (2, 6)."""
+    for both baselines whether the 95 % interval of each k holds the truth (2, 6), and whether a subset conflict was raised."""
 
     z: np.ndarray
     distance: float
     task_rank: float
     baselines: np.ndarray
+    conflict: bool
 
 
 def one(arguments: tuple[str, str, int, str]) -> Case:
@@ -98,7 +99,8 @@ def one(arguments: tuple[str, str, int, str]) -> Case:
     rng = np.random.default_rng(seed)
     truth = cell.prior.stiffness * np.exp(cell.prior.log_std * rng.standard_normal(6))
     rows = simulate(cell, design, noise, truth, rng)
-    model = fit_stiffness(cell, rows).model
+    fit = fit_stiffness(cell, rows)
+    model = fit.model
     off = model.mean + np.log(truth)
     theta = np.radians([[5.0, 10, 30, 20, 55, 10]])
     wrench = np.array([[80.0, 200, -120, 0, 0, 0]])
@@ -111,7 +113,8 @@ def one(arguments: tuple[str, str, int, str]) -> Case:
     paper = fit_stiffness(cell, rows, prior_kind="gaussian").model
     half = 1.96 * np.sqrt(np.diag(paper.covariance)) * paper.stiffness
     baselines = np.array([least_squares_in_k(cell, rows, truth), np.abs(paper.stiffness - truth) <= half])
-    return Case(off / model.log_std, float(off @ np.linalg.solve(model.covariance, off)), rank, baselines)
+    return Case(off / model.log_std, float(off @ np.linalg.solve(model.covariance, off)), rank, baselines,
+                any(conflict.is_conflict for conflict in fit.conflicts))
 
 
 def least_squares_in_k(cell: Cell, rows: Measurements, truth: np.ndarray) -> np.ndarray:
@@ -149,7 +152,7 @@ def report(design: str, noise: str, cases: list[Case]) -> None:
     task = np.sort([case.task_rank for case in cases])
     line += f"{worst:>9.3f}{float(np.max(np.abs(task - grid))):>8.3f}{band:>8.3f}"
     baselines = np.mean([case.baselines for case in cases], axis=(0, 2))
-    line += f"{100 * baselines[0]:>10.1f}{100 * baselines[1]:>9.1f}"
+    line += f"{100 * baselines[0]:>10.1f}{100 * baselines[1]:>9.1f}{100 * np.mean([case.conflict for case in cases]):>10.1f}"
     print(line, flush=True)
 
 
@@ -157,7 +160,8 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 400
     print(f"{count} data sets a line; * outside the 99 % binomial band; in brackets the lowest and highest joint\n"
           f"{'design':<9}{'noise':<10}{'50 %':>7}{'':8}{'80 %':>7}{'':8}{'95 %':>7}{'':8}{'ellipsoid':>8}{'rank k':>8}"
-          f"{'task':>8}{'band':>8}{'least sq.':>10}{'paper':>9}")
+          f"{'task':>8}{'band':>8}{'least sq.':>10}{'paper':>9}"
+          f"{'conflicts':>10}")
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(2) as pool:
         write_cells(Path(folder))
         for design in DESIGNS:

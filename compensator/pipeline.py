@@ -186,9 +186,9 @@ def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
 def planned_time(predicted: Predicted) -> Array:
     """Time (N,) [s] at which each target is reached with the programmed feed; NaN from the first unknown feed on."""
     path = predicted.plan.toolpath
-    length = arc_length(predicted.plan.world_position, path.move)
-    steps = np.diff(length, prepend=length[:1])
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        length = arc_length(predicted.plan.world_position, path.move)
+        steps = np.diff(length, prepend=length[:1])
         return np.asarray(np.cumsum(np.where(steps == 0, 0.0, steps / path.feed)))
 
 

@@ -13,6 +13,8 @@ Indices = NDArray[np.intp]
 # A logged TCP position farther than this from the whole path ahead is not on it [m].
 OFF_PATH = 5e-3
 ARC_STEP = np.radians(3.0)
+# No target of a robot is farther away [m].
+FARTHEST = 1e6
 # How many samples are looked at one by one when the log is matched forwards; the rest follow in between.
 KEYS_PER_TARGET, FEWEST_KEYS = 4, 4000
 
@@ -20,10 +22,11 @@ KEYS_PER_TARGET, FEWEST_KEYS = 4, 4000
 def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
     """Path length (N,) [m] at each target: chords, arcs for MoveC, joint and air moves included; 0 at the first.
 
-    position (N, 3) [m] in one frame. Targets of unknown position (NaN) have NaN and are left out of the path.
+    position (N, 3) [m] in one frame. Targets of unknown position (NaN), or of one
+    no robot has, have NaN and are left out of the path.
     """
     length = np.full(len(position), np.nan)
-    known = np.flatnonzero(~np.isnan(position).any(axis=1))
+    known = np.flatnonzero((np.abs(position) < FARTHEST).all(axis=1))
     if not len(known):
         return length
     points = position[known]
@@ -132,7 +135,7 @@ def match_forwards(points: Array, s: Array, samples: Array) -> Array:
         # The first sample may lie anywhere on the path: the earliest place that is as near as any.
         reach = s[-1] if before is None else here + 3 * moved + 1e-4
         first = max(int(np.searchsorted(s, here - 2e-4, side="right")) - 1, 0)
-        while True:
+        for _ in range(40):         # each widens fourfold: from a millimetre to beyond any path
             last = min(max(int(np.searchsorted(s, reach, side="left")), first + 1), len(starts))
             distance, place = project(point, min(first, last - 1), last)
             if distance < OFF_PATH / 10 or last == len(starts):
