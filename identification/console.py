@@ -96,10 +96,6 @@ def _run(session: Session, body: Callable[[], Outcome]) -> int:
                      "interrupted", INTERRUPTED)
     except click.ClickException:
         raise
-    except BrokenPipeError:
-        # The reader of stdout went away (`| head`): not a defect. Python would complain again when it flushes.
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - must outlive this function
-        return DONE
     except Exception as defect:
         return _show(session, Outcome(findings=(_defect(session, defect),)), "defect", DEFECT)
     return _show(session, outcome, "ok", DONE)
@@ -166,4 +162,8 @@ def main(group: click.Group) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of stdout went away (`| head`): not a defect. Without this Python would complain when it flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(DONE)
     sys.exit(code)

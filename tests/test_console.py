@@ -102,6 +102,13 @@ def test_help_starts_fast() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
+def test_a_reader_that_goes_away_is_no_defect() -> None:
+    done = subprocess.run(["bash", "-c", f"{sys.executable} -m compensator explain --json | head -c 10"], capture_output=True,
+                          text=True, timeout=60)
+    assert done.stdout == '{\n "format'
+    assert done.stderr == ""
+
+
 def test_ctrl_c_exits_130(tmp_path) -> None:
     code = ("import sys, time\nfrom identification import console\n"
             "def body(session):\n    print('ready', flush=True)\n    time.sleep(30)\n"

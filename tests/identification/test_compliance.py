@@ -100,10 +100,9 @@ def test_the_load_path_matters_only_with_a_rod(either) -> None:
     assert (np.median(difference) > 0.02) == (either.load_path == "serial")
 
 
+@pytest.mark.parametrize("either", ["serial"], indirect=True)
 def test_torque_on_the_paper_s_reading_is_lever_times_force(either) -> None:
-    """Paper eq. 4-5 by hand, joint by joint, from the independent arm's points."""
-    if either.load_path == "drive":
-        pytest.skip("eq. 5 is about the serial axes")
+    """Paper eq. 4-5 by hand, about the serial axes, from the independent arm's points."""
     q = np.radians([0.0, 10, 20, 0, 60, 0])
     wrench = np.array([[100.0, 0, 0, 0, 0, 0]])
     torque = joint_torque(either, q[None], Frame.identity(), wrench)[0]
