@@ -27,7 +27,7 @@ class Profile:
     """One joint: stiffness (POINTS,) [N m/rad] and the drop of ln likelihood there (POINTS,), 0 at the best.
 
     kind: bounded (the 95 % limit is crossed on both sides), one-sided, or flat. interval: where it is crossed, None where
-    it is not within a factor 50 of the estimate.
+    it is not within the points (8 posterior sigmas, at most a factor 50, either way).
     """
 
     joint: int
@@ -56,7 +56,9 @@ def profiles(found: Posterior) -> tuple[Profile, ...]:
     results = []
     for joint in range(6):
         others = np.arange(6) != joint
-        factors = np.geomspace(1 / SPAN, SPAN, POINTS)            # of the stiffness
+        # Eight posterior sigmas either way, as far as the prior lets a stiffness be unknown.
+        span = float(np.clip(np.exp(8 * np.sqrt(found.laplace[joint, joint])), 1.01, SPAN))
+        factors = np.geomspace(1 / span, span, POINTS)            # of the stiffness
         cost = np.empty(POINTS)
         for place, factor in enumerate(factors):
             reduced = target - root[:, joint] / factor
