@@ -1,6 +1,6 @@
 """Is the stated uncertainty true? Coverage and simulation-based calibration of the posterior, beside two baselines.
 
-    python benchmarks/calibration.py [DATA_SETS]
+    OMP_NUM_THREADS=1 python benchmarks/calibration.py [DATA_SETS]
 
 Each data set: true stiffnesses drawn from the prior, poses drawn at random, noise drawn, identified as a user would. Coverage
 counts how often the 50, 80 and 95 % intervals of a stiffness hold the truth, and the 95 % ellipsoid of all six; the ranks of

@@ -10,12 +10,17 @@ the robot's limits, the inverse kinematics, and `fit_stiffness`, whose answers a
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import textwrap
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+
+# One thread: the same bytes however many cores are free, and faster on matrices this small.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 import numpy as np
 from scipy.optimize import minimize

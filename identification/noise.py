@@ -112,7 +112,7 @@ class Weights:
         total = left.reshape(-1, left.shape[2]).T @ weighted.reshape(-1, right.shape[2])
         of_right = self._by_visit(weighted)
         of_left = of_right if left is right else self._by_visit(self.precision[:, :, None] * left)
-        return np.asarray(total - np.einsum("vip,vij,vjq->pq", of_left, self.shared, of_right, optimize=True))
+        return np.asarray(total - of_left.reshape(-1, left.shape[2]).T @ (self.shared @ of_right).reshape(-1, right.shape[2]))
 
     def offsets(self, residual: Array) -> Array:
         """Best estimate of each visit's re-seating offset (visits, 3) [m] from a residual (n, 3)."""
