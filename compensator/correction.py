@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from compensator.forces import TargetForces
 from compensator.planning import Plan
-from identification.findings import CompstiffError, Finding, Refused
+from identification.findings import CompstiffError, Finding, Level, Refused
 from identification.model.compliance import compliance_matrix, deviation, joint_torque, loaded_angles, loaded_pose
 from identification.model.inverse import configuration, wrist_distance
 from identification.model.kinematics import forward
@@ -240,7 +240,7 @@ def _singularity(plan: Plan, targets: Indices, planned: Array, theta: Array) -> 
                 " deg: axes 4 and 6 turn fast there")]
 
 
-def _at(plan: Plan, target: int, code: str, level: str, message: str, hint: str = "") -> Finding:
+def _at(plan: Plan, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
     path = plan.toolpath
-    return Finding(code, level, message, file=path.source, line=int(path.line[target]),  # type: ignore[arg-type]
+    return Finding(code, level, message, file=path.source, line=int(path.line[target]),
                    column=int(path.column[target]), target=target, hint=hint)
