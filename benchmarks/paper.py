@@ -8,7 +8,6 @@ the A criterion (eq. 16, 17), and the physical effects that section 5 adds to th
 the robot's limits, the inverse kinematics, and `fit_stiffness`, whose answers are tabulated beside.
 """
 
-# ruff: noqa: E402
 from __future__ import annotations
 
 import os
