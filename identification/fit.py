@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 # A row whose weight is under this is named; no row is ever cut.
 SUSPICIOUS_WEIGHT = 0.3
+# Probability of the prior under which its disagreement with the data is said.
+PRIOR_CONFLICT = 1e-3
 # Residual over stated noise from which it is said that the stated noise does not explain the data.
 LARGER_THAN_STATED = 2.0
 
@@ -99,7 +101,7 @@ def fit_stiffness(
     }
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
                             tuple(grade.grade for grade in grades), figures)
-    findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts))
+    findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior))
     return Fit(model, found, residual, _std(measurements, cell, found), row_weight, grades, ellipsoid(found),
                information_spectrum(found, prior), conflicts, profiles(found) if with_profiles else (), held_out, findings)
 
@@ -119,7 +121,7 @@ def _std(measurements: Measurements, cell: Cell, found: Posterior) -> Array:
 
 def _findings(
     measurements: Measurements, rows: Measurements, found: Posterior, grades: tuple[JointGrade, ...],
-    conflicts: tuple[Conflict, ...],
+    conflicts: tuple[Conflict, ...], prior: PriorModel,
 ) -> list[Finding]:
     """What a user must know before trusting the numbers."""
     source, findings = measurements.source, []
@@ -130,6 +132,7 @@ def _findings(
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
+    findings += _against_prior(source, found, grades, prior)
     ratio = float(np.sqrt(found.chi2 / max(found.readings - 6, 1)))
     if ratio > LARGER_THAN_STATED:
         size, noise = found.size, found.at_map.noise
@@ -153,6 +156,27 @@ def _findings(
                 f"k{worst + 1}, by a factor {np.exp(conflict.difference[worst]):.2f}", file=source,
                 hint="one set of linear springs does not explain both: look at the residuals of these rows in the report"))
     return findings
+
+
+def _against_prior(source: str, found: Posterior, grades: tuple[JointGrade, ...], prior: PriorModel) -> list[Finding]:
+    """A conflict (CS1017) of data and prior: the stiffnesses that the data tell, against what was expected of them."""
+    from scipy.stats import chi2
+
+    seen = np.array([grade.grade == "reliable" for grade in grades])
+    if not seen.any():
+        return []
+    expected = -np.log(prior.prior.stiffness)
+    off = (found.mean - expected)[seen] / prior.log_std
+    p_value = float(chi2.sf(np.sum(off**2), int(seen.sum())))
+    if p_value > PRIOR_CONFLICT:
+        return []
+    factor = np.exp(-(found.mean - expected)[seen])
+    together = factor.min() > 100 or factor.max() < 0.01
+    return [Finding(
+        "CS1017", "warning", f"the stiffnesses lie a factor {factor.min():.3g} to {factor.max():.3g} off the prior's medians, "
+        f"which it gives a probability of {p_value:.1g}", file=source,
+        hint="deflections are in micrometres, forces in newton: the factor looks like a unit" if together else
+        "is it the right robot, tool and prior? The data outweigh the prior where joints are graded reliable")]
 
 
 def _rms(values: Array) -> float:

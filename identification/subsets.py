@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 DETERMINED = 1.0
 FEWEST_ROWS = 2
 SIGNIFICANCE = 0.05
+# Each pose is compared with the others up to so many.
+MOST_POSES = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,10 @@ def partitions(rows: Measurements) -> list[tuple[str, str, NDArray[np.bool_]]]:
     found.append(("the first half of the visits", "the second half", rows.visit < np.median(np.unique(rows.visit)) + 0.5))
     largest_load = size > np.median(size[loaded]) if loaded.any() else loaded
     found.append(("the larger loads", "the smaller loads", loaded & largest_load))
+    visits, first = np.unique(rows.visit, return_index=True)
+    if len(visits) <= MOST_POSES:
+        found += [(f"the pose from line {rows.line[row]}", "the other poses", rows.visit == visit)
+                  for visit, row in zip(visits, first, strict=True)]
     return found
 
 

@@ -138,3 +138,21 @@ def test_the_ellipsoid_s_longest_axis_is_in_words(tmp_path) -> None:
     assert np.all(np.diff(shape.semi_axes) <= 0)
     assert_allclose(shape.directions @ shape.directions.T, np.eye(6), atol=1e-12)
     assert "least certain: k" in shape.words
+
+
+def test_a_pose_that_moved_is_found(tmp_path) -> None:
+    """In one pose all deflections are 30 % too large: that pose against the others is the clearest comparison."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(7), poses=10, loads=6)
+    spoiled = np.where((rows.visit == 4)[:, None], 1.3 * rows.deflection, rows.deflection)
+    fit = fit_stiffness(cell, replace(rows, deflection=spoiled))
+    assert fit.conflicts[0].part == f"the pose from line {rows.line[rows.visit == 4][0]}"
+    assert fit.conflicts[0].is_conflict
+
+
+def test_data_against_the_prior(tmp_path) -> None:
+    cell, rows = simulate(tmp_path, np.random.default_rng(8))
+    assert not any(finding.code == "CS1017" for finding in fit_stiffness(cell, rows).findings)
+    in_millimetres = fit_stiffness(cell, replace(rows, deflection=1e-3 * rows.deflection))
+    said = [finding for finding in in_millimetres.findings if finding.code == "CS1017"]
+    assert len(said) == 1
+    assert "looks like a unit" in said[0].hint
