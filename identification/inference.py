@@ -45,6 +45,8 @@ MAX_ROUNDS = 8
 # Draws for the importance weights; the same ones every time, so that a result is the same for the same input.
 DRAWS = 4000
 FEWEST_EFFECTIVE_DRAWS = 200.0
+# Information of the data on a joint in units of the prior's, under which they say nothing of it.
+UNSEEN_INFORMATION = 1e-3
 # The noise sizes are estimated from at most so many rows, taken as whole pose visits evenly over the file.
 NOISE_ROWS = 6000
 
@@ -325,8 +327,14 @@ def _corrected(information: Array, pull: Array, prior: PriorModel, x: Array) -> 
     effective = float(1.0 / np.sum(weight**2))
     if effective < FEWEST_EFFECTIVE_DRAWS:
         return centre, covariance, effective
-    mean = weight @ draws
-    return np.asarray(mean), np.asarray(np.einsum("d,di,dj->ij", weight, draws - mean, draws - mean, optimize=True)), effective
+    mean = np.asarray(weight @ draws)
+    moments = np.asarray(np.einsum("d,di,dj->ij", weight, draws - mean, draws - mean, optimize=True))
+    # A joint the data say nothing of has its prior exactly, free of the draws' own scatter.
+    unseen = np.diag(information) * prior.prior.log_std**2 < UNSEEN_INFORMATION
+    mean[unseen] = -np.log(prior.prior.stiffness[unseen])
+    moments[unseen] = moments[:, unseen] = 0.0
+    moments[unseen, unseen] = prior.prior.log_std**2
+    return mean, moments, effective
 
 
 def _start(cell: Cell, rows: Measurements, z: Array, prior: PriorModel) -> Array:
