@@ -297,7 +297,7 @@ def run(*arguments: object) -> Run:
     finally:
         sys.argv = argv
         assert dict(os.environ) == handlers
-    return Run(int(code or 0), out.getvalue(), err.getvalue())  # type: ignore[call-overload]
+    return Run(int(code or 0), out.getvalue(), err.getvalue())
 
 
 def spawn(*arguments: object, cwd: Path | None = None, timeout: float = 60) -> Run:

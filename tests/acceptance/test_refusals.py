@@ -340,8 +340,8 @@ def put(path: str, value: object) -> Callable[[dict], object]:
     def change(data: dict) -> None:
         at = data
         for key in where:
-            at = at[key]  # type: ignore[index]
-        at[last] = value  # type: ignore[index]
+            at = at[key]
+        at[last] = value
 
     return change
 

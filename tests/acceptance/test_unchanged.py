@@ -317,7 +317,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
         job.nothing_written()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write into a read-only folder; runs as any other user")
 def test_a_read_only_folder(tmp_path: Path) -> None:
     job = Job(tmp_path, program=line(3, 10).program(), forces=by_target({1: F0})).write()
     tmp_path.chmod(0o500)

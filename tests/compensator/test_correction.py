@@ -149,3 +149,34 @@ def test_absurd_forces_are_an_error_not_a_program(sample: Corrected) -> None:
     huge = replace(sample.predicted.forces, wrench=1e5 * sample.predicted.forces.wrench)
     with pytest.raises(CompstiffError):
         correct_path(sample.predicted.plan, huge, sample.predicted.model, sample.correction.targets)
+
+
+def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A writer that spoils a corrected number, a number it should leave alone, or a move: refused each time (CS4203)."""
+    from compensator import pipeline
+    from compensator.rapid import Rewritten
+
+    air = next(line for line in sample.content.split(b"\r\n") if b"vAir" in line and line.lstrip().startswith(b"MoveL"))
+    cut = next(line for line in sample.content.split(b"\r\n") if b"v45cut" in line and line.lstrip().startswith(b"MoveL"))
+    corrected = sample.content.split(b"\r\n")[int(sample.predicted.plan.toolpath.line[sample.correction.targets[50]]) - 1]
+    for old, new in (
+        (corrected, corrected.replace(b"MoveL [[", b"MoveL [[9")),
+        (air, air.replace(b"MoveL [[", b"MoveL [[9")),
+        (cut, cut.replace(b"v45cut", b"v36cut")),
+        (air + b"\r\n", b""),
+    ):
+        assert old != new
+        spoiled = sample.content.replace(old, new, 1)
+
+        monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled: Rewritten(content, (), 0, 0))
+        with pytest.raises(CompstiffError, match="CS4203.*does not read back"):
+            correct_program(sample.predicted)
+
+
+def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample: Corrected, monkeypatch) -> None:
+    from compensator import correction
+    from identification.model.compliance import joint_torque
+
+    monkeypatch.setattr(correction, "joint_torque", lambda *arguments: 1.01 * joint_torque(*arguments))
+    with pytest.raises(CompstiffError, match="CS4108.*did not converge"):
+        correct_path(sample.predicted.plan, sample.predicted.forces, sample.predicted.model, sample.correction.targets)

@@ -41,7 +41,7 @@ def shift(text: str | bytes, targets: list[int], by: list[list[float]], **change
     read = read_rapid(data, "test.mod")
     position = read.toolpath.position[targets] + np.array(by) / 1e3
     quaternion = changes.get("quaternion", read.toolpath.quaternion[targets])
-    return rewrite(read, targets, position, quaternion, changes.get("confdata"))  # type: ignore[arg-type]
+    return rewrite(read, targets, position, quaternion, changes.get("confdata"))
 
 
 def same(a: Toolpath, b: Toolpath) -> None:
