@@ -1,5 +1,17 @@
-"""`python -m compensator` is `compstiff`."""
+"""Entry point of `compstiff` and of `python -m compensator`: so small that Ctrl-C is answered from the first import on."""
 
-from compensator.cli import main
+import os
 
-main()
+
+def run() -> None:
+    """Runs the command line. Ctrl-C while its modules are still being imported exits 130 as well."""
+    try:
+        from compensator.cli import main
+
+        main()
+    except KeyboardInterrupt:
+        os._exit(130)
+
+
+if __name__ == "__main__":
+    run()

@@ -10,6 +10,7 @@ import contextlib
 import functools
 import json
 import os
+import signal
 import sys
 import tempfile
 import traceback
@@ -150,20 +151,29 @@ def main(group: click.Group) -> None:
     """Runs the command line; wrong calls exit 2, and with `--json` among the arguments they too print a document."""
     try:
         code = group.main(standalone_mode=False)
+    except SystemExit as done:
+        code = done.code
     except click.ClickException as wrong:
+        code = USAGE
         if "--json" in sys.argv[1:]:
             from identification.findings import Finding
 
-            message = wrong.format_message()
-            sys.exit(_show(Session("call", as_json=True), Outcome(findings=(Finding("CS0002", "error", message),)),
-                           "failed", USAGE))
-        wrong.show()
-        sys.exit(USAGE)
+            _show(Session("call", as_json=True), Outcome(findings=(Finding("CS0002", "error", wrong.format_message()),)),
+                  "failed", USAGE)
+        else:
+            wrong.show()
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
-        sys.exit(INTERRUPTED)
+        code = INTERRUPTED
     except BrokenPipeError:
         # The reader of stdout went away (`| head`): not a defect. Without this Python would complain when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(DONE)
+        code = DONE
+    # What was to be done is done: a Ctrl-C from here on changes nothing.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if code == INTERRUPTED:
+        # CPython dies by the signal at its end, with another exit code, if the interrupt once met code run by `exec`.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
     sys.exit(code)
