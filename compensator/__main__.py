@@ -1,16 +1,30 @@
 """Entry point of `compstiff` and of `python -m compensator`: so small that Ctrl-C is answered from the first import on."""
 
 import os
+import sys
+
+INTERRUPTED = 130
 
 
 def run() -> None:
-    """Runs the command line. Ctrl-C while its modules are still being imported exits 130 as well."""
+    """Runs the command line and ends this process; Ctrl-C exits 130 while modules are imported, too."""
     try:
         from compensator.cli import main
 
         main()
     except KeyboardInterrupt:
-        os._exit(130)
+        os._exit(INTERRUPTED)
+    except SystemExit as done:
+        import signal
+
+        # What was to be done is done: a Ctrl-C from here on changes nothing.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if done.code == INTERRUPTED:
+            # CPython dies by the signal at its end, with another exit code, if the interrupt once met code run by `exec`.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)
+        raise
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ import contextlib
 import functools
 import json
 import os
-import signal
 import sys
 import tempfile
 import traceback
@@ -169,11 +168,4 @@ def main(group: click.Group) -> None:
         # The reader of stdout went away (`| head`): not a defect. Without this Python would complain when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = DONE
-    # What was to be done is done: a Ctrl-C from here on changes nothing.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if code == INTERRUPTED:
-        # CPython dies by the signal at its end, with another exit code, if the interrupt once met code run by `exec`.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(INTERRUPTED)
     sys.exit(code)
