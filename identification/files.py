@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import signal
 import tempfile
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from identification.findings import error
@@ -46,8 +48,9 @@ def write_whole(files: dict[Path, bytes]) -> None:
                 stream.flush()
                 os.fsync(stream.fileno())
             os.chmod(name, _mode(path))
-        for path, name in temporary.items():
-            os.replace(name, path)
+        with _uninterrupted():
+            for path, name in temporary.items():
+                os.replace(name, path)
     except OSError as reason:
         raise error("CS0004", f"cannot be written: {reason.strerror or reason}",
                     file=str(reason.filename or next(iter(files))),
@@ -56,6 +59,19 @@ def write_whole(files: dict[Path, bytes]) -> None:
         for name in temporary.values():
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(name)
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C is dropped in here: between two renames it would leave some files new and some old."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _mode(path: Path) -> int:
