@@ -78,7 +78,8 @@ def simulate(cell: Cell, design: str, noise: str, truth: np.ndarray, rng: np.ran
     return Measurements(
         source="simulated", theta=theta, wrench=wrench, deflection=deflection, sigma=np.full((count, 3), np.nan), time=nothing,
         dwell=nothing, visit=visit, reference=np.zeros(count, dtype=np.intp), validate=np.zeros(count, dtype=bool),
-        machined_pass=np.full(count, "", dtype=object), line=np.arange(count) + 2, findings=())
+        machined_pass=np.full(count, "", dtype=object),
+        pose=np.full(count, "", dtype=object), row=np.arange(1, count + 1), line=np.arange(count) + 2, findings=())
 
 
 @dataclass(frozen=True)

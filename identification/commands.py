@@ -11,7 +11,7 @@ from identification.console import READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
     from identification.fit import Fit
-    from identification.inference import PriorKind
+    from identification.priors import PriorKind
 
 
 @command("robots")

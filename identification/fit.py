@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.extension import predicted_deflection
 from identification.findings import Finding
 from identification.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
-from identification.inference import Posterior, PriorKind, PriorModel, posterior, predicted_deflection
+from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.stiffness import IdentifiedModel
+from identification.priors import PriorKind, PriorModel
 from identification.profile import Profile, profiles
 from identification.subsets import Conflict, subset_conflicts
 
@@ -76,12 +78,11 @@ def fit_stiffness(
     found = posterior(cell, rows, prior)
     grades = grade_joints(cell, rows, found, prior)
     conflicts = subset_conflicts(rows, found, prior)
-    compliance = np.exp(found.mean)
-    residual = measurements.deflection - predicted_deflection(cell, measurements, compliance)
+    residual = measurements.deflection - predicted_deflection(cell, measurements, found.mean)
     fitted = ~measurements.validate
     held_out = None
     if measurements.validate.any():
-        literature = predicted_deflection(cell, measurements, 1 / cell.prior.stiffness)
+        literature = predicted_deflection(cell, measurements, -np.log(cell.prior.stiffness))
         held_out = (_rms((measurements.deflection - literature)[measurements.validate]), _rms(residual[measurements.validate]))
     row_weight = np.full(len(measurements), np.nan)
     row_weight[fitted] = found.row_weight

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
-from identification.inference import Posterior, PriorModel
+from identification.inference import Posterior
 from identification.measurements import Measurements
 from identification.model.compliance import signature
+from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 

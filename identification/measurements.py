@@ -31,7 +31,8 @@ class Measurements:
     deflection (N, 3) loaded minus unloaded TCP, base frame [m], NaN where a component was not measured;
     sigma (N, 3) the row's own 1 sigma [m], NaN where the file gives none; time, dwell (N,) [s], NaN where not given;
     visit (N,) number of the pose visit, from 0; reference (N,) number of the unloaded reference, from 0;
-    validate (N,) True for rows that are never fitted; machined_pass (N,) label, "" where none; line (N,) in the file.
+    validate (N,) True for rows that are never fitted; machined_pass, pose (N,) labels, "" where none;
+    row (N,) from 1, and line (N,) in the file.
     """
 
     source: str
@@ -45,6 +46,8 @@ class Measurements:
     reference: NDArray[np.intp]
     validate: NDArray[np.bool_]
     machined_pass: NDArray[np.object_]
+    pose: NDArray[np.object_]
+    row: NDArray[np.intp]
     line: NDArray[np.intp]
     findings: tuple[Finding, ...]
 
@@ -55,7 +58,7 @@ class Measurements:
         """The rows where `rows` (N,) is True."""
         arrays = {name: getattr(self, name)[rows] for name in (
             "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate",
-            "machined_pass", "line")}
+            "machined_pass", "pose", "row", "line")}
         return Measurements(source=self.source, findings=self.findings, **arrays)
 
 
@@ -108,7 +111,8 @@ def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
         time=table.numbers.get("time_s", nothing), dwell=table.numbers.get("dwell_s", nothing),
         visit=_visits(table, theta), reference=_runs(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
-        line=table.line, findings=fold(findings))
+        pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
+        findings=fold(findings))
 
 
 def _runs(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:

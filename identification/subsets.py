@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.inference import Posterior, PriorModel
+from identification.inference import Posterior
 from identification.measurements import Measurements
+from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,41 @@
+"""The dictionary of causes: one file an effect, found through a registry (EFFECTS.md).
+
+A user's own package adds effects through the entry point group `compstiff.effects` (docs/effects.md).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pkgutil import iter_modules
+
+from identification.findings import error
+from identification.model.effects.base import Effect, Parameter, Signature
+
+__all__ = ["Effect", "Parameter", "Signature", "effects"]
+ENTRY_POINTS = "compstiff.effects"
+
+
+@cache
+def effects() -> dict[str, Effect]:
+    """All effects by name: the built-in ones, then those of installed packages.
+
+    Raises CompstiffError (CS1301) where a package's entry is no effect, or takes a name that is taken.
+    """
+    found: dict[str, Effect] = {}
+    for module in sorted(info.name for info in iter_modules(__path__) if info.name != "base"):
+        members = vars(import_module(f"{__name__}.{module}")).values()
+        kinds = [kind for kind in members if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect]
+        found |= {kind.name: kind() for kind in kinds}
+    for entry in entry_points(group=ENTRY_POINTS):
+        loaded = entry.load()
+        effect = loaded() if isinstance(loaded, type) else loaded
+        if not isinstance(effect, Effect):
+            raise error("CS1301", f"the entry point '{entry.name}' of {ENTRY_POINTS} gives {type(effect).__name__}, "
+                        "expected an Effect", hint="docs/effects.md has a worked example")
+        if effect.name in found:
+            raise error("CS1301", f"the entry point '{entry.name}' brings an effect '{effect.name}', which exists already",
+                        hint="give it another name")
+        found[effect.name] = effect
+    return found

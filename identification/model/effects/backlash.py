@@ -1,0 +1,40 @@
+"""Free play of a gear: crossed when the torque at the gear changes its sign against gravity's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter, saturated
+from identification.model.joint_log import JointLog
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+# Friction holds the gear in its gap below this torque [N m]: an assumption, small against any cutting load's.
+FRICTION_NM = 2.0
+
+
+class Backlash(Effect):
+    """`J_i b (s(g + tau) - s(g))`, s the sign, linear within a small friction threshold: a load whose sign the force error
+    decides tells nothing. On joints that gravity loads it shows only where the load beats gravity."""
+
+    name = "backlash"
+    family = "gear"
+    of_robot = True
+    joints = (1, 2, 3, 4, 5, 6)
+    parameters = (Parameter("half_gap_rad", "rad", 7.3e-5, 0.0, 1.5e-3),)
+    sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
+    settles = "turn the joint by hand (or with a lever) to and fro at the flange with a dial gauge on it: free play shows without force"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        i = (joint or 1) - 1
+        gravity = rows.gravity[:, i]
+        turned = values[0] * (_sign(gravity + rows.torque[:, i]) - _sign(gravity))
+        return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+
+    def log_contribution(self, log: JointLog, values: Array) -> Array:
+        return np.asarray(values[0] * _sign(log.torque))
+
+
+def _sign(torque: Array) -> Array:
+    return saturated(torque / FRICTION_NM)

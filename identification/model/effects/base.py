@@ -1,0 +1,148 @@
+"""What an effect is: its contribution, its parameters, and how it shows in the data (EFFECTS.md).
+
+A user's own package adds one by subclassing Effect and naming an instance in the entry point group `compstiff.effects`;
+docs/effects.md has a worked example.
+"""
+
+from __future__ import annotations
+
+import itertools
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.joint_log import JointLog
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+ONLY_IN_MOTION = "it shows only in logs taken in motion"
+Family = Literal["gear", "structure", "base", "tool", "load path", "force measurement", "deflection measurement"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter. typical: the size met in practice, low and high: physical bounds, all in `unit`. A lower bound of zero
+    or more means that the effect has one sign only. grid: values to try where it does not enter linearly, else empty.
+    shape: it says how the effect looks, not how large it is."""
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    grid: tuple[float, ...] = ()
+    shape: bool = False
+
+    @property
+    def positive(self) -> bool:
+        """Whether the sign is known."""
+        return self.low >= 0 or self.high <= 0
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """How an effect shows, linear in p coefficients for given values of what is not linear: rows (n, 3, p) [m].
+
+    scale (p,): typical size of the coefficients; positive: each has one sign. values: coefficients (p,) -> the effect's
+    parameter values. effect: the effect itself, or one of its kind that is bound to a place. local: it touches one pose
+    only, so that no other pose can tell of it.
+    """
+
+    rows: Array
+    scale: Array
+    positive: bool
+    values: Callable[[Array], Array]
+    effect: Effect
+    local: bool = False
+
+
+class Effect(ABC):
+    """One physical effect. joints: the joints it may sit at (1-based), empty where it belongs to none.
+
+    of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
+    the data. sentence: the cause as a shop-floor engineer says it ({joint} is filled in). settles: what would separate it
+    from its look-alikes, and is not a load.
+    """
+
+    name: ClassVar[str]
+    family: ClassVar[Family]
+    of_robot: ClassVar[bool]
+    joints: ClassVar[tuple[int, ...]] = ()
+    parameters: ClassVar[tuple[Parameter, ...]]
+    sentence: ClassVar[str]
+    settles: ClassVar[str]
+
+    @property
+    def where(self) -> dict[str, int | str]:
+        """What says, beside the joint, which one it is (the row of a step)."""
+        return {}
+
+    def neutral(self, rows: Situation) -> Array:
+        """The parameter values (P,) at which the effect is absent; of no meaning for those that only shape it."""
+        return np.zeros(len(self.parameters))
+
+    def typical(self, rows: Situation, joint: int | None) -> Array:
+        """Typical sizes (P,) of the parameters on this robot."""
+        return np.array([parameter.typical for parameter in self.parameters])
+
+    @property
+    def places(self) -> tuple[int | None, ...]:
+        """The joints it may sit at, (None,) where it belongs to none."""
+        return self.joints or (None,)
+
+    def missing(self, rows: Situation) -> str:
+        """Why these rows cannot show it at all, "" where they can."""
+        return ""
+
+    @abstractmethod
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        """What it adds to the deviation, or to the reading: (n, 6), position [m] and rotation [rad]; values (P,)."""
+
+    def log_contribution(self, log: JointLog, values: Array) -> Array | None:
+        """What it adds to the deflection of a joint in a log taken in motion (n,) [rad]; None: it does not show there."""
+        return None
+
+    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+        """All signatures of the effect at one place: by differences of `contribution`, one for each value of the grids."""
+        grids = [parameter.grid or (None,) for parameter in self.parameters]
+        linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
+        scale = self.typical(rows, joint)[linear]
+        positive = all(self.parameters[k].positive for k in linear)
+        found = []
+        for choice in itertools.product(*grids):
+            fixed = np.array([0.0 if value is None else value for value in choice])
+            columns = [self._slope(rows, joint, fixed, k) for k in linear]
+            found.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
+        return found
+
+    def _slope(self, rows: Situation, joint: int | None, fixed: Array, which: int) -> Array:
+        """Contribution to the position (n, 3) for one unit of a linear parameter."""
+        step = np.zeros(len(fixed))
+        step[which] = self.parameters[which].typical
+        ahead = self.contribution(rows, joint, fixed + step)[:, :3]
+        if self.parameters[which].positive:
+            return np.asarray(ahead / step[which])
+        return np.asarray((ahead - self.contribution(rows, joint, fixed - step)[:, :3]) / (2 * step[which]))
+
+
+def _placed(fixed: Array, linear: list[int]) -> Callable[[Array], Array]:
+    def values(coefficients: Array) -> Array:
+        result = fixed.copy()
+        result[linear] += coefficients
+        return result
+
+    return values
+
+
+def saturated(x: Array) -> Array:
+    """x between -1 and 1."""
+    return np.clip(x, -1.0, 1.0)
+
+
+def polar(coefficients: Array) -> Array:
+    """(a cos phi, a sin phi) of `a cos(x + phi) = (a cos phi) cos x + (a sin phi) cos(x + pi/2)`, as (a, phi)."""
+    return np.array([np.hypot(*coefficients), np.arctan2(coefficients[1], coefficients[0])])

@@ -1,0 +1,26 @@
+"""The whole robot rocks on its base about base x and y."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class BaseRocking(Effect):
+    """Rotation c (M_x, M_y) about the base origin, M the moment of the load there."""
+
+    name = "base_rocking"
+    family = "base"
+    of_robot = True
+    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6),)
+    sentence = "the robot rocks on its base: floor, anchors or pedestal give way"
+    settles = "a dial gauge on the base while the tool is loaded"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        base = np.zeros((len(rows), 3))
+        return rows.turned(base, values[0] * rows.moment_about(base) * [1.0, 1.0, 0.0])

@@ -1,0 +1,27 @@
+"""The base gives way sideways."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class BaseShift(Effect):
+    """c (F_x, F_y, 0)."""
+
+    name = "base_shift"
+    family = "base"
+    of_robot = True
+    parameters = (Parameter("compliance_m_per_n", "m/N", 5e-8, 0.0, 1e-6),)
+    sentence = "the base of the robot slides or gives way sideways"
+    settles = "a dial gauge at the foot of the base while the tool is loaded"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        moved = np.zeros((len(rows), 6))
+        moved[:, :2] = values[0] * rows.wrench[:, :2]
+        return moved

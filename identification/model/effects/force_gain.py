@@ -1,0 +1,26 @@
+"""The force sensor's scale is off: every elastic deflection is scaled alike."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class ForceGain(Effect):
+    """g times the elastic deviation. It is the same as all stiffnesses changed together, so deflections alone never tell it;
+    with the same sensor in milling it does no harm to the correction either."""
+
+    name = "force_gain"
+    family = "force measurement"
+    of_robot = False
+    parameters = (Parameter("relative", "1", 0.05, -0.5, 0.5),)
+    sentence = "the force sensor's scale is off"
+    settles = "hang a dead weight on the tool, or read the second force sensor"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return np.asarray(values[0] * rows.elastic)

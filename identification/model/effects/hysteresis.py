@@ -1,0 +1,48 @@
+"""Friction inside a gear: the way back is not the way there."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.joint_log import JointLog
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class Hysteresis(Effect):
+    """`J_i h q`, q a Maxwell-slip state of the load path: q <- clip(q + dtau / T, -1, 1), from zero at the start of each
+    pose."""
+
+    name = "hysteresis"
+    family = "gear"
+    of_robot = True
+    joints = (1, 2, 3, 4, 5, 6)
+    parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, 0.0, 1e-3),
+                  Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True),)
+    sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"
+    settles = "load up, down and up again without leaving the pose, and read at zero load each time"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        i = (joint or 1) - 1
+        turned = values[0] * slip_state(rows.torque[:, i], rows.starts, values[1])
+        return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+
+    def log_contribution(self, log: JointLog, values: Array) -> Array:
+        start = np.zeros(len(log.torque), dtype=bool)
+        start[0] = True
+        return np.asarray(values[0] * slip_state(log.torque, start, values[1]))
+
+
+def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float) -> Array:
+    """Maxwell-slip state (n,) of a torque path (n,) [N m]: from zero at each start, the torque before it zero too."""
+    before = np.concatenate([[0.0], torque[:-1]])
+    before[starts] = 0.0
+    change = ((torque - before) / slip).tolist()
+    state, q = [], 0.0
+    for new, step in zip(starts.tolist(), change, strict=True):
+        q = min(1.0, max(-1.0, (0.0 if new else q) + step))
+        state.append(q)
+    return np.array(state)

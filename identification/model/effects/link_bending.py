@@ -1,0 +1,47 @@
+"""The lower arm (2) or the forearm (3) bends like a cantilever."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class LinkBending(Effect):
+    """An end force F across the link moves its end by F L^3 / 3EI and turns it by u x F L^2 / 2EI; an end moment M by
+    M x u L^2 / 2EI and M L / EI. On a parallel-rod robot the rod keeps the forearm's angle, so that bending of the lower arm in
+    the arm's plane does not turn it, and the forearm's moment does not enter it."""
+
+    name = "link_bending"
+    family = "structure"
+    of_robot = True
+    joints = (2, 3)
+    parameters = (Parameter("flexibility_per_nm2", "1/(N*m^2)", 7.7e-8, 0.0, 2e-6),)
+    sentence = "link {joint} (2 lower arm, 3 forearm) bends"
+    settles = "a force at the elbow, not at the tool"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        z2 = rows.axes[:, 1]
+        rod = joint == 2 and bool(np.any(rows.robot.coupling != np.eye(6)))
+        if joint == 2:
+            start, end = rows.origins[:, 1], rows.origins[:, 2]
+        else:
+            start, end = rows.origins[:, 3] - rows.robot.d[3] * rows.axes[:, 3], rows.origins[:, 3]
+        length = np.linalg.norm(end - start, axis=1, keepdims=True)
+        u = (end - start) / length
+        force = rows.wrench[:, :3] - u * np.sum(u * rows.wrench[:, :3], axis=1, keepdims=True)
+        moment = rows.moment_about(end)
+        moment = moment - u * np.sum(u * moment, axis=1, keepdims=True)
+        if rod:
+            moment = moment - z2 * np.sum(z2 * moment, axis=1, keepdims=True)
+        shift = force * length**3 / 3 + np.cross(moment, u) * length**2 / 2
+        turn = np.cross(u, force) * length**2 / 2 + moment * length
+        if rod:
+            turn = turn - z2 * np.sum(z2 * turn, axis=1, keepdims=True)
+        moved = rows.turned(end, values[0] * turn)
+        moved[:, :3] += values[0] * shift
+        return moved

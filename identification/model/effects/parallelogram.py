@@ -1,0 +1,59 @@
+"""The load path through the parallel rod is not the one the model assumes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter, Signature
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class Parallelogram(Effect):
+    """Gear 2 moves the TCP by `J~_2 - ratio J~_3` and carries `tau~_2 - ratio tau~_3` (serial Jacobian and torques): ratio 1 is
+    an ideal rod (`load_path: drive`), 0 none (`serial`). Only for robots with a coupling."""
+
+    name = "parallelogram"
+    family = "gear"
+    of_robot = True
+    parameters = (Parameter("ratio", "1", 1.0, -0.5, 1.5),)
+    sentence = "the load does not go through the parallel rod as the model assumes"
+    settles = "ask the maker where gear 3 sits, or load the forearm at two angles of joint 2"
+
+    def missing(self, rows: Situation) -> str:
+        return "" if _coupled(rows) is not None else "the robot has no parallel rod"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        driven, driver = _coupled(rows) or (2, 1)
+        torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
+
+        def moved(ratio: float) -> Array:
+            column = rows.serial_jacobian[:, :, driver] - ratio * rows.serial_jacobian[:, :, driven]
+            return np.asarray(column * (torque[:, driver] - ratio * torque[:, driven])[:, None])
+
+        return np.asarray(rows.compliance[driver] * (moved(float(values[0])) - moved(_assumed(rows))))
+
+    def neutral(self, rows: Situation) -> Array:
+        return np.array([_assumed(rows)])
+
+    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+        assumed = _assumed(rows)
+        other = 1.0 - assumed
+        found = []
+        for share in (1.0, 0.3):
+            there = self.contribution(rows, joint, np.array([assumed + share * (other - assumed)]))[:, :3, None]
+            found.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
+        return found
+
+
+def _coupled(rows: Situation) -> tuple[int, int] | None:
+    """Index of the driven axis and of the axis that drives it."""
+    pairs = np.argwhere(rows.robot.coupling - np.eye(6) != 0)
+    return None if len(pairs) == 0 else (int(pairs[0, 0]), int(pairs[0, 1]))
+
+
+def _assumed(rows: Situation) -> float:
+    """The ratio of the plain model."""
+    return 1.0 if rows.robot.load_path == "drive" else 0.0

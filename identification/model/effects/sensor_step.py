@@ -1,0 +1,66 @@
+"""A deflection sensor was bumped or re-seated; one bad row is its smallest case."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter, Signature
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+# In longer files only the starts of poses are tried as places of a step.
+MOST_ROWS = 400
+
+
+class SensorStep(Effect):
+    """A constant on the readings from one row on (until the next reference) or of one pose. A single bad row is found by its
+    weight (noise.py) and named by diagnosis/gross.py."""
+
+    name = "sensor_step"
+    family = "deflection measurement"
+    of_robot = False
+    parameters = (Parameter("x_m", "m", 1e-5, -1e-2, 1e-2),
+                  Parameter("y_m", "m", 1e-5, -1e-2, 1e-2),
+                  Parameter("z_m", "m", 1e-5, -1e-2, 1e-2),)
+    sentence = "a deflection sensor was bumped or re-seated"
+    settles = "repeat the rows about the step"
+
+    def __init__(self, kind: str = "row", place: int | str = 1) -> None:
+        self.kind, self.place = kind, place
+
+    @property
+    def where(self) -> dict[str, int | str]:
+        return {self.kind: self.place}
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return np.asarray(self._mask(rows)[:, None] * np.concatenate([values, np.zeros(3)]))
+
+    def _mask(self, rows: Situation) -> NDArray[np.bool_]:
+        """The rows (n,) the step touches: a pose's, or from a row of the file on until the reference is taken anew."""
+        if self.kind == "pose":
+            return np.asarray(_names(rows) == self.place)
+        after = rows.row >= int(self.place)
+        if not after.any():
+            return after
+        return np.asarray(after & (rows.reference == rows.reference[int(np.argmax(after))]))
+
+    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+        first = rows.row[1:] if len(rows) <= MOST_ROWS else rows.row[rows.starts][1:]
+        names = _names(rows)
+        poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]
+        steps = [(SensorStep("row", int(row)), False) for row in first]
+        steps += [(SensorStep("pose", str(name)), True) for name in dict.fromkeys(poses.tolist())]
+        scale = self.typical(rows, joint)
+        return [Signature(step._mask(rows)[:, None, None] * np.eye(3), scale, False, _as_it_is, step, local)
+                for step, local in steps]
+
+
+def _names(rows: Situation) -> NDArray[np.object_]:
+    """The name of each row's pose (n,): its label, or the number of its visit from 1."""
+    numbers = np.array([str(visit + 1) for visit in rows.visit.tolist()], dtype=object)
+    return np.where(rows.labels == "", numbers, rows.labels)
+
+
+def _as_it_is(coefficients: Array) -> Array:
+    return coefficients

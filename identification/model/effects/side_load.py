@@ -1,0 +1,50 @@
+"""The cylinder pushes sideways by a share of its force, with its direction of motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter, Signature, polar
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class SideLoad(Effect):
+    """The springs' answer to the force `ratio |F| n sign(dF . e)`: e the load's line with its largest component positive,
+    a = e x z_base, n = a cos(angle) + (e x a) sin(angle), dF the change of load since the row before, from zero at each
+    pose."""
+
+    name = "side_load"
+    family = "load path"
+    of_robot = False
+    parameters = (Parameter("ratio", "1", 0.03, 0.0, 0.5),
+                  Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
+    sentence = "the loading device pushes sideways too, in the direction it moves"
+    settles = "read both force sensors, or put a ball between cylinder and tool"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        aside = values[0] * (np.cos(values[1]) * self._along(rows)[0] + np.sin(values[1]) * self._along(rows)[1])
+        return rows.compliant(np.concatenate([aside, np.zeros_like(aside)], axis=1))
+
+    @staticmethod
+    def _along(rows: Situation) -> tuple[Array, Array]:
+        """Side forces (n, 3) [N] for a ratio of 1 along a and along e x a."""
+        force = rows.wrench[:, :3]
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        e = np.divide(force, size, out=np.zeros_like(force), where=size > 0)
+        largest = np.take_along_axis(e, np.argmax(np.abs(e), axis=1)[:, None], axis=1)
+        e = e * np.where(largest < 0, -1.0, 1.0)
+        up = np.where(np.abs(e[:, 2:]) > 0.99, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+        a = np.cross(e, up)
+        length = np.linalg.norm(a, axis=1, keepdims=True)
+        a = np.divide(a, length, out=np.zeros_like(a), where=length > 0)
+        before = np.concatenate([np.zeros((1, 3)), force[:-1]])
+        before[rows.starts] = 0.0
+        pushed = size * np.sign(np.sum((force - before) * e, axis=1, keepdims=True))
+        return pushed * a, pushed * np.cross(e, a)
+
+    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+        columns = [self.contribution(rows, joint, np.array([1.0, angle]))[:, :3] for angle in (0.0, np.pi / 2)]
+        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, polar, self)]

@@ -1,0 +1,27 @@
+"""Tool and spindle yield across the tool axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class SpindleCompliance(Effect):
+    """c times the part of the force across tool z."""
+
+    name = "spindle_compliance"
+    family = "tool"
+    of_robot = True
+    parameters = (Parameter("radial_m_per_n", "m/N", 6.7e-8, 0.0, 2e-6),)
+    sentence = "tool and spindle bend sideways"
+    settles = "a dial gauge between spindle nose and tool tip while the tool is loaded"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        axis, force = rows.tool[:, :, 2], rows.wrench[:, :3]
+        across = force - axis * np.sum(axis * force, axis=1, keepdims=True)
+        return np.concatenate([values[0] * across, np.zeros_like(across)], axis=1)

@@ -1,0 +1,29 @@
+"""The load acts beside the modelled TCP."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class ToolPoint(Effect):
+    """The springs' answer to the moment `(R_tool p) x F`; the measured point stays."""
+
+    name = "tool_point"
+    family = "load path"
+    of_robot = False
+    parameters = (Parameter("x_m", "m", 0.01, -0.1, 0.1),
+                  Parameter("y_m", "m", 0.01, -0.1, 0.1),
+                  Parameter("z_m", "m", 0.01, -0.1, 0.1),)
+    sentence = "the load did not act at the modelled tool point"
+    settles = "measure where the cylinder touches the tool"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        lever = np.einsum("nij,j->ni", rows.tool, values)
+        moment = np.cross(lever, rows.wrench[:, :3])
+        return rows.compliant(np.concatenate([np.zeros_like(moment), moment], axis=1))

@@ -1,0 +1,26 @@
+"""Axes 5 and 6 share gears: a torque at one turns the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects.base import Effect, Parameter
+from identification.model.situation import Situation
+
+Array = NDArray[np.float64]
+
+
+class WristCoupling(Effect):
+    """`(J_5 tau_6 + J_6 tau_5) c`."""
+
+    name = "wrist_coupling"
+    family = "gear"
+    of_robot = True
+    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 1e-6, -2e-5, 2e-5),)
+    sentence = "the gears of the wrist are coupled: a torque at axis 5 turns axis 6 and the other way round"
+    settles = "a pure moment on the flange about axis 6 with a dial gauge on axis 5"
+
+    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        twisted = rows.jacobian[:, :, 4] * rows.torque[:, 5:] + rows.jacobian[:, :, 5] * rows.torque[:, 4:5]
+        return np.asarray(values[0] * twisted)

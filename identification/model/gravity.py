@@ -1,0 +1,65 @@
+"""Gravity torques at the springs: what preloads gears, so that backlash and soft zones show only beyond it.
+
+The torque that gravity exerts about serial axis i is `sum over bodies l >= i of m_l g . (z_i x (p_l - o_i))`, g the
+acceleration of free fall in the base frame; at the springs it is multiplied by L^T like any other torque (compliance.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.kinematics import chain
+from identification.model.robot import RobotModel
+from identification.model.rotations import Frame
+
+Array = NDArray[np.float64]
+# Standard acceleration of free fall [m/s^2] (3rd CGPM, 1901).
+FREE_FALL = 9.80665
+DOWN = np.array([0.0, 0.0, -FREE_FALL])
+
+
+def gravity_torque(
+    robot: RobotModel, theta: Array, fall: Array = DOWN, tool_mass: float | None = None, tool_centre: Array | None = None,
+) -> Array:
+    """Gravity torques (N, 6) [N m] at the springs; zero for a robot file without `links`.
+
+    theta (N, 6) controller angles [rad]; fall (3,) acceleration of free fall in the base frame [m/s^2]; tool_mass [kg] with
+    its centre (3,) [m] in the flange frame (at the flange where it is not given).
+    """
+    if robot.link_mass is None or robot.link_centre is None:
+        return np.zeros((len(theta), 6))
+    frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T))
+    rotations = link_rotations(robot, theta)
+    bodies = [(i, robot.link_mass[i], frames.origins[i] + np.einsum("ncj,j->cn", rotations[i], robot.link_centre[i]))
+              for i in range(6)]
+    if tool_mass:
+        centre = np.zeros(3) if tool_centre is None else tool_centre
+        bodies.append((5, tool_mass, frames.origins[5] + np.einsum("cjn,j->cn", frames.rotation, centre)))
+    torque = np.zeros((len(theta), 6))
+    for carrier, mass, position in bodies:
+        for axis in range(carrier + 1):
+            arm = np.cross(frames.axes[axis], position - frames.origins[axis], axis=0)
+            torque[:, axis] += mass * (fall @ arm)
+    return np.asarray(torque @ robot.load_matrix)
+
+
+def link_rotations(robot: RobotModel, theta: Array) -> list[Array]:
+    """base_from_link rotations (N, 3, 3) of the six joint frames (paper eq. 1), theta (N, 6) controller angles [rad]."""
+    serial = robot.serial_angles(theta)
+    rotation = np.broadcast_to(np.eye(3), (len(theta), 3, 3))
+    found = []
+    for i in range(6):
+        ca, sa = np.cos(robot.alpha[i]), np.sin(robot.alpha[i])
+        c, s = np.cos(serial[:, i]), np.sin(serial[:, i])
+        zero = np.zeros_like(c)
+        step = np.stack([np.stack([c, -s, zero], axis=1), np.stack([ca * s, ca * c, zero - sa], axis=1),
+                         np.stack([sa * s, sa * c, zero + ca], axis=1)], axis=1)
+        rotation = rotation @ step
+        found.append(rotation)
+    return found
+
+
+def fall_in_base(world_from_base: Frame) -> Array:
+    """Acceleration of free fall (3,) [m/s^2] in the base frame: world -z (FORMATS.md, cell.yaml)."""
+    return np.asarray(world_from_base.rotation.T @ DOWN)

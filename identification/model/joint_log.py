@@ -1,0 +1,38 @@
+"""JointLog: one joint of a log taken in motion, with encoders on both sides of the gear (FORMATS.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointLog:
+    """n samples of one joint, evenly spaced: time (n,) [s], torque (n,) on the gear side [N m], speed (n,) [rad/s],
+    deflection (n,) motor minus link angle [rad]; compliance of its spring [rad/(N m)]."""
+
+    joint: int
+    time: Array
+    torque: Array
+    speed: Array
+    deflection: Array
+    compliance: float
+
+    @cached_property
+    def step(self) -> float:
+        """Time between two samples [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Derivative of the speed (n,) [rad/s^2], central differences."""
+        return np.gradient(self.speed, self.time)
+
+    def delayed(self, seconds: float) -> Array:
+        """The torque (n,) [N m] as it was so many seconds before, the ends held."""
+        return np.interp(self.time - seconds, self.time, self.torque)

@@ -1,0 +1,163 @@
+"""Situation: what a physical effect may look at, at the pose the loaded plain robot stands in.
+
+Effects beyond the plain springs (effects/) are small beside them, so each is a contribution on top of the plain model at its
+equilibrium: torques, Jacobians and lever arms are those of the loaded pose, which leaves an error of second order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.compliance import equilibrium, loaded_angles
+from identification.model.gravity import DOWN, gravity_torque, link_rotations
+from identification.model.kinematics import Chain, chain
+from identification.model.robot import RobotModel
+from identification.model.rotations import Frame
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """n rows in the order the loads were put on.
+
+    theta (n, 6) controller angles [rad]; wrench (n, 6) on the tool at the TCP, base frame [N, N m]; compliance (6,)
+    [rad/(N m)]; visit (n,) number of the pose visit: load history starts from zero at each; reference (n,) number of the
+    unloaded reference; time (n,) [s] since that reference, dwell (n,) [s], NaN where not known; labels (n,) of the poses;
+    row (n,) number of the row in its file, from 1.
+    fall (3,) acceleration of free fall in the base frame; tool_mass [kg] and tool_centre (3,) [m] in the flange frame.
+    at_load: theta is the loaded pose itself (a planned toolpath), not the commanded one.
+    """
+
+    robot: RobotModel
+    flange_from_tcp: Frame
+    theta: Array
+    wrench: Array
+    compliance: Array
+    visit: NDArray[np.intp]
+    reference: NDArray[np.intp]
+    time: Array
+    dwell: Array
+    labels: NDArray[np.object_]
+    row: NDArray[np.intp]
+    fall: Array
+    tool_mass: float | None = None
+    tool_centre: Array | None = None
+    at_load: bool = False
+
+    def __len__(self) -> int:
+        return len(self.theta)
+
+    def with_compliance(self, compliance: Array) -> Situation:
+        """The same rows on a robot with other springs (6,) [rad/(N m)]."""
+        return replace(self, compliance=compliance)
+
+    @cached_property
+    def _equilibrium(self) -> tuple[Array, Array]:
+        """Spring deflection (n, 6) [rad] and TCP displacement (n, 3) [m] of the plain robot."""
+        state = equilibrium(self.robot, self.theta, self.flange_from_tcp, self.wrench, self.compliance)
+        return state.deflection, state.position
+
+    @cached_property
+    def loaded(self) -> Array:
+        """Controller angles (n, 6) [rad] at which an unloaded robot stands where the loaded one is."""
+        return self.theta if self.at_load else loaded_angles(self.robot, self.theta, self._equilibrium[0])
+
+    @cached_property
+    def frames(self) -> Chain:
+        """Joint frames at the loaded pose, components first."""
+        return chain(self.robot, np.ascontiguousarray(self.robot.serial_angles(self.loaded).T))
+
+    @cached_property
+    def axes(self) -> Array:
+        """Joint axes z_i (n, 6, 3)."""
+        return np.ascontiguousarray(self.frames.axes.transpose(2, 0, 1))
+
+    @cached_property
+    def origins(self) -> Array:
+        """Origins of the joint frames, after their d (n, 6, 3) [m]; the sixth is the flange."""
+        return np.ascontiguousarray(self.frames.origins.transpose(2, 0, 1))
+
+    @cached_property
+    def flange(self) -> Array:
+        """base_from_flange rotations (n, 3, 3)."""
+        return np.ascontiguousarray(self.frames.rotation.transpose(2, 0, 1))
+
+    @cached_property
+    def tool(self) -> Array:
+        """base_from_tcp rotations (n, 3, 3)."""
+        return np.asarray(self.flange @ self.flange_from_tcp.rotation)
+
+    @cached_property
+    def tcp(self) -> Array:
+        """TCP (n, 3) [m]."""
+        return np.asarray(self.origins[:, 5] + self.flange @ self.flange_from_tcp.position)
+
+    @cached_property
+    def link_x(self) -> Array:
+        """x axes of the joint frames (n, 6, 3)."""
+        return np.stack([rotation[:, :, 0] for rotation in link_rotations(self.robot, self.loaded)], axis=1)
+
+    @cached_property
+    def serial_jacobian(self) -> Array:
+        """J~ (n, 6, 6): rows position [m/rad], rotation; one column a serial axis."""
+        arms = self.tcp[:, None] - self.origins
+        return np.asarray(np.concatenate([np.cross(self.axes, arms), self.axes], axis=2).transpose(0, 2, 1))
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """J = J~ L (n, 6, 6), one column a spring."""
+        return np.asarray(self.serial_jacobian @ self.robot.load_matrix)
+
+    @cached_property
+    def torque(self) -> Array:
+        """Torques of the wrench at the springs (n, 6) [N m], at equilibrium."""
+        return np.asarray(np.einsum("nri,nr->ni", self.jacobian, self.wrench))
+
+    @cached_property
+    def gravity(self) -> Array:
+        """Gravity torques at the springs (n, 6) [N m]; zero for a robot file without `links`."""
+        return gravity_torque(self.robot, self.theta, self.fall, self.tool_mass, self.tool_centre)
+
+    @cached_property
+    def elastic(self) -> Array:
+        """The plain model's deviation (n, 6): position [m], rotation [rad]."""
+        rotation = np.einsum("nri,ni->nr", self.jacobian[:, 3:], self.compliance * self.torque)
+        if self.at_load:
+            position = np.einsum("nri,ni->nr", self.jacobian[:, :3], self.compliance * self.torque)
+        else:
+            position = self._equilibrium[1]
+        return np.concatenate([position, rotation], axis=1)
+
+    def compliant(self, wrench: Array) -> Array:
+        """Deviation (n, 6) that an additional wrench (n, 6) causes through the springs, first order."""
+        torque = np.einsum("nri,nr->ni", self.jacobian, wrench)
+        return np.asarray(np.einsum("nri,ni->nr", self.jacobian, self.compliance * torque))
+
+    def turned(self, pivot: Array, rotation: Array) -> Array:
+        """Deviation (n, 6) of the TCP where all beyond the pivots (n, 3) [m] turns by rotation vectors (n, 3) [rad]."""
+        return np.concatenate([np.cross(rotation, self.tcp - pivot), rotation], axis=1)
+
+    def moment_about(self, point: Array) -> Array:
+        """Moment (n, 3) [N m] of the wrench about points (n, 3) [m]."""
+        return np.asarray(np.cross(self.tcp - point, self.wrench[:, :3]) + self.wrench[:, 3:])
+
+    @cached_property
+    def starts(self) -> NDArray[np.bool_]:
+        """True at the first row of each pose visit (n,): load history starts there."""
+        return np.concatenate([[True], np.diff(self.visit) != 0])[: len(self.theta)]
+
+
+def situation(
+    robot: RobotModel, flange_from_tcp: Frame, theta: Array, wrench: Array, compliance: Array, *, fall: Array = DOWN,
+    tool_mass: float | None = None, tool_centre: Array | None = None, at_load: bool = False,
+) -> Situation:
+    """A stretch of one toolpath: one visit, one reference, no times."""
+    count = len(theta)
+    nothing, zero = np.full(count, np.nan), np.zeros(count, dtype=np.intp)
+    return Situation(robot, flange_from_tcp, theta, wrench, compliance, zero, zero, nothing, nothing,
+                     np.full(count, "", dtype=object), np.arange(1, count + 1), fall, tool_mass, tool_centre, at_load)
