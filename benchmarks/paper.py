@@ -363,7 +363,8 @@ def as_measurements(design: Design, z: np.ndarray, rows: np.ndarray) -> Measurem
         source="simulated", theta=design.theta[rows], wrench=np.pad(design.force[rows], ((0, 0), (0, 3))),
         deflection=z[rows], sigma=np.full((count, 3), np.nan), time=nothing, dwell=nothing, visit=np.arange(count),
         reference=np.zeros(count, dtype=np.intp), validate=np.zeros(count, dtype=bool),
-        machined_pass=np.full(count, "", dtype=object), pose=np.full(count, "", dtype=object), row=rows + 1, line=rows + 2, findings=())
+        machined_pass=np.full(count, "", dtype=object), pose=np.full(count, "", dtype=object), row=rows + 1, line=rows + 2,
+        findings=())
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------------

@@ -3,7 +3,8 @@
     -2 ln posterior(x) = |z - eta(x)|^2 (Sigma^-1) + prior(x)
 
 eta is the finite model at equilibrium (with the effects of extension.py where there are any, whose parameters follow in x),
-Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal by default; the paper's Gaussian in k with the weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
+Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal by default; the paper's Gaussian in k with the
+weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
 2. The noise sizes are not known exactly: the posterior is averaged over them, at the points mean +- sqrt(3) sigma of each of
@@ -52,7 +53,7 @@ class Linearised:
 class Posterior:
     """mean (6 + P,) and covariance of x = (ln c, parameters of terms); map: the MAP of x; laplace: its inverse curvature.
 
-    size: estimated noise sizes; size_log_std (3,): how well the data tell them, ln. row_weight (n,) of the fitted rows.
+    size: estimated noise sizes; size_spread (3, 3): covariance of their ln. row_weight (n,) of the fitted rows.
     effective_draws: of the importance weights, 0 where they were not used. chi2: against the stated noise.
     readings: measured components. at_map: the linearised model there. prior: with the terms' parameters.
     """
@@ -62,7 +63,7 @@ class Posterior:
     map: Array
     laplace: Array
     size: NoiseSize
-    size_log_std: Array
+    size_spread: Array
     row_weight: Array
     effective_draws: float
     chi2: float
@@ -70,6 +71,11 @@ class Posterior:
     at_map: Linearised
     prior: PriorModel
     terms: tuple[Term, ...] = ()
+
+    @property
+    def size_log_std(self) -> Array:
+        """How well the data tell the noise sizes: standard deviations (3,) of their ln."""
+        return np.sqrt(np.diag(self.size_spread))
 
 
 def posterior(
@@ -106,7 +112,7 @@ def posterior(
     laplace = np.asarray(np.linalg.inv(shrunk(information, size) + prior.precision(x)), dtype=float)
     spread = size_spread(noise, size, row_weight, design, residual, prior, x)
     mean, covariance, effective = averaged(noise, design, residual, size, spread, row_weight, prior, x)
-    return Posterior(mean, covariance, x, laplace, size, np.sqrt(np.diag(spread)), row_weight, effective,
+    return Posterior(mean, covariance, x, laplace, size, spread, row_weight, effective,
                      float(stated.inner(column, column)[0, 0]), int(noise.measured.sum()), at_map, prior, terms)
 
 

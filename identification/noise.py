@@ -80,15 +80,25 @@ class NoiseModel:
         repeated = bool(np.any(np.bincount(self.visit, self.measured.any(axis=1)) > 1))
         return True, bool(np.any(self.force > 0.01)), repeated
 
+    @cached_property
+    def _runs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows in the order of their visits, and where each visit starts in it."""
+        order = np.argsort(self.visit, kind="stable")
+        return order, np.searchsorted(self.visit[order], np.arange(self.visits))
+
+    def by_visit(self, values: Array) -> Array:
+        """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
+        order, starts = self._runs
+        return np.asarray(np.add.reduceat(values[order], starts, axis=0))
+
     def weights(self, size: NoiseSize, row_weight: Array | None = None) -> Weights:
         """Sigma^-1 for these sizes and row weights (n,)."""
         variance = size.sensor**2 + size.force**2 * np.where(self.measured, self.force, 0.0)
         if row_weight is not None:
             variance = variance / row_weight[:, None]
         precision = np.where(self.measured, 1.0 / variance, 0.0)
-        total = np.zeros((self.visits, 3, 3))
         weighted = np.swapaxes(self.rotation, 1, 2) * precision[:, None, :]
-        np.add.at(total, self.visit, weighted @ self.rotation)
+        total = self.by_visit(weighted @ self.rotation)
         root = np.diag(size.offset * self.offset)
         # Woodbury, so written that an axis without offset stays finite: G^1/2 (I + G^1/2 T G^1/2)^-1 G^1/2.
         inner = np.eye(3) + root @ total @ root
@@ -119,10 +129,14 @@ class Weights:
         gathered = self._by_visit((self.precision * residual)[:, :, None])[:, :, 0]
         return np.asarray(np.einsum("vij,vj->vi", self.shared, gathered))
 
+    def apply(self, columns: Array) -> Array:
+        """Sigma^-1 columns (n, 3, q), all in the model's coordinates."""
+        weighted = self.precision[:, :, None] * columns
+        common = self.shared @ self._by_visit(weighted)
+        return np.asarray(weighted - self.precision[:, :, None] * (self.model.rotation @ common[self.model.visit]))
+
     def _by_visit(self, weighted: Array) -> Array:
-        total = np.zeros((len(self.shared), *weighted.shape[1:]))
-        np.add.at(total, self.model.visit, np.swapaxes(self.model.rotation, 1, 2) @ weighted)
-        return total
+        return self.model.by_visit(np.swapaxes(self.model.rotation, 1, 2) @ weighted)
 
 
 def noise_model(cell: Cell, rows: Measurements, compliance: Array) -> NoiseModel:

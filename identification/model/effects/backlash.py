@@ -24,7 +24,7 @@ class Backlash(Effect):
     joints = (1, 2, 3, 4, 5, 6)
     parameters = (Parameter("half_gap_rad", "rad", 7.3e-5, 0.0, 1.5e-3),)
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
-    settles = "turn the joint by hand (or with a lever) to and fro at the flange with a dial gauge on it: free play shows without force"
+    settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1

@@ -1,0 +1,1 @@
+"""Misfit -> cause -> extension -> gain (EFFECTS.md)."""

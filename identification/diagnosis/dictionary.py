@@ -1,0 +1,81 @@
+"""The dictionary as columns: how every effect would show in these rows, whitened, in units of its typical size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.extension import Term
+from identification.model.effects import Effect, Signature
+from identification.model.situation import Situation
+from identification.noise import NoiseModel
+
+Array = NDArray[np.float64]
+# Coefficients of one signature; the widest have three.
+WIDEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """An effect at a joint (1-based, None where it belongs to none), with its signatures' places in the dictionary."""
+
+    effect: Effect
+    joint: int | None
+    signatures: range
+
+    @property
+    def label(self) -> str:
+        """backlash[1], or the effect's name where it belongs to no joint."""
+        return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
+
+
+@dataclass(frozen=True, eq=False)
+class Dictionary:
+    """entries: what is tried. signatures (S): one for each value of what does not enter linearly. columns (n, 3, S, 3):
+    whitened, in units of the typical size, unused coefficients zero. widths (S,), positive (S,). left_out: effects that these
+    rows cannot show at all, and why."""
+
+    entries: tuple[Entry, ...]
+    signatures: tuple[Signature, ...]
+    columns: Array
+    widths: NDArray[np.intp]
+    positive: NDArray[np.bool_]
+    left_out: dict[str, str]
+
+    @cached_property
+    def entry_of(self) -> NDArray[np.intp]:
+        """Index of the entry each signature belongs to (S,)."""
+        return np.concatenate([np.full(len(entry.signatures), k) for k, entry in enumerate(self.entries)]).astype(np.intp)
+
+    def term(self, where: Situation, signature: int, coefficients: Array) -> Term:
+        """The effect in force with these coefficients (3,) in typical sizes."""
+        one = self.signatures[signature]
+        joint = self.entries[self.entry_of[signature]].joint
+        values = one.values(coefficients[: self.widths[signature]] * one.scale)
+        bounds = np.array([(parameter.low, parameter.high) for parameter in one.effect.parameters])
+        return Term(one.effect, joint, np.clip(values, *bounds.T), one.effect.typical(where, joint), one.effect.neutral(where))
+
+
+def dictionary(where: Situation, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
+    """All effects of the catalogue (`effects()`) at all their places, as these rows would show them."""
+    entries: list[Entry] = []
+    signatures: list[Signature] = []
+    left_out = {}
+    for effect in catalogue.values():
+        why = effect.missing(where)
+        if why:
+            left_out[effect.name] = why
+            continue
+        for joint in effect.places:
+            found = effect.signatures(where, joint)
+            entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(found))))
+            signatures += found
+    columns = np.zeros((len(where), 3, len(signatures), WIDEST))
+    for k, one in enumerate(signatures):
+        columns[:, :, k, : one.rows.shape[2]] = one.rows * one.scale
+    whitened = (noise.rotation @ columns.reshape(len(where), 3, -1)).reshape(columns.shape)
+    return Dictionary(tuple(entries), tuple(signatures), whitened, np.array([one.rows.shape[2] for one in signatures]),
+                      np.array([one.positive for one in signatures]), left_out)

@@ -1,0 +1,150 @@
+"""What the residual says of a signature once the stiffnesses are free: score, information, likelihood ratio, evidence.
+
+Linearised about a fitted model, residual = D step + E a + noise, with the prior on the step: eliminating the step leaves
+
+    b = E^T W r - E^T W D (D^T W D + P)^-1 (D^T W r + P shift),   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E
+
+for each signature E, W = Sigma^-1; the generalised likelihood ratio is b^T G^-1 b, the best coefficients G^-1 b. With a normal
+prior of a few typical sizes on the coefficients (half of it where the sign is known) the evidence against no effect is exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.dictionary import Dictionary
+from identification.noise import Weights
+
+Array = NDArray[np.float64]
+# Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
+PRIOR_SIZES = 1.5
+# Information per typical size squared under which a signature cannot be told from the stiffnesses at all.
+UNSEEN = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """The fitted model the signatures come on top of, linearised: design (n, 3, q), residual (n, 3) in the noise's coordinates,
+    prior precision (q, q) and shift (q,) of the step."""
+
+    design: Array
+    residual: Array
+    weights: Weights
+    precision: Array
+    shift: Array
+
+    def __post_init__(self) -> None:
+        weighted = self.weights.apply(self.design)
+        object.__setattr__(self, "weighted_design", weighted)
+        flat = self.design.reshape(-1, self.design.shape[2])
+        information = flat.T @ weighted.reshape(flat.shape) + self.precision
+        object.__setattr__(self, "inverse", np.linalg.inv(information))
+
+    weighted_design: Array = None  # type: ignore[assignment]
+    inverse: Array = None  # type: ignore[assignment]
+
+    def extended(self, columns: Array) -> Base:
+        """The model with further columns (n, 3, p), in typical sizes, whose coefficients are free within their prior."""
+        more = columns.shape[2]
+        size = len(self.precision)
+        precision = np.zeros((size + more, size + more))
+        precision[:size, :size] = self.precision
+        precision[size:, size:] = np.eye(more) / PRIOR_SIZES**2
+        return Base(np.concatenate([self.design, columns], axis=2), self.residual, self.weights, precision,
+                    np.concatenate([self.shift, np.zeros(more)]))
+
+    def cross(self, columns: Array) -> Array:
+        """D^T W E (q, m) for columns (n, 3, m)."""
+        return np.asarray(_flat(self.weighted_design).T @ _flat(columns))
+
+    def score(self, columns: Array, residual: Array, shift: Array | None = None) -> Array:
+        """b (m, B) for columns (n, 3, m) and residuals (n, 3, B)."""
+        weighted = _flat(self.weights.apply(residual))
+        pulled = _flat(self.design).T @ weighted
+        if shift is not None:
+            pulled = pulled + (self.precision @ shift)[:, None]
+        return np.asarray(_flat(columns).T @ weighted - self.cross(columns).T @ (self.inverse @ pulled))
+
+    def gram(self, columns: Array) -> Array:
+        """G (m, m) for columns (n, 3, m)."""
+        cross = self.cross(columns)
+        return np.asarray(_flat(columns).T @ _flat(self.weights.apply(columns)) - cross.T @ self.inverse @ cross)
+
+    def step(self, residual: Array) -> Array:
+        """Best step (q,) for a residual (n, 3)."""
+        pulled = _flat(self.design).T @ self.weights.apply(residual[:, :, None]).reshape(-1)
+        return np.asarray(self.inverse @ (pulled + self.precision @ self.shift))
+
+
+def _flat(columns: Array) -> Array:
+    return columns.reshape(-1, columns.shape[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Of all S signatures: score (S, 3), information (S, 3, 3), best coefficients (S, 3), ratio (S,): generalised likelihood
+    ratio, evidence (S,): ln of the Bayes factor against no effect, seen (S,): whether the rows can show it at all."""
+
+    score: Array
+    information: Array
+    coefficients: Array
+    ratio: Array
+    evidence: Array
+    seen: NDArray[np.bool_]
+
+
+def scores(base: Base, words: Dictionary) -> Scores:
+    """The residual of the fitted model against every signature."""
+    n, _, count, width = words.columns.shape
+    flat = words.columns.reshape(n, 3, -1)
+    b = base.score(flat, base.residual[:, :, None], base.shift)[:, 0].reshape(count, width)
+    return Scores(b, *blocks(base, words, b))
+
+
+def information_blocks(base: Base, words: Dictionary) -> Array:
+    """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
+    n, _, count, width = words.columns.shape
+    flat = words.columns.reshape(n, 3, -1)
+    weighted = base.weights.apply(flat).reshape(-1, count, width)
+    own = words.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
+    cross = base.cross(flat).reshape(-1, count, width)
+    own -= np.einsum("asp,ab,bsq->spq", cross, base.inverse, cross, optimize=True)
+    unused = np.arange(width)[None] >= words.widths[:, None]
+    own[unused[:, :, None] & np.eye(width, dtype=bool)] = 1.0
+    return np.asarray(own)
+
+
+def blocks(base: Base, words: Dictionary, b: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """information, coefficients, ratio, evidence, seen for scores b (S, 3)."""
+    information = information_blocks(base, words)
+    used = np.arange(b.shape[1])[None] < words.widths[:, None]
+    largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
+    seen = largest > UNSEEN
+    coefficients = np.where(seen[:, None], best(information, b), 0.0)
+    ratio = np.sum(b * coefficients, axis=1)
+    wrong_sign = words.positive & (coefficients[:, 0] < 0)
+    value = evidence(information, b, words.positive, words.widths)
+    return information, coefficients, np.where(wrong_sign, 0.0, ratio), value, seen
+
+
+def best(information: Array, b: Array) -> Array:
+    """G^-1 b (S, 3), a little damped where G is singular."""
+    ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(b.shape[1]) + 1e-12 * np.eye(b.shape[1])
+    return np.asarray(np.linalg.solve(information + ridge, b[..., None])[..., 0])
+
+
+def evidence(information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp]) -> Array:
+    """ln Bayes factor (S,) of an effect with coefficients ~ N(0, PRIOR_SIZES^2) against none; positive: half of that normal."""
+    from scipy.special import log_ndtr
+
+    width = b.shape[1]
+    precision = information + np.eye(width) / PRIOR_SIZES**2
+    mean = np.linalg.solve(precision, b[..., None])[..., 0]
+    value = 0.5 * np.sum(b * mean, axis=1) - 0.5 * np.linalg.slogdet(precision)[1] - width * np.log(PRIOR_SIZES)
+    # Unused coefficients have information 1 and no score: their factor does not belong here.
+    value += (width - widths) * 0.5 * np.log1p(PRIOR_SIZES**2)
+    spread = np.sqrt(np.linalg.inv(precision)[:, 0, 0])
+    return np.asarray(value + np.where(positive, np.log(2.0) + log_ndtr(mean[:, 0] / spread), 0.0))
