@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from identification.cell import Cell
 from identification.measurements import Measurements
-from identification.model.compliance import equilibrium, sensitivity
+from identification.model.compliance import equilibrium, loaded_angles, sensitivity
 from identification.model.effects import Effect
-from identification.model.gravity import fall_in_base
+from identification.model.gravity import fall_in_base, gravity_torque
 from identification.model.situation import Situation
 from identification.priors import PriorModel
 
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 STEP = 1e-3
 # The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
 WIDE = 5.0
+# Rounds of the sag under the robot's own weight; each shrinks the error by a few thousandths.
+SAG_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +50,34 @@ class Term:
 
 
 def situation_of(cell: Cell, rows: Measurements, compliance: Array) -> Situation:
-    """What the effects may look at, on a robot with these springs (6,) [rad/(N m)]."""
+    """What the effects may look at, on a robot with these springs (6,) [rad/(N m)], that sags under its own weight."""
     return Situation(
-        robot=cell.robot, flange_from_tcp=cell.flange_from_tcp, theta=rows.theta, wrench=rows.wrench, compliance=compliance,
+        robot=cell.robot, flange_from_tcp=cell.flange_from_tcp, theta=sagged(cell, rows.theta, compliance),
+        wrench=rows.wrench, compliance=compliance,
         visit=rows.visit, reference=rows.reference, time=rows.time, dwell=rows.dwell, row=rows.row, labels=rows.pose,
         fall=fall_in_base(cell.world_from_base), tool_mass=cell.tool_mass, tool_centre=cell.tool_centre)
+
+
+def _gravity(cell: Cell, theta: Array) -> Array:
+    return gravity_torque(cell.robot, theta, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre)
+
+
+def sagged(cell: Cell, theta: Array, compliance: Array) -> Array:
+    """Controller angles (n, 6) [rad] at which a rigid robot stands where this one does under its own weight: the unloaded
+    pose of a robot that is commanded to theta. The same as theta where the robot file has no `links`."""
+    if cell.robot.link_mass is None:
+        return theta
+    found = theta
+    for _ in range(SAG_ROUNDS):
+        found = loaded_angles(cell.robot, theta, compliance * _gravity(cell, found))
+    return found
+
+
+def yields_to_gravity(cell: Cell, here: Situation) -> Array:
+    """How much further (n, 3) [m] the loaded robot yields because its weight has moved with it, first order: the change of
+    the gravity torques turns the springs once more. 0.1 to 0.4 % of the deflection on the IRB 6660."""
+    moved = _gravity(cell, here.loaded) - _gravity(cell, here.theta)
+    return np.asarray(np.einsum("nri,ni->nr", here.jacobian[:, :3], here.compliance * moved))
 
 
 def split(x: Array, terms: tuple[Term, ...]) -> list[Array]:
@@ -72,18 +97,25 @@ def added(where: Situation, terms: tuple[Term, ...], x: Array) -> Array:
 def predicted_deflection(cell: Cell, rows: Measurements, x: Array, terms: tuple[Term, ...] = ()) -> Array:
     """Readings (n, 3) [m] the model gives for these rows; x (6 + P,)."""
     compliance = np.exp(x[:6])
-    plain = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance).position
-    return plain + added(situation_of(cell, rows, compliance), terms, x) if terms else plain
+    if not terms and cell.robot.link_mass is None:
+        return equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance).position
+    here = situation_of(cell, rows, compliance)
+    plain = here.elastic[:, :3]
+    if cell.robot.link_mass is not None:
+        plain = plain + yields_to_gravity(cell, here)
+    return np.asarray(plain + added(here, terms, x))
 
 
 def response(cell: Cell, rows: Measurements, x: Array, terms: tuple[Term, ...] = ()) -> tuple[Array, Array]:
     """Readings (n, 3) [m] and their derivative (n, 3, 6 + P) by x: exact for the springs, differences for the terms."""
     compliance = np.exp(x[:6])
-    position, slope = sensitivity(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance)
+    here = situation_of(cell, rows, compliance)
+    position, slope = sensitivity(cell.robot, here.theta, cell.flange_from_tcp, rows.wrench, compliance)
     slope = slope * compliance
+    if cell.robot.link_mass is not None:
+        position = position + yields_to_gravity(cell, here)
     if not terms:
         return position, slope
-    here = situation_of(cell, rows, compliance)
     base = added(here, terms, x)
     by_joint = np.empty((len(rows), 3, 6))
     for joint in range(6):

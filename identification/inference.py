@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 
 MAX_STEPS = 200
 MAX_ROUNDS = 8
+# Steps after which a fiftieth of a posterior standard deviation is near enough: differences in a term can rattle.
+PATIENCE = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +138,7 @@ def _maximise(
         return 0.5 * float(weights.inner(column, column)[0, 0]) + prior.value(x)
 
     value, damping = cost(x, residual), 0.0
-    for _ in range(MAX_STEPS):
+    for number in range(MAX_STEPS):
         curvature = weights.inner(design, design) + prior.search_curvature(x)
         gradient = weights.inner(design, residual[:, :, None])[:, 0] - prior.gradient(x)
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
@@ -148,7 +150,7 @@ def _maximise(
             damping = max(10 * damping, 1e-3)
             continue
         x, value, damping = x + step, trial_value, 0.1 * damping
-        if change < 1e-3:
+        if change < (1e-3 if number < PATIENCE else 2e-2):
             # So small a step leaves the design as it is.
             return x, design, trial
         design, residual = _linearised(cell, rows, z, noise, x, terms)

@@ -59,7 +59,7 @@ def detect(
     variance = np.maximum(quadratic, 1e-12) / max(readings - base.design.shape[2], 1)
     entries = entry_surprise(base, words, weighted, step, variance)
     left = weighted - base.weighted_design.reshape(-1, base.design.shape[2]) @ step
-    observed_patterns = np.array([pattern.surprise(left, variance) for pattern in patterns]).reshape(len(patterns), -1)
+    observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(len(patterns), -1)
     total = np.maximum(entries.max(axis=0, initial=0.0), observed_patterns.max(axis=0, initial=0.0))
     p_value = (1 + int(np.sum(total[1:] >= total[0]))) / (replicates + 1)
     return Detection(p_value, 1 / (replicates + 1), entries[:, 0], observed_patterns[:, 0], float(np.quantile(total[1:], 0.95)))

@@ -29,6 +29,8 @@ ALARM = 0.05
 INADEQUATE = 0.01
 # A name is given when this much probability is on it; the set of names holds as much.
 CERTAIN = 0.95
+# Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
+POSSIBLE = 0.5
 MOST_CAUSES = 3
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
@@ -104,7 +106,8 @@ def diagnose(
     together = sum(one.probability for one in seen.hypotheses if one.key == best.key)
     causes = tuple(cause for cause in names if any(
         cause.effect is seen.words.entries[k].effect and cause.joint == seen.words.entries[k].joint for k in best.entries))
-    if together < CERTAIN:
+    sure = together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes)
+    if together < CERTAIN and not sure:
         return answer("ambiguous", extended, adequacy, (), credible(seen))
     measured = gain(cell, measurements, plain, extended, rng)
     if measured.support <= 0 and not only_local(seen, best):
