@@ -1,0 +1,112 @@
+"""The dictionary's effects of the measurement: what falsifies the force or the deflection, as finite geometry.
+
+Typical sizes are EFFECTS.md's; where that gives a range, the geometric mean of its ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tests.virtual_cell.hidden import Draw, Parameters, effect
+from tests.virtual_cell.laws import Row
+from tests.virtual_cell.plant import Plant
+
+# In this order the faults of the reading act: first what moves the target, last what the sensors and their log add.
+STAND, CURVATURE, ROTATION, GAIN, DRIFT, STEP, BURST = range(7)
+WARM_UP_S = 36000.0     # after which a drift levels off; made up for tests
+
+
+def _turn(parameters: Parameters) -> np.ndarray:
+    return np.asarray(Rotation.from_rotvec([parameters[f"r{axis}_rad"] for axis in "xyz"]).as_matrix())
+
+
+@effect("force_gain", lambda draw: {"relative": draw.factor * 0.05})
+def force_gain(plant: Plant, joint: None, parameters: Parameters) -> None:
+    plant.force_faults.append(lambda force, row: (1 + parameters["relative"]) * force)
+
+
+@effect("force_misalignment", lambda draw: draw.vector("rx_rad ry_rad rz_rad", np.radians(np.sqrt(1.5))))
+def force_misalignment(plant: Plant, joint: None, parameters: Parameters) -> None:
+    turn = _turn(parameters)
+    plant.force_faults.append(lambda force, row: turn @ force)
+
+
+@effect("side_load", lambda draw: {"ratio": draw.factor * np.sqrt(0.02 * 0.05), "angle_rad": draw.phase()})
+def side_load(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """The rod leans against its guide, across its line, and changes side when the load's change does."""
+    def lean(force: np.ndarray, row: Row) -> np.ndarray:
+        size, change = float(np.linalg.norm(row.force)), row.force - row.before
+        if size == 0.0:
+            return force
+        line = row.force * np.sign(row.force[np.argmax(np.abs(row.force))]) / size
+        up = np.array([1.0, 0, 0]) if abs(line[2]) > 0.99 else np.array([0.0, 0, 1])
+        across = np.cross(line, up) / np.linalg.norm(np.cross(line, up))
+        side = Rotation.from_rotvec(parameters["angle_rad"] * line).apply(across)
+        return np.asarray(force + parameters["ratio"] * size * np.sign(change @ line) * side)
+
+    plant.force_faults.append(lean)
+
+
+def _gains(draw: Draw) -> Parameters:
+    gains = draw.factor * np.sqrt(0.01 * 0.02) * draw.rng.choice([-1.0, 1.0], 3) * draw.rng.uniform(0.5, 1.5, 3)
+    return dict(zip("xyz", gains.tolist(), strict=True))
+
+
+@effect("deflection_sensor_gain", _gains)
+def deflection_sensor_gain(plant: Plant, joint: None, parameters: Parameters) -> None:
+    gains = 1 + np.array([parameters[axis] for axis in "xyz"])
+    plant.reading_faults.append((GAIN, lambda seen, row, force: gains * seen))
+
+
+@effect("deflection_sensor_rotation", lambda draw: draw.vector("rx_rad ry_rad rz_rad", np.radians(np.sqrt(2))))
+def deflection_sensor_rotation(plant: Plant, joint: None, parameters: Parameters) -> None:
+    turn = _turn(parameters)
+    plant.reading_faults.append((ROTATION, lambda seen, row, force: turn @ seen))
+
+
+def _curvatures(draw: Draw) -> Parameters:
+    """Balls of 10 mm radius; each laser looks from the plus or the minus side."""
+    sides = draw.rng.choice([-1.0, 1.0], 3)
+    return dict(zip(("x_per_m", "y_per_m", "z_per_m"), (draw.factor / 0.01 * sides).tolist(), strict=True))
+
+
+@effect("target_curvature", _curvatures)
+def target_curvature(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """A beam meets a ball of radius R off its pole: the surface stands back by `R - sqrt(R^2 - t^2)`."""
+    curvature = np.array([parameters[f"{axis}_per_m"] for axis in "xyz"])
+    def meet(seen: np.ndarray, row: Row, force: np.ndarray) -> np.ndarray:
+        aside = seen @ seen - seen**2
+        return np.asarray(seen + curvature * aside / (1 + np.sqrt(1 - curvature**2 * aside)))
+
+    plant.reading_faults.append((CURVATURE, meet))
+
+
+@effect("drift", lambda draw: draw.vector("x_m_per_s y_m_per_s z_m_per_s", 30e-6 / 3600))
+def drift(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """The parameter is the rate at first; over hours it levels off (30 um/h stands for "20 um/h and more")."""
+    rate = np.array([parameters[f"{axis}_m_per_s"] for axis in "xyz"])
+    plant.reading_faults.append(
+        (DRIFT, lambda seen, row, force: seen + rate * WARM_UP_S * -np.expm1(-row.time / WARM_UP_S)))
+
+
+def _step(draw: Draw) -> Parameters:
+    """One of: from `row` on, all rows of one `pose` (label), or the `single_row`; rows count from 1."""
+    rows = np.flatnonzero(~draw.design.validate)
+    row = int(draw.rng.integers(len(rows) // 5, len(rows) - len(rows) // 5))
+    scope = ("row", "pose", "single_row")[int(draw.rng.integers(3))]
+    if {"row", "pose", "single_row"} & set(draw.given):
+        return draw.vector("x_m y_m z_m", 10e-6)
+    return draw.vector("x_m y_m z_m", 10e-6) | {scope: f"P{draw.design.pose[row]}" if scope == "pose" else row + 1}
+
+
+@effect("sensor_step", _step)
+def sensor_step(plant: Plant, joint: None, parameters: Parameters) -> None:
+    step = np.array([parameters[f"{axis}_m"] for axis in "xyz"])
+
+    def stepped(seen: np.ndarray, row: Row, force: np.ndarray) -> np.ndarray:
+        on = (f"P{row.pose}" == parameters["pose"] if "pose" in parameters else row.number + 1 == parameters["single_row"]
+              if "single_row" in parameters else row.number + 1 >= parameters["row"])
+        return seen + step if on else seen
+
+    plant.reading_faults.append((STEP, stepped))

@@ -1,0 +1,95 @@
+"""The cell as it really is: springs, faults of the force and of the reading, and how a row of measurements comes about."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tests.virtual_cell.arm_model import Tool
+from tests.virtual_cell.designs import Design
+from tests.virtual_cell.laws import Law, Row
+from tests.virtual_cell.statics import Statics, statics
+
+ForceFault = Callable[[np.ndarray, Row], np.ndarray]
+ReadingFault = Callable[[np.ndarray, Row, np.ndarray], np.ndarray]
+
+
+@dataclass
+class Plant:
+    """One cell. Effects (effects_*.py) change it in place.
+
+    stiffness (6,) [N m/rad] of the gears; compliance (e, e) of the elastic joints; laws: what they give beyond it; rod_ratio
+    and offset [m, flange axes] as in `Statics.solve`. force_faults turn the force cell's force (3,) [N] into the real one;
+    reading_faults turn the TCP's real displacement (3,) [m] (with row and real force) into what the lasers see, in order of
+    their rank.
+    """
+
+    stiffness: np.ndarray
+    tool: Tool = field(default_factory=Tool)
+    gravity: bool = True
+    rod_ratio: float = 1.0
+    offset: np.ndarray | None = None
+    laws: list[Law] = field(default_factory=list)
+    force_faults: list[ForceFault] = field(default_factory=list)
+    reading_faults: list[tuple[int, ReadingFault]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.solver: Statics = statics(self.tool, self.gravity)
+        self.compliance = np.zeros((len(self.solver.e), len(self.solver.e)))
+        drives = self.solver.drives
+        self.compliance[drives, drives] = 1 / np.asarray(self.stiffness)
+
+    def at(self, name: str) -> int:
+        """Where an elastic joint of arm_model.py stands in the torques."""
+        return self.solver.index[name]
+
+    def drive(self, joint: int) -> int:
+        """Where the gear of joint 1 … 6 stands in the torques."""
+        return int(self.solver.drives[joint - 1])
+
+    def yields(self, name: str, compliance: float) -> None:
+        """Gives a joint that was rigid a compliance [rad/(N m)] or [m/N]."""
+        self.compliance[self.at(name), self.at(name)] += compliance
+
+    def _springs(self, row: Row, rest: np.ndarray | None) -> Callable[[np.ndarray], np.ndarray]:
+        def give(torque: np.ndarray) -> np.ndarray:
+            x = self.compliance @ torque
+            for law in self.laws:
+                law.add(x, torque, rest, row)
+            return x
+
+        return give
+
+    def displacement(self, design: Design, force_error: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """TCP displacement (N, 3) [m], loaded minus unloaded in the same pose, base frame, and what the lasers see of it.
+
+        force_error (N, 3) [N]: what the force cell does not show, beside its faults.
+        """
+        moved, seen = np.empty((len(design.theta), 3)), np.empty((len(design.theta), 3))
+        faults = [fault for _, fault in sorted(self.reading_faults, key=lambda entry: entry[0])]
+        pose, unloaded, state, before = -1, None, None, np.zeros(3)
+        for i, q in enumerate(design.theta):
+            row = Row(i, int(design.pose[i]), q, float(design.time[i]), float(design.dwell[i]), design.load[i],
+                      before if design.pose[i] == pose else np.zeros(3))
+            if design.pose[i] != pose:
+                for law in self.laws:
+                    law.begin()
+                pose = int(design.pose[i])
+                unloaded = state = self.solver.solve(q, self._springs(row, None), np.zeros(3), rod_ratio=self.rod_ratio)
+                for law in self.laws:
+                    law.settle(unloaded.torque, row)
+            assert unloaded is not None
+            force = row.force if force_error is None else row.force + force_error[i]
+            for fault in self.force_faults:
+                force = fault(force, row)
+            state = self.solver.solve(q, self._springs(row, unloaded.torque), force, offset=self.offset,
+                                      rod_ratio=self.rod_ratio, start=state)
+            for law in self.laws:
+                law.settle(state.torque, row)
+            moved[i] = seen[i] = state.tcp - unloaded.tcp
+            for reading in faults:
+                seen[i] = reading(seen[i], row, force)
+            before = row.force
+        return moved, seen
