@@ -8,24 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from tests.virtual_cell.effects_measurement import BURST, STAND
-from tests.virtual_cell.effects_robot import SHARE
 from tests.virtual_cell.hidden import Draw, Parameters, effect
-from tests.virtual_cell.laws import AngleDependent, Backlash, Creep, Hysteresis, Lifting, Row, Stiffening, Warming, iwan_slip
+from tests.virtual_cell.laws import AngleDependent, Backlash, Creep, Hysteresis, Lifting, Row, Stiffening, Warming
 from tests.virtual_cell.plant import Plant
-
-
-def _friction(draw: Draw) -> Parameters:
-    """amplitude_rad is half the width of the loop, friction torque over stiffness."""
-    friction = draw.factor * 60.0 * SHARE[draw.joint - 1]
-    return {"amplitude_rad": friction / draw.plant.stiffness[draw.joint - 1], "torque_nm": 90.0 * max(draw.factor, 1.0)
-            * SHARE[draw.joint - 1]}
-
-
-@effect("gear_friction", _friction, range(1, 7))
-def gear_friction(plant: Plant, joint: int, parameters: Parameters) -> None:
-    """Friction beside the gear's spring: it lags behind the torque, the opposite of the dictionary's `hysteresis`."""
-    slip = iwan_slip(parameters["torque_nm"])
-    plant.laws.append(Hysteresis(plant.drive(joint), -parameters["amplitude_rad"], slip))
 
 
 def _stiffening(draw: Draw) -> Parameters:

@@ -51,6 +51,20 @@ def hysteresis(plant: Plant, joint: int, parameters: Parameters) -> None:
     plant.laws.append(Hysteresis(plant.drive(joint), parameters["amplitude_rad"], iwan_slip(parameters["torque_nm"])))
 
 
+def _friction(draw: Draw) -> Parameters:
+    """amplitude_rad is minus half the width of the loop, friction torque over stiffness."""
+    friction = draw.factor * 60.0 * SHARE[draw.joint - 1]
+    return {"amplitude_rad": -friction / draw.plant.stiffness[draw.joint - 1], "torque_nm": 90.0 * max(draw.factor, 1.0)
+            * SHARE[draw.joint - 1]}
+
+
+@effect("gear_friction", _friction, ALL, known_as="hysteresis")
+def gear_friction(plant: Plant, joint: int, parameters: Parameters) -> None:
+    """Friction beside the gear's spring: the twist lags behind the torque. The dictionary's `hysteresis` with its sign
+    turned round: no passive gear runs ahead."""
+    plant.laws.append(Hysteresis(plant.drive(joint), parameters["amplitude_rad"], iwan_slip(parameters["torque_nm"])))
+
+
 TILTED = {1: ("tilt1_x", "tilt1_y"), 2: ("tilt2_x", "tilt2_z"), 3: ("tilt3_x", "tilt3_z"), 4: ("tilt4_z",),
           5: ("tilt5_x", "tilt5_z")}
 

@@ -59,20 +59,22 @@ class Draw:
 
 @dataclass(frozen=True)
 class Effect:
-    """joints: which it can sit at, empty where it belongs to none."""
+    """joints: which it can sit at, empty where it belongs to none. known_as: the dictionary's name for it."""
 
     size: Callable[[Draw], Parameters]
     build: Callable[[Plant, int | None, Parameters], None]
     joints: tuple[int, ...] = ()
+    known_as: str = ""
 
 
 EFFECTS: dict[str, Effect] = {}
 
 
-def effect(name: str, size: Callable[[Draw], Parameters], joints: Sequence[int] = ()) -> Callable[..., Any]:
+def effect(name: str, size: Callable[[Draw], Parameters], joints: Sequence[int] = (), known_as: str = ""
+           ) -> Callable[..., Any]:
     """Registers the decorated function as what builds the effect."""
     def register(build: Callable[[Plant, int | None, Parameters], None]) -> Callable[[Plant, int | None, Parameters], None]:
-        EFFECTS[name] = Effect(size, build, tuple(joints))
+        EFFECTS[name] = Effect(size, build, tuple(joints), known_as or name)
         return build
 
     return register
@@ -88,4 +90,4 @@ def install(plant: Plant, hidden: Hidden, rng: np.random.Generator, design: Desi
     given = hidden.parameters or {}
     parameters = entry.size(Draw(rng, hidden.joint, hidden.factor, plant, design, given)) | given
     entry.build(plant, hidden.joint, parameters)
-    return {"effect": hidden.effect, "joint": hidden.joint, "parameters": parameters}
+    return {"effect": entry.known_as, "joint": hidden.joint, "parameters": parameters}

@@ -14,13 +14,13 @@ Array = NDArray[np.float64]
 
 class Hysteresis(Effect):
     """`J_i h q`, q a Maxwell-slip state of the load path: q <- clip(q + dtau / T, -1, 1), from zero at the start of each
-    pose."""
+    pose. With a negative amplitude the twist lags behind the torque, as friction makes it; a positive one runs ahead."""
 
     name = "hysteresis"
     family = "gear"
     of_robot = True
     joints = (1, 2, 3, 4, 5, 6)
-    parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, 0.0, 1e-3),
+    parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3),
                   Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True),)
     sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"
     settles = "load up, down and up again without leaving the pose, and read at zero load each time"
