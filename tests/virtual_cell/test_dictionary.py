@@ -42,7 +42,7 @@ def rows(robot: RobotModel, case: Case) -> Situation:
 def test_dictionary_is_the_physics(robot: RobotModel, name: str, joint: int | None) -> None:
     given = {"x_m": 1e-5, "y_m": 0.0, "z_m": 2e-6, "row": 40} if name == "sensor_step" else None
     case = simulate(1, "ladder12", [Hidden(name, joint, parameters=given)], "none")
-    entry = SensorStep("row", 40) if given else effects()[name]
+    entry = SensorStep("row", 40) if given else effects()[EFFECTS[name].known_as]
     truth = case.truth[0]["parameters"]
     situated = rows(robot, case)
     values = np.array([truth[parameter.name] for parameter in entry.parameters])
@@ -51,4 +51,4 @@ def test_dictionary_is_the_physics(robot: RobotModel, name: str, joint: int | No
     off = np.sqrt(np.mean((1e6 * added[:, :3] - case.effect_um) ** 2))
     size = np.sqrt(np.mean(case.effect_um**2))
     print(f"{name}[{joint}]: {size:.2f} um, {off:.3f} um off")
-    assert off < max(ROUGH.get(name, 0.01) * size, 0.02)
+    assert off < max(ROUGH.get(EFFECTS[name].known_as, 0.01) * size, 0.02)
