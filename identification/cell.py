@@ -98,13 +98,15 @@ class Noise:
     """What the cell states of the measurement noise, 1 sigma, base x y z.
 
     deflection (3,) [m] of one reading; force (3,) [N] plus force_relative (of each component); pose_offset (3,) [m],
-    one draw a pose. force_stated, offset_stated: the file names that part, so that a zero means none and not unknown.
+    one draw a pose. deflection_stated, force_stated, offset_stated: the file names that part, so that a zero means none
+    and not unknown.
     """
 
     deflection: Array
     force: Array
     force_relative: float
     pose_offset: Array
+    deflection_stated: bool
     force_stated: bool
     offset_stated: bool
 
@@ -167,6 +169,7 @@ def read_cell(path: str | Path) -> Cell:
             force=np.array(measurement.force_std_n),
             force_relative=measurement.force_relative_std,
             pose_offset=1e-6 * np.array(measurement.pose_offset_std_um),
+            deflection_stated="deflection_std_um" in measurement.model_fields_set,
             force_stated=bool({"force_std_n", "force_relative_std"} & measurement.model_fields_set),
             offset_stated="pose_offset_std_um" in measurement.model_fields_set,
         ),

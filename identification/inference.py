@@ -16,7 +16,7 @@ weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,15 @@ class Posterior:
     at_map: Linearised
     prior: PriorModel
     terms: tuple[Term, ...] = ()
+
+    def of_joints(self) -> Posterior:
+        """The posterior of the joints alone, the terms' parameters integrated out."""
+        at = self.at_map
+        seen = Linearised(at.design[:, :, :6], at.residual, at.noise, at.weights, at.information[:6, :6])
+        return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], map=self.map[:6],
+                       laplace=self.laplace[:6, :6], at_map=seen, prior=replace(
+                           self.prior, term_mean=np.empty(0), term_std=np.empty(0), term_low=np.empty(0), term_high=np.empty(0)),
+                       terms=())
 
     @property
     def size_log_std(self) -> Array:

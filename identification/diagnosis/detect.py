@@ -25,19 +25,25 @@ SMALLEST = -700.0
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """p_value: family-wise, resolution: the smallest it can be. surprise, per entry and per pattern: -log10 of their own
-    probability; critical: the surprise that 5 % of the replicates reach."""
+    """p_value: family-wise, resolution: the smallest it can be. entries, patterns: surprise of each,
+    -log10 of its own probability; critical: the surprise that 5 % of the replicates reach."""
 
     p_value: float
     resolution: float
     entries: Array
-    patterns: Array
+    patterns: dict[str, float]
     critical: float
 
     @property
     def by_dictionary(self) -> float:
         """The largest surprise of an entry."""
         return float(self.entries.max(initial=0.0))
+
+    @property
+    def seen_patterns(self) -> tuple[str, ...]:
+        """The patterns that 5 % of the replicates would not show, the clearest first."""
+        order = sorted(self.patterns, key=lambda name: -self.patterns[name])
+        return tuple(name for name in order if self.patterns[name] >= self.critical)
 
 
 def detect(
@@ -62,7 +68,8 @@ def detect(
     observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(len(patterns), -1)
     total = np.maximum(entries.max(axis=0, initial=0.0), observed_patterns.max(axis=0, initial=0.0))
     p_value = (1 + int(np.sum(total[1:] >= total[0]))) / (replicates + 1)
-    return Detection(p_value, 1 / (replicates + 1), entries[:, 0], observed_patterns[:, 0], float(np.quantile(total[1:], 0.95)))
+    named = {pattern.name: float(value) for pattern, value in zip(patterns, observed_patterns[:, 0], strict=True)}
+    return Detection(p_value, 1 / (replicates + 1), entries[:, 0], named, float(np.quantile(total[1:], 0.95)))
 
 
 def entry_surprise(base: Base, words: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:

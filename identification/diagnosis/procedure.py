@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -14,8 +15,10 @@ from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.gain import Gain, gain
 from identification.diagnosis.patterns import patterns
 from identification.diagnosis.projection import Base
+from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
 from identification.diagnosis.search import Hypothesis, Survey, survey
-from identification.extension import situation_of
+from identification.diagnosis.settle import NextLoad, next_loads
+from identification.extension import predicted_deflection, situation_of, split
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.effects import Effect, effects
@@ -32,6 +35,12 @@ CERTAIN = 0.95
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 MOST_CAUSES = 3
+# ln Bayes factor against the plain model under which no cause explains anything.
+SUPPORT = 1.0
+# How many of the nearest names go with an unknown cause, and how many rivals are fitted to find loads that separate them.
+NEAREST = 5
+MOST_RIVALS = 4
+WORTH_NAMING = 0.01
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
 
@@ -49,23 +58,35 @@ class Cause:
         """backlash[1], or the effect's name where it belongs to no joint."""
         return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
 
+    @property
+    def sentence(self) -> str:
+        """The cause in plain words."""
+        return self.effect.sentence.format(joint=self.joint)
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What is wrong. plain: the fit without effects; extended: with the named ones (the plain fit where none is named).
-    detection: of the plain model, adequacy: of the extended one. causes, alternatives: FORMATS.md, diagnosis.json."""
+    """What is wrong. rows: those that were fitted. plain: the fit without effects; extended: with the likeliest ones (the plain
+    fit where none was found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: FORMATS.md,
+    diagnosis.json. rivals: fitted models of the alternatives. scatter: parts of the noise that outgrow what was stated.
+    patterns: what is seen of an unknown cause. matters: by how much [m, RMS] the rivals differ in what the robot does under the
+    largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why."""
 
     verdict: Verdict
+    rows: Measurements
     plain: Posterior
     extended: Posterior
     detection: Detection
     adequacy: Detection | None
-    causes: tuple[Cause, ...]
-    alternatives: tuple[Cause, ...]
-    gain: Gain | None
-    left_out: dict[str, str]
-    withdrawn: tuple[str, ...]
-    reason: str
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[Cause, ...] = ()
+    gain: Gain | None = None
+    next_loads: tuple[NextLoad, ...] = ()
+    matters: float | None = None
+    scatter: dict[str, float] | None = None
+    patterns: tuple[str, ...] = ()
+    left_out: dict[str, str] | None = None
+    withdrawn: tuple[str, ...] = ()
 
 
 def diagnose(
@@ -82,39 +103,59 @@ def diagnose(
     rows = measurements.select(~measurements.validate)
     prior = PriorModel(cell.prior)
     plain = posterior(cell, rows, prior)
+    where = situation_of(cell, rows, np.exp(plain.map))
+    missing = {effect.name: effect.missing(where) for effect in catalogue.values()}
     detection = test(cell, rows, plain, catalogue, rng, replicates)
-    left_out = {effect.name: effect.missing(situation_of(cell, rows, np.exp(plain.map)))
-                for effect in catalogue.values()}
-    left_out = {name: why for name, why in left_out.items() if why}
-
-    def answer(verdict: Verdict, extended: Posterior = plain, adequacy: Detection | None = None,
-               causes: tuple[Cause, ...] = (), alternatives: tuple[Cause, ...] = (), measured: Gain | None = None,
-               withdrawn: tuple[str, ...] = (), reason: str = "") -> Diagnosis:
-        return Diagnosis(verdict, plain, extended, detection, adequacy, causes, alternatives, measured, left_out, withdrawn,
-                         reason)
-
-    if detection.p_value > alarm:
-        return answer("adequate")
+    scattered = beyond_stated(cell, rows, plain, GRANTED)
+    base = Diagnosis("adequate", rows, plain, plain, detection, None, scatter=scattered,
+                     left_out={name: why for name, why in missing.items() if why})
+    if detection.p_value > alarm and not scattered:
+        return base
     seen, best, extended = converged(cell, rows, prior, plain, catalogue, 2)
     adequacy = test(cell, rows, extended, catalogue, rng, replicates)
     if adequacy.p_value <= INADEQUATE:
         seen, best, extended = converged(cell, rows, prior, extended, catalogue, MOST_CAUSES)
         adequacy = test(cell, rows, extended, catalogue, rng, replicates)
-    if best is None or adequacy.p_value <= INADEQUATE:
-        return answer("unknown", plain, adequacy, (), inclusion(seen)[:5], reason="no cause of the dictionary explains it")
+    scattered = beyond_stated(cell, rows, extended, GRANTED_AFTER_NAMING)
     names = inclusion(seen)
+    found = replace(base, extended=extended, adequacy=adequacy, scatter=scattered)
+    if best is None or best.log_evidence < SUPPORT or adequacy.p_value <= INADEQUATE or scattered:
+        left = adequacy if best is not None and best.log_evidence >= SUPPORT else detection
+        return replace(found, verdict="unknown", extended=plain, alternatives=names[:NEAREST],
+                       patterns=left.seen_patterns)
     together = sum(one.probability for one in seen.hypotheses if one.key == best.key)
-    causes = tuple(cause for cause in names if any(
-        cause.effect is seen.words.entries[k].effect and cause.joint == seen.words.entries[k].joint for k in best.entries))
+    labels = {seen.words.entries[k].label for k in best.entries}
+    causes = tuple(cause for cause in names if cause.label in labels)
     sure = together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes)
     if together < CERTAIN and not sure:
-        return answer("ambiguous", extended, adequacy, (), credible(seen))
+        return ambiguous(cell, found, prior, seen, rng)
     measured = gain(cell, measurements, plain, extended, rng)
     if measured.support <= 0 and not only_local(seen, best):
-        return answer("ambiguous", extended, adequacy, (), credible(seen), None, tuple(cause.label for cause in causes),
-                      "the name was withdrawn: it does not predict poses that were not fitted")
-    others = tuple(cause for cause in names if cause not in causes and cause.probability >= 0.001)
-    return answer("named", extended, adequacy, causes, others, measured)
+        return replace(ambiguous(cell, found, prior, seen, rng), withdrawn=tuple(cause.label for cause in causes))
+    others = tuple(cause for cause in names if cause.label not in labels and cause.probability >= WORTH_NAMING)
+    return replace(found, verdict="named", causes=causes, alternatives=others, gain=measured)
+
+
+def ambiguous(cell: Cell, found: Diagnosis, prior: PriorModel, seen: Survey, rng: np.random.Generator) -> Diagnosis:
+    """The set of names with the loads that would settle it, and what the choice means for a correction."""
+    rows, rivals = found.rows, {}
+    for hypothesis in seen.hypotheses[:MOST_RIVALS]:
+        label = " + ".join(seen.words.entries[k].label for k in hypothesis.entries)
+        rivals[label] = (posterior(cell, rows, prior, seen.terms(hypothesis), found.extended.map[:6]), hypothesis.probability)
+    return replace(found, verdict="ambiguous", alternatives=credible(seen), next_loads=next_loads(cell, rows, rivals, rng),
+                   matters=robot_difference(cell, rows, [model for model, _ in rivals.values()]))
+
+
+def robot_difference(cell: Cell, rows: Measurements, models: list[Posterior]) -> float:
+    """Largest RMS [m] by which two models differ in what the robot itself does under the measured loads."""
+    loaded = rows.select(np.any(rows.wrench != 0, axis=1))
+    moved = []
+    for model in models:
+        kept = [k for k, term in enumerate(model.terms) if term.effect.of_robot]
+        values = split(model.map, model.terms)
+        x = np.concatenate([model.map[:6], *(values[k] for k in kept)])
+        moved.append(predicted_deflection(cell, loaded, x, tuple(model.terms[k] for k in kept)))
+    return max((float(np.sqrt(np.mean((a - b) ** 2))) for a, b in combinations(moved, 2)), default=0.0)
 
 
 def test(
