@@ -1,4 +1,4 @@
-"""The commands of commissioning: `robots`, `identify`, `explain`."""
+"""The commands of commissioning: `robots`, `identify`, `diagnose`, `explain`."""
 
 from __future__ import annotations
 
@@ -96,6 +96,66 @@ def stiffness_lines(fit: Fit) -> list[str]:
     return lines
 
 
+@command("diagnose", writes=True)
+@click.argument("cell_file", metavar="CELL", type=READABLE)
+@click.argument("measurements_file", metavar="MEASUREMENTS", type=READABLE)
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The diagnosis file to write.")
+@click.option("--extended", type=WRITABLE, help="Also write the extended model, a stiffness file that correct uses.")
+@click.option("--alarm", type=click.FloatRange(0.001, 0.5), default=0.05, show_default=True,
+              help="Rate of false alarms, over the whole dictionary.")
+@click.option("--replicates", type=click.IntRange(19, 9999), default=199, show_default=True,
+              help="Simulated data sets behind the p-value; its resolution is 1 / (replicates + 1).")
+@click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+def diagnose(
+    session: Session, cell_file: Path, measurements_file: Path, output: Path, extended: Path | None, alarm: float,
+    replicates: int, report: Path | None,
+) -> Outcome:
+    """Show what the model gets wrong, name the cause, measure the gain.
+
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
+    """
+    import json
+
+    from identification.cell import read_cell
+    from identification.diagnosis.procedure import diagnose
+    from identification.diagnosis.record import diagnosis_findings, record, summary
+    from identification.files import check_writable, write_whole
+    from identification.measurements import read_measurements
+
+    session.inputs += [cell_file, measurements_file]
+    optional = [path for path in (extended, report) if path]
+    check_writable([output, *optional], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    measurements = read_measurements(measurements_file, cell.robot)
+    found = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
+    content = record(cell, measurements, found)
+    findings = diagnosis_findings(cell, measurements, found)
+    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    if extended:
+        from identification.diagnosis.extended import extended_model
+
+        model = extended_model(cell, found).as_dict()
+        files[extended] = (json.dumps(model, indent=1, allow_nan=False) + "\n").encode()
+    if report:
+        from identification.diagnosis.pages import diagnosis_report
+
+        files[report] = diagnosis_report(cell, measurements, found, findings).encode()
+    write_whole(files)
+    following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
+                 "-o PART_corrected.mod") if extended else ""
+    return Outcome(content, findings, summary(cell, found), next_step=following or _next_after(found.verdict, cell_file,
+                                                                                          measurements_file, output))
+
+
+def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
+    """What a user would do after this verdict."""
+    if verdict == "named":
+        return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
+    if verdict == "adequate":
+        return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+    return f"measure what next_measurements in {output} says, add the rows, then diagnose again"
+
+
 @command("explain")
 @click.argument("code", metavar="CODE", required=False)
 def explain(session: Session, code: str | None) -> Outcome:
@@ -111,4 +171,4 @@ def explain(session: Session, code: str | None) -> Outcome:
     return Outcome(dict(page), lines=lines)
 
 
-COMMANDS = (robots, identify, explain)
+COMMANDS = (robots, identify, diagnose, explain)

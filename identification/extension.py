@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.measurements import Measurements
 from identification.model.compliance import equilibrium, loaded_angles, sensitivity
-from identification.model.effects import Effect
+from identification.model.extended import STEP, EffectInForce
 from identification.model.gravity import fall_in_base, gravity_torque
 from identification.model.situation import Situation
 from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
-# Relative step of the differences by ln c and by the parameters: truncation and rounding both far under the noise.
-STEP = 1e-3
 # The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
 WIDE = 5.0
 # Rounds of the sag under the robot's own weight; each shrinks the error by a few thousandths.
@@ -28,25 +26,13 @@ SAG_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Term:
-    """An effect in force at a joint (1-based, None where it belongs to none). start (P,): where the search begins; scale
-    (P,): typical sizes of the parameters here; neutral (P,): where the effect is absent."""
+class Term(EffectInForce):
+    """An effect that is fitted. start (P,): where the search begins; scale (P,): typical sizes of the parameters here; neutral
+    (P,): where the effect is absent."""
 
-    effect: Effect
-    joint: int | None
     start: Array
     scale: Array
     neutral: Array
-
-    @property
-    def label(self) -> str:
-        """backlash[1], or the effect's name where it belongs to no joint."""
-        return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
-
-    @property
-    def names(self) -> list[str]:
-        """The parameters' names as in stiffness.json."""
-        return [f"{self.label}.{parameter.name}" for parameter in self.effect.parameters]
 
 
 def situation_of(cell: Cell, rows: Measurements, compliance: Array) -> Situation:
@@ -87,10 +73,15 @@ def split(x: Array, terms: tuple[Term, ...]) -> list[Array]:
 
 
 def added(where: Situation, terms: tuple[Term, ...], x: Array) -> Array:
-    """What the terms add to the readings (n, 3) [m]."""
+    """What the terms add to the readings (n, 3) [m]; those of the robot feel the force that really acted."""
     total = np.zeros((len(where), 3))
+    felt = where
     for term, values in zip(terms, split(x, terms), strict=True):
-        total += term.effect.contribution(where, term.joint, values)[:, :3]
+        wrench = term.effect.true_wrench(where, term.joint, values)
+        if wrench is not None:
+            felt = replace(felt, wrench=felt.wrench + wrench - where.wrench)
+    for term, values in zip(terms, split(x, terms), strict=True):
+        total += term.effect.contribution(felt if term.effect.of_robot else where, term.joint, values)[:, :3]
     return total
 
 

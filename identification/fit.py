@@ -15,6 +15,7 @@ from identification.identifiability import Ellipsoid, JointGrade, ellipsoid, gra
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.stiffness import IdentifiedModel
+from identification.noise import residual_std
 from identification.priors import PriorKind, PriorModel
 from identification.profile import Profile, profiles
 from identification.subsets import Conflict, subset_conflicts
@@ -103,21 +104,9 @@ def fit_stiffness(
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
                             tuple(grade.grade for grade in grades), figures)
     findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior))
-    return Fit(model, found, residual, _std(measurements, cell, found), row_weight, grades, ellipsoid(found),
+    std = residual_std(cell, measurements, found.size, np.exp(found.mean))
+    return Fit(model, found, residual, std, row_weight, grades, ellipsoid(found),
                information_spectrum(found, prior), conflicts, profiles(found) if with_profiles else (), held_out, findings)
-
-
-def _std(measurements: Measurements, cell: Cell, found: Posterior) -> Array:
-    """1 sigma of each component's residual (N, 3) [m] under the estimated noise: sensor, force error and re-seating."""
-    from identification.noise import noise_model
-
-    noise = noise_model(cell, measurements, np.exp(found.mean))
-    sensor = np.where(np.isnan(measurements.sigma), cell.noise.deflection, measurements.sigma)
-    size = found.size
-    # Back from the whitened coordinates: S^1/2 U diag(f^2 lambda) U^T S^1/2, with U^T S^-1/2 = rotation.
-    vectors = np.swapaxes(noise.rotation, 1, 2) * sensor[:, :, None]
-    force = np.einsum("nij,nj,nij->ni", vectors, noise.force, vectors) * sensor**2
-    return np.asarray(np.sqrt((size.sensor * sensor) ** 2 + size.force**2 * force + (size.offset * noise.offset) ** 2))
 
 
 def _findings(
@@ -155,7 +144,7 @@ def _findings(
                 "CS1016", "warning", f"{conflict.part} and {conflict.rest} want different stiffnesses: Mahalanobis distance "
                 f"{conflict.distance:.1f} over {conflict.directions} directions (p = {conflict.corrected:.2g}), most in "
                 f"k{worst + 1}, by a factor {np.exp(conflict.difference[worst]):.2f}", file=source,
-                hint="one set of linear springs does not explain both: look at the residuals of these rows in the report"))
+                hint="one set of linear springs does not explain both: compstiff diagnose looks for the cause"))
     return findings
 
 

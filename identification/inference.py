@@ -78,10 +78,10 @@ class Posterior:
         """The posterior of the joints alone, the terms' parameters integrated out."""
         at = self.at_map
         seen = Linearised(at.design[:, :, :6], at.residual, at.noise, at.weights, at.information[:6, :6])
+        none = np.empty(0)
+        prior = replace(self.prior, term_mean=none, term_std=none, term_low=none, term_high=none)
         return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], map=self.map[:6],
-                       laplace=self.laplace[:6, :6], at_map=seen, prior=replace(
-                           self.prior, term_mean=np.empty(0), term_std=np.empty(0), term_low=np.empty(0), term_high=np.empty(0)),
-                       terms=())
+                       laplace=self.laplace[:6, :6], at_map=seen, prior=prior, terms=())
 
     @property
     def size_log_std(self) -> Array:

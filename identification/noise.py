@@ -47,6 +47,12 @@ class NoiseSize:
         """ln of the three multipliers (3,)."""
         return np.log([self.sensor, self.force, self.offset])
 
+    def within(self, stated: tuple[bool, bool, bool]) -> NoiseSize:
+        """The stated sizes, and these for the parts that are not stated."""
+        sensor, force, offset = (1.0 if known else size for known, size in zip(
+            stated, (self.sensor, self.force, self.offset), strict=True))
+        return NoiseSize(sensor, force, offset, self.degrees)
+
     def with_logs(self, logs: Array) -> NoiseSize:
         """The same degrees of freedom with other multipliers."""
         sensor, force, offset = np.exp(logs)
@@ -158,6 +164,19 @@ def noise_model(cell: Cell, rows: Measurements, compliance: Array) -> NoiseModel
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
     return NoiseModel(rotation, np.maximum(eigenvalues, 0.0), exists, visit.astype(np.intp), offset,
                       (True, noise.force_stated, noise.offset_stated))
+
+
+def residual_std(cell: Cell, rows: Measurements, size: NoiseSize, compliance: Array) -> Array:
+    """1 sigma of each component's residual (n, 3) [m] under noise of this size: sensor, force error and re-seating."""
+    noise = noise_model(cell, rows, compliance)
+    sensor = np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)
+    # Back from the whitened coordinates: S^1/2 U diag(f^2 lambda) U^T S^1/2, with U^T S^-1/2 = rotation.
+    vectors = np.swapaxes(noise.rotation, 1, 2) * sensor[:, :, None]
+    force = np.einsum("nij,nj,nij->ni", vectors, noise.force, vectors) * sensor**2
+    # A Student distribution's variance is more than its scale squared.
+    heavier = 1.0 if np.isinf(size.degrees) else size.degrees / (size.degrees - 2.0)
+    own = (size.sensor * sensor) ** 2 + size.force**2 * force
+    return np.asarray(np.sqrt(heavier * own + (size.offset * noise.offset) ** 2))
 
 
 def log_prior(model: NoiseModel, size: NoiseSize) -> float:

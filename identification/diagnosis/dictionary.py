@@ -50,6 +50,17 @@ class Dictionary:
         """Index of the entry each signature belongs to (S,)."""
         return np.concatenate([np.full(len(entry.signatures), k) for k, entry in enumerate(self.entries)]).astype(np.intp)
 
+    def shapes(self, entry: int, signature: int) -> Array:
+        """Columns (n, 3, m) of an entry whose law is not exactly the dictionary's: its signatures for all values of what does
+        not enter linearly, and those of the laws near it; `signature` alone for one that is bound to a place."""
+        one = self.entries[entry]
+        if self.signatures[signature].effect.where:
+            members = [signature]
+        else:
+            near = [other for other in self.entries if other.joint == one.joint and other.effect.name in one.effect.near_laws]
+            members = [k for each in (one, *near) for k in each.signatures]
+        return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
+
     def term(self, where: Situation, signature: int, coefficients: Array) -> Term:
         """The effect in force with these coefficients (3,) in typical sizes."""
         one = self.signatures[signature]

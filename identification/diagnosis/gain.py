@@ -20,13 +20,16 @@ RESAMPLES = 999
 @dataclass(frozen=True, eq=False)
 class Gain:
     """RMS [m] over all measured components of rows that were not fitted, plain and extended; interval: 95 % of their ratio,
-    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln."""
+    over poses drawn anew; held_out: which rows. support: how much likelier the extended model makes them, ln.
+    by_pose (2, poses): RMS [m] before and after of each of `poses`."""
 
     before: float
     after: float
     interval: tuple[float, float]
     held_out: str
     support: float
+    by_pose: Array
+    poses: tuple[str, ...]
 
     @property
     def ratio(self) -> float:
@@ -59,13 +62,26 @@ def gain(cell: Cell, measurements: Measurements, plain: Posterior, extended: Pos
     drawn = rng.integers(0, squares.shape[1], (RESAMPLES, squares.shape[1]))
     ratios = np.sqrt(squares[0][drawn].sum(axis=1) / np.maximum(squares[1][drawn].sum(axis=1), 1e-30))
     low, high = np.quantile(ratios, [0.025, 0.975])
-    return Gain(float(before), float(after), (float(low), float(high)), held_out, 0.5 * float((scaled[0] - scaled[1]).sum()))
+    by_pose = np.sqrt(squares / np.maximum(counts, 1))
+    support = 0.5 * float((scaled[0] - scaled[1]).sum())
+    return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(rows))
 
 
 def poses(rows: Measurements) -> NDArray[np.intp]:
     """Group (n,) of the rows that are held out together: one label (wherever it returns), else one visit."""
-    names = np.where(rows.pose == "", rows.visit.astype(str), rows.pose).astype(str)
-    return np.unique(names, return_inverse=True)[1].astype(np.intp)
+    return np.unique(_names(rows), return_inverse=True)[1].astype(np.intp)
+
+
+def pose_names(rows: Measurements) -> tuple[str, ...]:
+    """The groups' names in the order of their numbers."""
+    return tuple(np.unique(_names(rows)).tolist())
+
+
+def _names(rows: Measurements) -> NDArray[np.str_]:
+    """Label of each row's pose, or "line n" of its visit's first row."""
+    first = np.array([f"line {rows.line[np.argmax(rows.visit == visit)]}" for visit in np.unique(rows.visit)], dtype=object)
+    numbers = np.unique(rows.visit, return_inverse=True)[1]
+    return np.where(rows.pose == "", first[numbers], rows.pose).astype(str)
 
 
 def left_out(cell: Cell, rows: Measurements, model: Posterior, groups: NDArray[np.intp]) -> Array:

@@ -15,13 +15,14 @@ from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.gain import Gain, gain
 from identification.diagnosis.patterns import patterns
 from identification.diagnosis.projection import Base
-from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
+from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey, survey
 from identification.diagnosis.settle import NextLoad, next_loads
-from identification.extension import predicted_deflection, situation_of, split
+from identification.extension import Term, predicted_deflection, situation_of, split
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.effects import Effect, effects
+from identification.model.situation import Situation
 from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
 
 # Family-wise false alarms of the detection, and of the test whether the extended model is enough.
 ALARM = 0.05
-INADEQUATE = 0.01
+INADEQUATE = 0.005
 # A name is given when this much probability is on it; the set of names holds as much.
 CERTAIN = 0.95
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
@@ -37,6 +38,11 @@ POSSIBLE = 0.5
 MOST_CAUSES = 3
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
+# An effect under this share of its typical size is no cause beside others.
+SLIGHT = 0.4
+# A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
+GROSS = 2.0
+NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause, and how many rivals are fitted to find loads that separate them.
 NEAREST = 5
 MOST_RIVALS = 4
@@ -87,6 +93,7 @@ class Diagnosis:
     patterns: tuple[str, ...] = ()
     left_out: dict[str, str] | None = None
     withdrawn: tuple[str, ...] = ()
+    law_differs: bool = False
 
 
 def diagnose(
@@ -117,14 +124,23 @@ def diagnose(
         seen, best, extended = converged(cell, rows, prior, extended, catalogue, MOST_CAUSES)
         adequacy = test(cell, rows, extended, catalogue, rng, replicates)
     scattered = beyond_stated(cell, rows, extended, GRANTED_AFTER_NAMING)
+    slight = {term.label for term, values in zip(extended.terms, split(extended.map, extended.terms), strict=True)
+              if size_of(term, values) < SLIGHT}
+    if best is not None and slight and len(slight) < len(extended.terms):
+        # They stand for what the others' laws do not give exactly; a cause is not that small beside another.
+        kept = tuple(term for term in extended.terms if term.label not in slight)
+        extended = posterior(cell, rows, prior, kept, extended.map[:6])
     names = inclusion(seen)
     found = replace(base, extended=extended, adequacy=adequacy, scatter=scattered)
-    if best is None or best.log_evidence < SUPPORT or adequacy.p_value <= INADEQUATE or scattered:
+    told = explained(cell, rows, plain, extended)
+    enough = adequacy.p_value > INADEQUATE or (told.excess >= GROSS and told.share >= NEARLY_ALL)
+    found = replace(found, law_differs=enough and adequacy.p_value <= INADEQUATE)
+    if best is None or best.log_evidence < SUPPORT or not enough or scattered:
         left = adequacy if best is not None and best.log_evidence >= SUPPORT else detection
         return replace(found, verdict="unknown", extended=plain, alternatives=names[:NEAREST],
                        patterns=left.seen_patterns)
     together = sum(one.probability for one in seen.hypotheses if one.key == best.key)
-    labels = {seen.words.entries[k].label for k in best.entries}
+    labels = {term.label for term in extended.terms}
     causes = tuple(cause for cause in names if cause.label in labels)
     sure = together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes)
     if together < CERTAIN and not sure:
@@ -161,15 +177,42 @@ def robot_difference(cell: Cell, rows: Measurements, models: list[Posterior]) ->
 def test(
     cell: Cell, rows: Measurements, fitted: Posterior, catalogue: dict[str, Effect], rng: np.random.Generator, replicates: int
 ) -> Detection:
-    """Whether the fitted model explains the rows."""
+    """Whether the fitted model explains the rows, the laws of its terms free within their shapes."""
     where = situation_of(cell, rows, np.exp(fitted.map[:6]))
     at = fitted.at_map
     words = dictionary(where, at.noise, catalogue)
     precision = fitted.prior.precision(fitted.map)
     shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
     base = Base(at.design, at.residual, at.weights, precision, shift)
+    for term in fitted.terms:
+        entry = next(k for k, one in enumerate(words.entries) if one.label == term.label)
+        places = [k for k in words.entries[entry].signatures if words.signatures[k].effect.where == term.effect.where]
+        base = base.extended(words.shapes(entry, places[0]))
+        undecided = undecided_columns(where, term)
+        if undecided.shape[2]:
+            base = base.extended(at.noise.rotation @ undecided)
     return detect(base, words, patterns(where, at.noise), at.noise, fitted.size, fitted.size_spread, fitted.row_weight, rng,
                   replicates)
+
+
+def undecided_columns(where: Situation, term: Term) -> Array:
+    """What a gear may do at each pose (n, 3, 2 poses) in the rows in which force errors decide it, in its typical size:
+    the same for all of them, or turning round with the load."""
+    if term.joint is None:
+        return np.zeros((len(where), 3, 0))
+    mask = term.effect.undecided(where, term.joint)
+    move = where.jacobian[:, :3, term.joint - 1] * term.scale[0]
+    force = where.wrench[:, :3]
+    sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
+    columns = [move * (values * mask * (where.visit == visit))[:, None]
+               for visit in np.unique(where.visit[mask]) for values in (np.ones(len(where)), sign)]
+    return np.stack(columns, axis=2) if columns else np.zeros((len(where), 3, 0))
+
+
+def size_of(term: Term, values: Array) -> float:
+    """How large the effect is, in typical sizes: the norm of the parameters that say how large it is."""
+    told = np.array([not parameter.shape for parameter in term.effect.parameters])
+    return float(np.linalg.norm((values - term.neutral)[told] / term.scale[told]))
 
 
 def converged(

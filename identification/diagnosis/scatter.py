@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.extension import predicted_deflection
 from identification.inference import Posterior
 from identification.measurements import Measurements
+from identification.noise import NoiseSize, noise_model
 
 Array = NDArray[np.float64]
 PARTS = ("sensor noise", "force error", "re-seating")
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more.
 GRANTED_AFTER_NAMING = 2.0
 GRANTED = 4.0
+# Noise sizes up to so many times the stated ones when it is asked how much of a misfit is explained.
+ORDINARY = 1.5
 ONE_SIDED_95 = 1.645
 
 
@@ -24,3 +30,27 @@ def beyond_stated(cell: Cell, rows: Measurements, fitted: Posterior, granted: fl
     sizes = (fitted.size.sensor, fitted.size.force, fitted.size.offset)
     return {name: size for name, size, std, known in zip(PARTS, sizes, fitted.size_log_std, stated, strict=True)
             if known and np.log(size / granted) > ONE_SIDED_95 * std}
+
+
+@dataclass(frozen=True)
+class Explained:
+    """excess: chi-squared a reading of the plain model, 1 where it explains the data; share of what is above 1 that the
+    extended model takes away."""
+
+    excess: float
+    share: float
+
+
+def explained(cell: Cell, rows: Measurements, plain: Posterior, extended: Posterior) -> Explained:
+    """How much of the plain model's misfit the extended one explains, against noise no larger than ordinary."""
+    noise = noise_model(cell, rows, np.exp(extended.map[:6]))
+    size = extended.size
+    weights = noise.weights(NoiseSize(size.sensor, min(size.force, ORDINARY), min(size.offset, ORDINARY)))
+
+    def chi2(model: Posterior) -> float:
+        left = np.nan_to_num(rows.deflection - predicted_deflection(cell, rows, model.map, model.terms))
+        whitened = np.einsum("nij,nj->ni", noise.rotation, left)[:, :, None]
+        return float(weights.inner(whitened, whitened)[0, 0]) / max(plain.readings - 6, 1)
+
+    before, after = chi2(plain), chi2(extended)
+    return Explained(before, 1.0 - max(after - 1.0, 0.0) / max(before - 1.0, 1e-9))

@@ -107,9 +107,10 @@ def survey(
 
 
 def _grown(base: Base, words: Dictionary, hypothesis: Hypothesis) -> list[Hypothesis]:
-    """The hypothesis with each further entry."""
+    """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
     if hypothesis.signatures:
-        base = base.extended(np.concatenate([_columns(words, signature) for signature in hypothesis.signatures], axis=2))
+        base = base.extended(np.concatenate([words.shapes(entry, signature) for entry, signature in zip(
+            hypothesis.entries, hypothesis.signatures, strict=True)], axis=2))
     found = scores(base, words)
     grown = []
     for k, entry in enumerate(words.entries):

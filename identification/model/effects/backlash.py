@@ -12,6 +12,8 @@ from identification.model.situation import Situation
 Array = NDArray[np.float64]
 # Friction holds the gear in its gap below this torque [N m]: an assumption, small against any cutting load's.
 FRICTION_NM = 2.0
+# A force's direction is trusted to this angle [rad]: a smaller torque may have either sign.
+MISALIGNED = 0.03
 
 
 class Backlash(Effect):
@@ -21,9 +23,12 @@ class Backlash(Effect):
     name = "backlash"
     family = "gear"
     of_robot = True
+    of_gravity = True
     joints = (1, 2, 3, 4, 5, 6)
-    parameters = (Parameter("half_gap_rad", "rad", 7.3e-5, 0.0, 1.5e-3),)
+    parameters = (Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3),)
+    near_laws = ("soft_zone",)
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
+    turning = "crosses its gap"
     settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
@@ -31,6 +36,16 @@ class Backlash(Effect):
         gravity = rows.gravity[:, i]
         turned = values[0] * (_sign(gravity + rows.torque[:, i]) - _sign(gravity))
         return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+
+    def side(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        i = (joint or 1) - 1
+        return np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
+
+    def undecided(self, rows: Situation, joint: int | None) -> NDArray[np.bool_]:
+        i = (joint or 1) - 1
+        lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
+        doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))
+        return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * _sign(log.torque))

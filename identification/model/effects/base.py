@@ -64,17 +64,21 @@ class Effect(ABC):
     """One physical effect. joints: the joints it may sit at (1-based), empty where it belongs to none.
 
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
-    the data. sentence: the cause as a shop-floor engineer says it ({joint} is filled in). settles: what would separate it
-    from its look-alikes, and is not a load.
+    the data. near_laws: effects of the same joint whose shapes a real one of this kind may mix in. sentence: the cause as a
+    shop-floor engineer says it ({joint} is filled in). settles: what would separate it from its look-alikes, and is no load.
     """
 
     name: ClassVar[str]
     family: ClassVar[Family]
     of_robot: ClassVar[bool]
+    of_tool: ClassVar[bool] = False
+    of_gravity: ClassVar[bool] = False
     joints: ClassVar[tuple[int, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]]
+    near_laws: ClassVar[tuple[str, ...]] = ()
     sentence: ClassVar[str]
     settles: ClassVar[str]
+    turning: ClassVar[str] = ""
 
     @property
     def where(self) -> dict[str, int | str]:
@@ -98,9 +102,21 @@ class Effect(ABC):
         """Why these rows cannot show it at all, "" where they can."""
         return ""
 
+    def undecided(self, rows: Situation, joint: int | None) -> NDArray[np.bool_]:
+        """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it."""
+        return np.zeros(len(rows), dtype=bool)
+
     @abstractmethod
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
         """What it adds to the deviation, or to the reading: (n, 6), position [m] and rotation [rad]; values (P,)."""
+
+    def side(self, rows: Situation, joint: int | None, values: Array) -> Array | None:
+        """At which end of its play or friction each row rests (n,): -1 or 1, 0 in between. None: it has no such ends."""
+        return None
+
+    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array | None:
+        """The wrench (n, 6) that really acted where the effect is one of the force's measurement; None: as reported."""
+        return None
 
     def log_contribution(self, log: JointLog, values: Array) -> Array | None:
         """What it adds to the deflection of a joint in a log taken in motion (n,) [rad]; None: it does not show there."""

@@ -19,7 +19,7 @@ class BearingTilt(Effect):
     family = "structure"
     of_robot = True
     joints = (1, 2, 3, 4, 5)
-    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 1e-7, 0.0, 2e-6),)
+    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6),)
     sentence = "the bearing of joint {joint} tilts under load across its axis"
     settles = "a dial gauge across the bearing while the tool is loaded"
 

@@ -17,7 +17,7 @@ class Creep(Effect):
     name = "creep"
     family = "structure"
     of_robot = True
-    parameters = (Parameter("ratio", "1", 0.02, 0.0, 0.3),
+    parameters = (Parameter("ratio", "1", 0.017, 0.0, 0.3),
                   Parameter("time_s", "s", 3.0, 0.05, 300.0, grid=(1.0, 3.0, 10.0), shape=True),)
     sentence = "the robot goes on yielding while the load is on"
     settles = "hold one load and read the sensors after 5 and after 60 seconds"

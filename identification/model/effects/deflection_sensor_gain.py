@@ -17,9 +17,9 @@ class DeflectionSensorGain(Effect):
     name = "deflection_sensor_gain"
     family = "deflection measurement"
     of_robot = False
-    parameters = (Parameter("x", "1", 0.015, -0.3, 0.3),
-                  Parameter("y", "1", 0.015, -0.3, 0.3),
-                  Parameter("z", "1", 0.015, -0.3, 0.3),)
+    parameters = (Parameter("x", "1", 0.014, -0.3, 0.3),
+                  Parameter("y", "1", 0.014, -0.3, 0.3),
+                  Parameter("z", "1", 0.014, -0.3, 0.3),)
     sentence = "a deflection sensor reads too much or too little"
     settles = "move the target by a gauge block in front of each sensor"
 

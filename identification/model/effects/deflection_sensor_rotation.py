@@ -18,9 +18,9 @@ class DeflectionSensorRotation(Effect):
     name = "deflection_sensor_rotation"
     family = "deflection measurement"
     of_robot = False
-    parameters = (Parameter("rx_rad", "rad", 0.026, -0.2, 0.2),
-                  Parameter("ry_rad", "rad", 0.026, -0.2, 0.2),
-                  Parameter("rz_rad", "rad", 0.026, -0.2, 0.2),)
+    parameters = (Parameter("rx_rad", "rad", 0.025, -0.2, 0.2),
+                  Parameter("ry_rad", "rad", 0.025, -0.2, 0.2),
+                  Parameter("rz_rad", "rad", 0.025, -0.2, 0.2),)
     sentence = "the deflection sensors are turned against the robot's base axes"
     settles = "jog the robot along base x, y and z without force and read the sensors"
 

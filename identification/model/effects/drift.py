@@ -17,9 +17,9 @@ class Drift(Effect):
     name = "drift"
     family = "deflection measurement"
     of_robot = False
-    parameters = (Parameter("x_m_per_s", "m/s", 5.6e-9, -1e-6, 1e-6),
-                  Parameter("y_m_per_s", "m/s", 5.6e-9, -1e-6, 1e-6),
-                  Parameter("z_m_per_s", "m/s", 5.6e-9, -1e-6, 1e-6),)
+    parameters = (Parameter("x_m_per_s", "m/s", 8.3e-9, -1e-6, 1e-6),
+                  Parameter("y_m_per_s", "m/s", 8.3e-9, -1e-6, 1e-6),
+                  Parameter("z_m_per_s", "m/s", 8.3e-9, -1e-6, 1e-6),)
     sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
     settles = "leave the robot unloaded and read the sensors every ten minutes"
 

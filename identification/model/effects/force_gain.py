@@ -24,3 +24,6 @@ class ForceGain(Effect):
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
         return np.asarray(values[0] * rows.elastic)
+
+    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return np.asarray((1 + values[0]) * rows.wrench)

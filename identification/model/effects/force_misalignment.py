@@ -18,13 +18,15 @@ class ForceMisalignment(Effect):
     name = "force_misalignment"
     family = "force measurement"
     of_robot = False
-    parameters = (Parameter("rx_rad", "rad", 0.022, -0.2, 0.2),
-                  Parameter("ry_rad", "rad", 0.022, -0.2, 0.2),
-                  Parameter("rz_rad", "rad", 0.022, -0.2, 0.2),)
+    parameters = (Parameter("rx_rad", "rad", 0.021, -0.2, 0.2),
+                  Parameter("ry_rad", "rad", 0.021, -0.2, 0.2),
+                  Parameter("rz_rad", "rad", 0.021, -0.2, 0.2),)
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
+
+    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
         turn = rotation_matrix(values)
-        changed = np.concatenate([rows.wrench[:, :3] @ turn.T, rows.wrench[:, 3:] @ turn.T], axis=1)
-        return rows.compliant(changed - rows.wrench)
+        return np.concatenate([rows.wrench[:, :3] @ turn.T, rows.wrench[:, 3:] @ turn.T], axis=1)

@@ -17,6 +17,7 @@ class ForceSensorCompliance(Effect):
     name = "force_sensor_compliance"
     family = "tool"
     of_robot = True
+    of_tool = True
     parameters = (Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 3e-5),)
     sentence = "the force sensor between flange and spindle tilts under load"
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"

@@ -23,12 +23,16 @@ class Hysteresis(Effect):
     parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3),
                   Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True),)
     sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"
+    turning = "slips the other way"
     settles = "load up, down and up again without leaving the pose, and read at zero load each time"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         turned = values[0] * slip_state(rows.torque[:, i], rows.starts, values[1])
         return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+
+    def side(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return np.trunc(slip_state(rows.torque[:, (joint or 1) - 1], rows.starts, values[1]))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         start = np.zeros(len(log.torque), dtype=bool)

@@ -20,7 +20,7 @@ class LinkBending(Effect):
     family = "structure"
     of_robot = True
     joints = (2, 3)
-    parameters = (Parameter("flexibility_per_nm2", "1/(N*m^2)", 7.7e-8, 0.0, 2e-6),)
+    parameters = (Parameter("flexibility_per_nm2", "1/(N*m^2)", 7.9e-8, 0.0, 2e-6),)
     sentence = "link {joint} (2 lower arm, 3 forearm) bends"
     settles = "a force at the elbow, not at the tool"
 

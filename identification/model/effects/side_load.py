@@ -19,14 +19,18 @@ class SideLoad(Effect):
     name = "side_load"
     family = "load path"
     of_robot = False
-    parameters = (Parameter("ratio", "1", 0.03, 0.0, 0.5),
+    parameters = (Parameter("ratio", "1", 0.032, 0.0, 0.5),
                   Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
     sentence = "the loading device pushes sideways too, in the direction it moves"
     settles = "read both force sensors, or put a ball between cylinder and tool"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
-        aside = values[0] * (np.cos(values[1]) * self._along(rows)[0] + np.sin(values[1]) * self._along(rows)[1])
-        return rows.compliant(np.concatenate([aside, np.zeros_like(aside)], axis=1))
+        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
+
+    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        across, other = self._along(rows)
+        aside = values[0] * (np.cos(values[1]) * across + np.sin(values[1]) * other)
+        return np.concatenate([rows.wrench[:, :3] + aside, rows.wrench[:, 3:]], axis=1)
 
     @staticmethod
     def _along(rows: Situation) -> tuple[Array, Array]:

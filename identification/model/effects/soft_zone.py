@@ -21,6 +21,7 @@ class SoftZone(Effect):
     name = "soft_zone"
     family = "gear"
     of_robot = True
+    of_gravity = True
     joints = (1, 2, 3, 4, 5, 6)
     parameters = (Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3),
                   Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(25.0, 50.0, 100.0, 200.0, 400.0), shape=True),)

@@ -17,6 +17,7 @@ class SpindleCompliance(Effect):
     name = "spindle_compliance"
     family = "tool"
     of_robot = True
+    of_tool = True
     parameters = (Parameter("radial_m_per_n", "m/N", 6.7e-8, 0.0, 2e-6),)
     sentence = "tool and spindle bend sideways"
     settles = "a dial gauge between spindle nose and tool tip while the tool is loaded"

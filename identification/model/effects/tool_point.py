@@ -17,13 +17,16 @@ class ToolPoint(Effect):
     name = "tool_point"
     family = "load path"
     of_robot = False
-    parameters = (Parameter("x_m", "m", 0.01, -0.1, 0.1),
-                  Parameter("y_m", "m", 0.01, -0.1, 0.1),
-                  Parameter("z_m", "m", 0.01, -0.1, 0.1),)
+    parameters = (Parameter("x_m", "m", 0.008, -0.1, 0.1),
+                  Parameter("y_m", "m", 0.008, -0.1, 0.1),
+                  Parameter("z_m", "m", 0.008, -0.1, 0.1),)
     sentence = "the load did not act at the modelled tool point"
     settles = "measure where the cylinder touches the tool"
 
     def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
+
+    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
         lever = np.einsum("nij,j->ni", rows.tool, values)
-        moment = np.cross(lever, rows.wrench[:, :3])
-        return rows.compliant(np.concatenate([np.zeros_like(moment), moment], axis=1))
+        moment = rows.wrench[:, 3:] + np.cross(lever, rows.wrench[:, :3])
+        return np.concatenate([rows.wrench[:, :3], moment], axis=1)
