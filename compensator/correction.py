@@ -2,7 +2,9 @@
 
 Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
 `theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau
-is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. That this is so is not
+is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. Effects in force displace the
+tool from where the springs hold it: then the springs shall hold it at angles from which the effects bring it to the plan
+(`loading.resting_angles`), and these take the place of theta~_plan. That the tool lands there is not
 taken on trust: `correct_path` loads the commanded pose with the iterated forward model and reports what is left.
 """
 
@@ -14,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces import TargetForces
+from compensator.loading import StateChange, at, each_tool, loaded_path, program, resting_angles, state_changes
 from compensator.planning import Plan
-from identification.findings import CompstiffError, Finding, Level, Refused
-from identification.model.compliance import compliance_matrix, deviation, joint_torque, loaded_angles, loaded_pose
+from identification.findings import CompstiffError, Finding, Refused
+from identification.model.compliance import compliance_matrix, displacement, joint_torque, loaded_angles
 from identification.model.inverse import configuration, wrist_distance
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, rotation_vector
 from identification.model.stiffness import IdentifiedModel
+from identification.model.stiffness_file import same_tool
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -37,13 +41,16 @@ class Prediction:
     """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
 
     position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
-    the stiffnesses, plus the scatter of the mean force where the log gives one.
+    the stiffnesses and effects, plus the scatter of the mean force where the log gives one. notes (M,): the effects whose state
+    changes before the target, "" where none does.
     """
 
     targets: Indices
     position: Array
     rotation: Array
     covariance: Array
+    notes: NDArray[np.object_]
+    findings: tuple[Finding, ...]
 
     @property
     def std(self) -> Array:
@@ -70,17 +77,6 @@ class Correction:
     findings: tuple[Finding, ...]
 
 
-def _each_tool(plan: Plan, targets: Indices) -> list[tuple[Frame, Indices]]:
-    """The targets by tool: flange_from_tcp and the places in `targets` that use it."""
-    tools = plan.toolpath.tool[targets]
-    groups = []
-    for tool in np.unique(tools):
-        places = np.flatnonzero(tools == tool)
-        first = targets[places[0]]
-        groups.append((Frame(plan.flange_from_tcp.rotation[first], plan.flange_from_tcp.position[first]), places))
-    return groups
-
-
 def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[Finding]]:
     """The targets (M,) with force that can be corrected, and a finding for each that is left as it is.
 
@@ -92,32 +88,32 @@ def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[
     blocked = [int(i) for i in forced if path.block[i]]
     unusable = [i for i in blocked if np.isfinite(path.position[i]).all() and np.isnan(path.quaternion[i]).any()]
     if unusable:
-        raise CompstiffError(*(_at(plan, i, "CS4103", "error", f"a move with force: {path.block[i]}",
-                                   "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
-    findings = [_at(plan, i, "CS4101", "warning", f"a move with force stays uncorrected: {path.block[i]}") for i in blocked]
+        raise CompstiffError(*(at(plan, i, "CS4103", "error", f"a move with force: {path.block[i]}",
+                                  "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
+    findings = [at(plan, i, "CS4101", "warning", f"a move with force stays uncorrected: {path.block[i]}") for i in blocked]
     rest = np.array([i for i in forced if not path.block[i]], dtype=np.intp)
     joints = [int(i) for i in rest if np.isnan(path.position[i]).any()]
-    findings += [_at(plan, i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
-                     "cut with MoveL, MoveC or MoveJ") for i in joints]
+    findings += [at(plan, i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
+                    "cut with MoveL, MoveC or MoveJ") for i in joints]
     rest = rest[~np.isnan(path.position[rest]).any(axis=1)]
     problems = []
     for i in rest:
         tool, item = path.tools[path.tool[i]], path.workobjects[path.workobject[i]]
         for kind, name, problem in (("tool", tool.name, tool.problem), ("work object", item.name, item.problem)):
             if problem:
-                problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: {problem}",
-                                    "declare it with its numbers in this module, or in cell.yaml"))
+                problems.append(at(plan, int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: {problem}",
+                                   "declare it with its numbers in this module, or in cell.yaml"))
         used = [f"eax_{letter}" for letter, value in zip("abcdef", path.external[i], strict=True) if not np.isnan(value)]
         if used:
-            problems.append(_at(plan, int(i), "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, "
-                                "which is not understood: it moves the robot's base or the part",
-                                "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
+            problems.append(at(plan, int(i), "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, "
+                               "which is not understood: it moves the robot's base or the part",
+                               "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
     if problems:
         raise Refused(*problems)
     lost = [i for i in rest if not plan.reached[i]]
     if lost:
-        raise Refused(*(_at(plan, int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
-                            "check tool, work object and base frame") for i in lost[:20]))
+        raise Refused(*(at(plan, int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
+                           "check tool, work object and base frame") for i in lost[:20]))
     _refuse_outside(plan, rest, plan.theta[rest], "as planned")
     return rest, findings
 
@@ -139,30 +135,71 @@ def _refuse_outside(plan: Plan, targets: Indices, theta: Array, when: str) -> No
             index, first, last = robot.window
             what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
                     f"{np.degrees(first):g} to {np.degrees(last):g} deg")
-        findings.append(_at(plan, int(targets[row]), "CS4105", "error", f"{when}: {what}",
-                            "check the configuration (confdata), tool and work object, or move the part"))
+        findings.append(at(plan, int(targets[row]), "CS4105", "error", f"{when}: {what}",
+                           "check the configuration (confdata), tool and work object, or move the part"))
     raise Refused(*findings)
 
 
 def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Prediction:
-    """Deviation of the uncorrected targets under their force, with its covariance."""
+    """Deviation of the uncorrected targets under their force, with its covariance.
+
+    The scatter of the force is carried through the springs alone, effects left out. Raises CompstiffError: CS1101 no
+    equilibrium, CS1202 another tool than the one an effect in force was identified with.
+    """
+    _check_tools(plan, model, targets)
     count = len(targets)
+    loaded = loaded_path(plan, forces, model, targets, plan.theta[targets])
+    of_effects = None
+    if model.effects and count:
+        of_effects = model.slopes(program(plan, forces, model, targets, plan.theta[targets]))[targets]
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    for tool, places in _each_tool(plan, targets):
+    for tool, places in each_tool(plan, targets):
         theta, wrench = plan.theta[targets[places]], forces.wrench[targets[places]]
-        try:
-            position[places], rotation[places] = deviation(model.robot, theta, tool, wrench, model.compliance)
-        except CompstiffError as stopped:
-            worst = int(targets[places[np.argmax(np.linalg.norm(wrench[:, :3], axis=1))]])
-            raise CompstiffError(*(_at(plan, worst, finding.code, "error", f"{finding.message} (largest force "
-                                       f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N)", finding.hint)
-                                   for finding in stopped.findings)) from stopped
-        covariance[places] = model.deviation_covariance(theta, wrench, tool)[:, :3, :3]
+        position[places], rotation[places] = displacement(
+            Frame(loaded.rotation[places], loaded.position[places]), forward(model.robot, theta, tool))
+        covariance[places] = model.deviation_covariance(
+            theta, wrench, tool, None if of_effects is None else of_effects[places])[:, :3, :3]
         scatter = np.nan_to_num(forces.standard_error[targets[places]]) ** 2
         if scatter.any():
             carried = compliance_matrix(model.robot, theta, tool, model.compliance)[:, :3, :3]
             covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
-    return Prediction(targets, position, rotation, covariance)
+    notes, findings = _state_notes(plan, targets, state_changes(plan, forces, model, targets) if model.effects else [])
+    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *findings))
+
+
+def _check_tools(plan: Plan, model: IdentifiedModel, targets: Indices) -> None:
+    """CompstiffError (CS1202) where a move with force uses another tool than the one an effect was identified with."""
+    of_tool = ", ".join(one.label for one in model.effects if one.effect.of_tool)
+    others = [int(targets[places[0]]) for tool, places in each_tool(plan, targets)
+              if of_tool and not same_tool(tool, model.flange_from_tcp)]
+    if others:
+        raise CompstiffError(*(at(plan, target, "CS1202", "error", f"{of_tool} was identified with the cell's tool; this move "
+                                  f"with force uses {plan.toolpath.tools[plan.toolpath.tool[target]].name}, whose TCP is "
+                                  "another", "identify with this tool, or use a stiffness file without that effect")
+                               for target in others))
+
+
+def _unknown_gravity(model: IdentifiedModel) -> list[Finding]:
+    """A note (CS1404) where gravity enters an effect and the robot file does not tell it."""
+    upright = bool(np.all(np.abs(model.fall[:2]) < 1e-6))
+    asking = [one.label for one in model.effects if one.effect.of_gravity and not (upright and one.joint == 1)]
+    if not asking or model.robot.link_mass is not None:
+        return []
+    return [Finding("CS1404", "note", f"the robot file has no links: gravity torques are taken as zero in {', '.join(asking)}",
+                    file=str(model.robot.source), hint="add links (mass and centre) to a robot file of your own")]
+
+
+def _state_notes(plan: Plan, targets: Indices, changes: list[StateChange]) -> tuple[NDArray[np.object_], list[Finding]]:
+    """A note (M,) for each target before which the state of an effect changes, and one finding (CS4111) for each effect."""
+    notes, findings = np.full(len(targets), "", dtype=object), []
+    for change in changes:
+        words = f"{change.of.label} {change.of.effect.turning} before"
+        notes[change.places] = [f"{note}{'; ' if note else ''}{words} this target" for note in notes[change.places]]
+        largest = int(np.argmax(change.step))
+        findings.append(at(plan, int(targets[change.places[largest]]), "CS4111", "note", f"{words} {len(change.places)} of "
+                           f"{len(targets)} targets with force: deviation and correction step there, by up to "
+                           f"{1e6 * change.step[largest]:.1f} um", "the column note of the offsets names the targets"))
+    return notes, findings
 
 
 def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Correction:
@@ -173,23 +210,20 @@ def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
     planned = plan.theta[targets]
     theta = np.empty((count, 6))
     tcp = Frame(np.empty((count, 3, 3)), np.empty((count, 3)))
-    residual, turned = np.empty(count), np.empty(count)
     goal = Frame(plan.base_from_tcp.rotation[targets], plan.base_from_tcp.position[targets])
-    for tool, places in _each_tool(plan, targets):
-        wrench = forces.wrench[targets[places]]
-        yielded = model.compliance * joint_torque(robot, planned[places], tool, wrench)
-        theta[places] = loaded_angles(robot, planned[places], -yielded)
+    rest = resting_angles(plan, forces, model, targets) if model.effects else planned
+    for tool, places in each_tool(plan, targets):
+        yielded = model.compliance * joint_torque(robot, rest[places], tool, forces.wrench[targets[places]])
+        theta[places] = loaded_angles(robot, rest[places], -yielded)
         commanded = forward(robot, theta[places], tool)
         tcp.rotation[places], tcp.position[places] = commanded.rotation, commanded.position
-        loaded = loaded_pose(robot, theta[places], tool, wrench, model.compliance)
-        residual[places] = np.linalg.norm(loaded.position - goal.position[places], axis=1)
-        turned[places] = np.linalg.norm(
-            rotation_vector(loaded.rotation @ np.swapaxes(goal.rotation[places], 1, 2)), axis=1)
-    if count and max(residual.max(), turned.max()) > RESIDUAL_LIMIT:
+    off, turned = displacement(loaded_path(plan, forces, model, targets, theta), goal)
+    residual, twist = np.linalg.norm(off, axis=1), np.linalg.norm(turned, axis=1)
+    if count and not max(residual.max(), twist.max()) <= RESIDUAL_LIMIT:
         worst = int(np.argmax(residual))
-        raise CompstiffError(_at(plan, int(targets[worst]), "CS4108", "error", "the correction did not converge: the loaded "
-                                 f"tool stays {1e6 * residual.max():.3g} um and {turned.max():.3g} rad off the plan",
-                                 "check the units of the forces"))
+        raise CompstiffError(at(plan, int(targets[worst]), "CS4108", "error", "the correction did not converge: the loaded "
+                                f"tool stays {1e6 * residual.max():.3g} um and {twist.max():.3g} rad off the plan",
+                                "check the units of the forces"))
     object_from_base = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets]).inverse()
     commanded, wanted = object_from_base @ tcp, object_from_base @ goal
     offset = commanded.position - wanted.position
@@ -213,9 +247,9 @@ def _check_size(plan: Plan, targets: Indices, offset: Array, turn: Array, max_of
         over = np.flatnonzero(values > limit)
         if len(over):
             worst = int(over[np.argmax(values[over])])
-            findings.append(_at(plan, int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: the "
-                                f"largest {what} is {factor * values[worst]:.3f} {unit}, the limit {factor * limit:g} {unit}",
-                                hint))
+            findings.append(at(plan, int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: the "
+                               f"largest {what} is {factor * values[worst]:.3f} {unit}, the limit {factor * limit:g} {unit}",
+                               hint))
     if findings:
         raise Refused(*findings)
     return []
@@ -228,19 +262,13 @@ def _singularity(plan: Plan, targets: Indices, planned: Array, theta: Array) -> 
     crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
     bad = np.flatnonzero((distance < SINGULAR) | crossed)
     if len(bad):
-        raise Refused(*(_at(plan, int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from the "
-                            f"wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are needed",
-                            "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
+        raise Refused(*(at(plan, int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from the "
+                           f"wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are needed",
+                           "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
     near = np.flatnonzero(distance < NEARLY_SINGULAR)
     if not len(near):
         return []
     closest = int(near[np.argmin(distance[near])])
-    return [_at(plan, int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
-                f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
-                " deg: axes 4 and 6 turn fast there")]
-
-
-def _at(plan: Plan, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
-    path = plan.toolpath
-    return Finding(code, level, message, file=path.source, line=int(path.line[target]),
-                   column=int(path.column[target]), target=target, hint=hint)
+    return [at(plan, int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
+               f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
+               " deg: axes 4 and 6 turn fast there")]

@@ -64,11 +64,12 @@ def _columns(values: Array, names: str, decimals: int) -> dict[str, Array]:
 
 
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:
-    """Why a target was not corrected, empty where it was."""
+    """Why a target was not corrected; where it was, whose state changes before it, mostly empty."""
     forces, path = predicted.forces, predicted.plan.toolpath
     notes = np.full(len(path), "", dtype=object)
     notes[~forces.forced] = "no force"
     notes[forces.samples == 0] = "no sample"
+    notes[predicted.prediction.targets] = predicted.prediction.notes
     for target in np.flatnonzero(left):
         notes[target] = f"left: {path.block[target] or 'MoveAbsJ'}"
     return notes

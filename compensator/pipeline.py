@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 from compensator.correction import Correction, Prediction, correct_path, predict_path, targets_to_correct
 from compensator.forces import TargetForces, place_forces, read_force_log
-from compensator.placement import arc_length
+from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
-from identification.model.compliance import loaded_pose
 from identification.model.inverse import inverse, nearest_solution
 from identification.model.rotations import Frame
-from identification.model.stiffness import IdentifiedModel, read_stiffness
+from identification.model.stiffness import IdentifiedModel
+from identification.model.stiffness_file import read_stiffness
 
 Array = NDArray[np.float64]
 RECORD = "compstiff-correction"
@@ -100,7 +100,7 @@ def predict_program(inputs: Inputs, *, tare: tuple[int, int] | None = None) -> P
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, cell, model, program, plan, forces, prediction, (*said, *left))
+    return Predicted(inputs, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings))
 
 
 def correct_program(predicted: Predicted) -> Corrected:
@@ -138,17 +138,10 @@ def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> 
     base_from_object = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets])
     flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
     base_from_flange = base_from_object @ object_from_tcp @ flange_from_tcp.inverse()
-    residual = np.empty(len(targets))
     theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
                                 correction.theta)
-    tools = before.tool[targets]
-    for tool in np.unique(tools):
-        places = np.flatnonzero(tools == tool)
-        frame = Frame(flange_from_tcp.rotation[places[0]], flange_from_tcp.position[places[0]])
-        loaded = loaded_pose(predicted.cell.robot, theta[places], frame, predicted.forces.wrench[targets[places]],
-                             predicted.model.compliance)
-        residual[places] = np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets[places]], axis=1)
-    return residual
+    loaded = loaded_path(plan, predicted.forces, predicted.model, targets, theta)
+    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
 
 
 def check_not_corrected(toolpath: Path) -> None:
@@ -185,11 +178,8 @@ def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
 
 def planned_time(predicted: Predicted) -> Array:
     """Time (N,) [s] at which each target is reached with the programmed feed; NaN from the first unknown feed on."""
-    path = predicted.plan.toolpath
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        length = arc_length(predicted.plan.world_position, path.move)
-        steps = np.diff(length, prepend=length[:1])
-        return np.asarray(np.cumsum(np.where(steps == 0, 0.0, steps / path.feed)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.cumsum(segment_times(predicted.plan)))
 
 
 def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[str, Any]:

@@ -98,8 +98,9 @@ def stiffness_lines(fit: Fit) -> list[str]:
 
 @command("diagnose", writes=True)
 @click.argument("cell_file", metavar="CELL", type=READABLE)
-@click.argument("measurements_file", metavar="MEASUREMENTS", type=READABLE)
-@click.option("-o", "--output", required=True, type=WRITABLE, help="The diagnosis file to write.")
+@click.argument("measurements_file", metavar="[MEASUREMENTS]", required=False, type=READABLE)
+@click.option("-o", "--output", type=WRITABLE, help="The diagnosis file to write; required with MEASUREMENTS.")
+@click.option("--plan", type=READABLE, help="A plan in place of measurements: what it could and could not tell apart.")
 @click.option("--extended", type=WRITABLE, help="Also write the extended model, a stiffness file that correct uses.")
 @click.option("--alarm", type=click.FloatRange(0.001, 0.5), default=0.05, show_default=True,
               help="Rate of false alarms, over the whole dictionary.")
@@ -107,13 +108,19 @@ def stiffness_lines(fit: Fit) -> list[str]:
               help="Simulated data sets behind the p-value; its resolution is 1 / (replicates + 1).")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def diagnose(
-    session: Session, cell_file: Path, measurements_file: Path, output: Path, extended: Path | None, alarm: float,
-    replicates: int, report: Path | None,
+    session: Session, cell_file: Path, measurements_file: Path | None, output: Path | None, plan: Path | None,
+    extended: Path | None, alarm: float, replicates: int, report: Path | None,
 ) -> Outcome:
     """Show what the model gets wrong, name the cause, measure the gain.
 
     CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
     """
+    if plan is not None:
+        if measurements_file is not None or extended is not None or report is not None:
+            raise click.UsageError("--plan stands in place of MEASUREMENTS, and writes neither --extended nor --report")
+        return _judge_plan(session, cell_file, plan, output)
+    if measurements_file is None or output is None:
+        raise click.UsageError("give MEASUREMENTS and -o DIAGNOSIS, or --plan FILE")
     import json
 
     from identification.cell import read_cell
@@ -145,6 +152,28 @@ def diagnose(
                  "-o PART_corrected.mod") if extended else ""
     return Outcome(content, findings, summary(cell, found), next_step=following or _next_after(found.verdict, cell_file,
                                                                                           measurements_file, output))
+
+
+def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
+    """What a plan could and could not tell apart."""
+    import json
+
+    from identification.cell import read_cell
+    from identification.diagnosis.plan import outlook, plan_lines
+    from identification.files import check_writable, write_whole
+    from identification.measurements import read_measurements
+
+    session.inputs += [cell_file, plan]
+    check_writable([output] if output else [], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    rows = read_measurements(plan, cell.robot, planned=True)
+    found, left_out = outlook(cell, rows)
+    content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
+               "not_offered": left_out}
+    if output:
+        write_whole({output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()})
+    return Outcome(content, rows.findings, plan_lines(found, left_out),
+                   next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
 
 
 def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:

@@ -62,8 +62,8 @@ class Measurements:
         return Measurements(source=self.source, findings=self.findings, **arrays)
 
 
-def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
-    """Reads measurements.csv (or Parquet) for this robot.
+def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = False) -> Measurements:
+    """Reads measurements.csv (or Parquet) for this robot; planned: a plan, whose deflections may all be empty.
 
     Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
     CS1002 joint outside its limits, CS1003 sigma not positive, CS1004 loaded row without any deflection, CS1005 no load,
@@ -83,7 +83,7 @@ def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
     purpose = table.texts.get("purpose", np.full(count, "", dtype=object))
     problems = [
         *_purposes(table, purpose), *_limits(table, robot, theta), *_sigmas(table, sigma),
-        *_rows_without_deflection(table, wrench, deflection),
+        *([] if planned else _rows_without_deflection(table, wrench, deflection)),
     ]
     if problems:
         raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:20])
@@ -98,7 +98,7 @@ def read_measurements(path: str | Path, robot: RobotModel) -> Measurements:
                     hint="deflections are in micrometres, loaded minus unloaded, not positions")
     findings = list(table.findings)
     empty = np.isnan(deflection)
-    if empty.any():
+    if empty.any() and not planned:
         findings.append(Finding("CS1007", "note", f"{int(empty.sum())} of {deflection.size} deflection components are "
                                 "empty and were taken as not measured", file=table.source))
     if "reference" not in table.texts and "time_s" in table.numbers and np.any(np.diff(table.numbers["time_s"]) < 0):
@@ -122,8 +122,13 @@ def _runs(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:
 
 
 def _visits(table: Table, theta: Array) -> NDArray[np.intp]:
-    """Pose visits: runs of one label, or of equal joint angles where the file has no labels."""
-    return _runs(table.texts["pose"]) if "pose" in table.texts else _runs(theta)
+    """Pose visits: runs of one label, or of equal joint angles where the file has no labels; a machined pass is one."""
+    visit = _runs(table.texts["pose"]) if "pose" in table.texts else _runs(theta)
+    label = table.texts.get("pass")
+    if label is None:
+        return visit
+    on_path = label != ""
+    return _runs(np.column_stack([np.where(on_path, -1, visit), np.where(on_path, _runs(label), -1)]))
 
 
 def _purposes(table: Table, purpose: NDArray[np.object_]) -> list[Finding]:

@@ -212,16 +212,22 @@ def student_weights(model: NoiseModel, size: NoiseSize, weights: Weights, residu
     variance = size.sensor**2 + size.force**2 * model.force
     distance = np.where(model.measured, own**2 / variance, 0.0).sum(axis=1)
     count = model.measured.sum(axis=1)
-    best, chosen = -np.inf, np.inf
+    degrees, _ = tails(distance, count)
+    if np.isinf(degrees):
+        return np.ones(len(distance)), degrees
+    return (degrees + count) / (degrees + distance), degrees
+
+
+def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
+    """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
+    best, chosen = -np.inf, (np.inf, 1.0)
     for degrees in DEGREES:
         scale = _student_scale(distance, count, degrees)
         value = float(np.sum(_student_log_density(distance / scale, count, degrees) - 0.5 * count * np.log(scale)))
         value -= np.log2(100.0 / min(degrees, 100.0))
         if value > best:
-            best, chosen = value, degrees
-    if np.isinf(chosen):
-        return np.ones(len(distance)), chosen
-    return (chosen + count) / (chosen + distance), chosen
+            best, chosen = value, (degrees, scale)
+    return chosen
 
 
 def _student_scale(distance: Array, count: NDArray[np.int_], degrees: float) -> float:

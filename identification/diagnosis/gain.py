@@ -12,6 +12,7 @@ from identification.cell import Cell
 from identification.extension import predicted_deflection, response
 from identification.inference import Posterior
 from identification.measurements import Measurements
+from identification.noise import noise_model
 
 Array = NDArray[np.float64]
 RESAMPLES = 999
@@ -53,17 +54,21 @@ def gain(cell: Cell, measurements: Measurements, plain: Posterior, extended: Pos
         rows = fitted
         groups, held_out = poses(rows), "cross-validation by pose"
         residuals = [left_out(cell, rows, model, groups) for model in (plain, extended)]
-    variance = (extended.size.sensor * np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)) ** 2
-    variance = variance + np.mean(extended.size.offset * extended.at_map.noise.offset) ** 2
+    noise = noise_model(cell, rows, np.exp(extended.map[:6]))
+    weights = noise.weights(extended.size)
+
+    def misfit(residual: Array) -> float:
+        whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(residual))[:, :, None]
+        return 0.5 * float(weights.inner(whitened, whitened)[0, 0])
+
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
-    scaled = np.array([_by_group(residual**2 / variance, groups) for residual in residuals])
     counts = _by_group((~np.isnan(rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
     drawn = rng.integers(0, squares.shape[1], (RESAMPLES, squares.shape[1]))
     ratios = np.sqrt(squares[0][drawn].sum(axis=1) / np.maximum(squares[1][drawn].sum(axis=1), 1e-30))
     low, high = np.quantile(ratios, [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
-    support = 0.5 * float((scaled[0] - scaled[1]).sum())
+    support = misfit(residuals[0]) - misfit(residuals[1])
     return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(rows))
 
 

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.diagnosis.blocks import Thinning, in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.gain import Gain, gain
+from identification.diagnosis.gross import BadRow, bad_rows
 from identification.diagnosis.patterns import patterns
 from identification.diagnosis.projection import Base
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
@@ -76,7 +78,9 @@ class Diagnosis:
     fit where none was found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: FORMATS.md,
     diagnosis.json. rivals: fitted models of the alternatives. scatter: parts of the noise that outgrow what was stated.
     patterns: what is seen of an unknown cause. matters: by how much [m, RMS] the rivals differ in what the robot does under the
-    largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why."""
+    largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why. law_differs: the causes
+    explain nearly all of the misfit, and what is left is still more than noise. bad_rows: not among `rows`.
+    thinning: how the rows of machined passes were averaged."""
 
     verdict: Verdict
     rows: Measurements
@@ -94,6 +98,8 @@ class Diagnosis:
     left_out: dict[str, str] | None = None
     withdrawn: tuple[str, ...] = ()
     law_differs: bool = False
+    bad_rows: tuple[BadRow, ...] = ()
+    thinning: Thinning | None = None
 
 
 def diagnose(
@@ -102,11 +108,37 @@ def diagnose(
 ) -> Diagnosis:
     """Finds out what the plain model gets wrong on these measurements.
 
-    catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms. Raises what
-    `inference.posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py). Where single rows are bad, they are named and the rest
+    is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms.
+    Raises what `inference.posterior` raises.
     """
-    rng = np.random.default_rng(seed)
     catalogue = effects() if catalogue is None else catalogue
+    measurements, thinning = in_blocks(cell, measurements)
+    return replace(_without_bad_rows(cell, measurements, catalogue, alarm, replicates, seed), thinning=thinning)
+
+
+def _without_bad_rows(
+    cell: Cell, measurements: Measurements, catalogue: dict[str, Effect], alarm: float, replicates: int, seed: int
+) -> Diagnosis:
+    found = judge(cell, measurements, catalogue, alarm, replicates, np.random.default_rng(seed))
+    bad = bad_rows(cell, found.rows, found.extended)
+    if not bad:
+        return found
+    good = measurements.select(~np.isin(measurements.row, [one.row for one in bad]))
+    again = judge(cell, good, catalogue, alarm, replicates, np.random.default_rng(seed))
+    if again.verdict == "adequate":
+        measured = gain(cell, good, again.plain, again.extended, np.random.default_rng(seed))
+        return replace(again, verdict="named", gain=measured, bad_rows=bad)
+    if again.verdict == "named" or found.verdict != "named":
+        return replace(again, bad_rows=bad)
+    return found
+
+
+def judge(
+    cell: Cell, measurements: Measurements, catalogue: dict[str, Effect], alarm: float, replicates: int,
+    rng: np.random.Generator,
+) -> Diagnosis:
+    """The procedure on rows taken as they are; arguments as `diagnose`."""
     rows = measurements.select(~measurements.validate)
     prior = PriorModel(cell.prior)
     plain = posterior(cell, rows, prior)
@@ -133,9 +165,10 @@ def diagnose(
     names = inclusion(seen)
     found = replace(base, extended=extended, adequacy=adequacy, scatter=scattered)
     told = explained(cell, rows, plain, extended)
-    enough = adequacy.p_value > INADEQUATE or (told.excess >= GROSS and told.share >= NEARLY_ALL)
-    found = replace(found, law_differs=enough and adequacy.p_value <= INADEQUATE)
-    if best is None or best.log_evidence < SUPPORT or not enough or scattered:
+    to_the_noise = adequacy.p_value > INADEQUATE and not scattered
+    nearly = told.excess >= GROSS and told.share >= NEARLY_ALL
+    found = replace(found, law_differs=nearly and not to_the_noise)
+    if best is None or best.log_evidence < SUPPORT or not (to_the_noise or nearly):
         left = adequacy if best is not None and best.log_evidence >= SUPPORT else detection
         return replace(found, verdict="unknown", extended=plain, alternatives=names[:NEAREST],
                        patterns=left.seen_patterns)

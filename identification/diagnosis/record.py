@@ -27,13 +27,14 @@ def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str
         "verdict": found.verdict,
         "misfit": {"rms_um": 1e6 * rms(residual), "expected_rms_um": 1e6 * rms(expected_std(cell, found)),
                    "p_value": found.detection.p_value, "p_resolution": found.detection.resolution},
-        "causes": [_cause(found, cause) for cause in found.causes],
+        "causes": [_cause(found, cause) for cause in found.causes] + [bad.as_dict() for bad in found.bad_rows],
         "alternatives": [_named(cause) for cause in found.alternatives],
         "gain": None if found.gain is None else found.gain.as_dict(),
         "next_measurements": next_measurements(found),
         "adequacy_p_value": None if found.adequacy is None else found.adequacy.p_value,
         "patterns": list(found.patterns), "noise_beyond_stated": found.scatter or {}, "withdrawn": list(found.withdrawn),
         "law_differs": found.law_differs,
+        "effective_rows": None if found.thinning is None else found.thinning.rows / found.thinning.memory,
         "correction_difference_um": None if found.matters is None else 1e6 * found.matters,
         "not_offered": found.left_out or {},
     }
@@ -105,6 +106,9 @@ def summary(cell: Cell, found: Diagnosis) -> list[str]:
         for cause in found.causes:
             values = ", ".join(f"{name} = {value(item)}" for name, item in _cause(found, cause)["parameters"].items())
             lines.append(f"named: {cause.sentence} ({cause.label}: {values}; probability {cause.probability:.3f})")
+        for bad in found.bad_rows:
+            off = ", ".join(f"{1e6 * one:.1f}" for one in bad.off)
+            lines.append(f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out")
     elif found.verdict == "ambiguous":
         names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in found.alternatives[:8])
         lines.append(f"ambiguous: these data cannot tell apart: {names}")
@@ -153,6 +157,15 @@ def diagnosis_findings(cell: Cell, measurements: Measurements, found: Diagnosis)
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
                                 + ", ".join(cause.label for cause in found.alternatives[:6]), file=source,
                                 hint="measure the loads named under next_measurements, or do the checks named there"))
+    for bad in found.bad_rows:
+        largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
+        findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
+                                file=source, line=bad.line, hint="measure it again"))
+    if found.thinning is not None:
+        thin = found.thinning
+        findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
+                                f"blocks: neighbouring rows share their noise over {thin.memory:.1f} rows, so they are worth "
+                                f"about {thin.rows / thin.memory:.0f} independent ones", file=source))
     for part, factor in (found.scatter or {}).items():
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
                                 file=source, hint="state the noise as it is, or look for what scatters"))

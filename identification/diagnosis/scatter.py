@@ -26,6 +26,9 @@ ONE_SIDED_95 = 1.645
 def beyond_stated(cell: Cell, rows: Measurements, fitted: Posterior, granted: float) -> dict[str, float]:
     """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
     confidence: how many times the stated size each is."""
+    if np.any(rows.machined_pass != ""):
+        # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
+        return {}
     stated = (cell.noise.deflection_stated or not np.isnan(rows.sigma).all(), *fitted.at_map.noise.stated[1:])
     sizes = (fitted.size.sensor, fitted.size.force, fitted.size.offset)
     return {name: size for name, size, std, known in zip(PARTS, sizes, fitted.size_log_std, stated, strict=True)

@@ -212,7 +212,11 @@ def deviation(
 ) -> tuple[Array, Array]:
     """TCP deviation in the base frame: position (N, 3) [m] and rotation vector (N, 3) [rad], finite, at equilibrium."""
     loaded = loaded_pose(robot, theta, flange_from_tcp, wrench, compliance)
-    planned = forward(robot, theta, flange_from_tcp)
+    return displacement(loaded, forward(robot, theta, flange_from_tcp))
+
+
+def displacement(loaded: Frame, planned: Frame) -> tuple[Array, Array]:
+    """From planned to loaded poses (N): position (N, 3) [m] and rotation vector (N, 3) [rad] in the base frame."""
     return loaded.position - planned.position, rotation_vector(loaded.rotation @ np.swapaxes(planned.rotation, 1, 2))
 
 

@@ -30,7 +30,8 @@ class Situation:
     unloaded reference; time (n,) [s] since that reference, dwell (n,) [s], NaN where not known; labels (n,) of the poses;
     row (n,) number of the row in its file, from 1.
     fall (3,) acceleration of free fall in the base frame; tool_mass [kg] and tool_centre (3,) [m] in the flange frame.
-    at_load: theta is the loaded pose itself (a planned toolpath), not the commanded one.
+    at_load: theta is the loaded pose itself (a planned toolpath), not the commanded one; then flange_from_tcp may be one frame
+    a row (several tools).
     """
 
     robot: RobotModel
@@ -54,7 +55,11 @@ class Situation:
 
     def with_compliance(self, compliance: Array) -> Situation:
         """The same rows on a robot with other springs (6,) [rad/(N m)]."""
-        return replace(self, compliance=compliance)
+        other = replace(self, compliance=compliance)
+        if self.at_load:
+            # The loaded pose is given, so that what was worked out there (all but `elastic`) holds for any springs.
+            vars(other).update({name: value for name, value in vars(self).items() if name not in ("compliance", "elastic")})
+        return other
 
     @cached_property
     def _equilibrium(self) -> tuple[Array, Array]:
@@ -95,7 +100,7 @@ class Situation:
     @cached_property
     def tcp(self) -> Array:
         """TCP (n, 3) [m]."""
-        return np.asarray(self.origins[:, 5] + self.flange @ self.flange_from_tcp.position)
+        return np.asarray(self.origins[:, 5] + (self.flange @ self.flange_from_tcp.position[..., None])[..., 0])
 
     @cached_property
     def link_x(self) -> Array:
@@ -154,10 +159,11 @@ class Situation:
 
 def situation(
     robot: RobotModel, flange_from_tcp: Frame, theta: Array, wrench: Array, compliance: Array, *, fall: Array = DOWN,
-    tool_mass: float | None = None, tool_centre: Array | None = None, at_load: bool = False,
+    tool_mass: float | None = None, tool_centre: Array | None = None, at_load: bool = False, dwell: Array | None = None,
 ) -> Situation:
-    """A stretch of one toolpath: one visit, one reference, no times."""
+    """A stretch of one toolpath: one visit, one reference, no times, dwell (n,) [s] where it is known."""
     count = len(theta)
     nothing, zero = np.full(count, np.nan), np.zeros(count, dtype=np.intp)
-    return Situation(robot, flange_from_tcp, theta, wrench, compliance, zero, zero, nothing, nothing,
-                     np.full(count, "", dtype=object), np.arange(1, count + 1), fall, tool_mass, tool_centre, at_load)
+    return Situation(robot, flange_from_tcp, theta, wrench, compliance, zero, zero, nothing,
+                     nothing if dwell is None else dwell, np.full(count, "", dtype=object), np.arange(1, count + 1), fall,
+                     tool_mass, tool_centre, at_load)

@@ -1,36 +1,36 @@
-"""IdentifiedModel: joint stiffnesses with their covariance; reads and writes stiffness.json (FORMATS.md)."""
+"""IdentifiedModel: joint stiffnesses and the effects in force, with their covariance; writes stiffness.json (FORMATS.md)."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from identification.cell import Cell
-from identification.findings import error
-from identification.model.compliance import deviation, signature
+from identification.model.compliance import deviation, displacement, equilibrium, loaded_angles, loaded_pose, signature
+from identification.model.extended import EffectInForce, added, displaced, slopes
+from identification.model.gravity import DOWN
+from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
+from identification.model.situation import Situation, situation
 
+__all__ = ["FORMAT", "JOINT_NAMES", "EffectInForce", "IdentifiedModel"]
 Array = NDArray[np.float64]
 FORMAT = "compstiff-stiffness"
 JOINT_NAMES = tuple(f"k{i}" for i in range(1, 7))
 NORMAL_97_5 = 1.959963984540054
-# ln k in parameters and log_compliance may differ by rounding, not by more.
-DISAGREEMENT = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """The posterior of the joint compliances: ln c ~ N(mean, covariance), c in rad/(N m).
+    """The posterior N(mean, covariance) of x = (ln c (6,), parameters of the effects in force (P,)), c in rad/(N m).
 
-    mean (6,), covariance (6, 6) of ln c. grades (6,): reliable, tentative or not identifiable, "" where not judged.
-    fit: figures of the fit as stiffness.json carries them.
+    mean (6 + P,), covariance (6 + P, 6 + P); each parameter in its own unit. grades (6,): reliable, tentative or not
+    identifiable, "" where not judged. fit: figures of the fit as stiffness.json carries them.
+    fall (3,) acceleration of free fall in the base frame [m/s^2], tool_mass [kg] and tool_centre (3,) [m] in the flange frame:
+    for effects that gravity torques enter.
     """
 
     robot: RobotModel
@@ -39,58 +39,130 @@ class IdentifiedModel:
     covariance: Array
     grades: tuple[str, ...] = ("",) * 6
     fit: dict[str, Any] = field(default_factory=dict)
+    effects: tuple[EffectInForce, ...] = ()
+    fall: Array = field(default_factory=DOWN.copy)
+    tool_mass: float | None = None
+    tool_centre: Array | None = None
 
     @property
     def compliance(self) -> Array:
         """Posterior median of c (6,) [rad/(N m)]."""
-        return np.exp(self.mean)
+        return np.exp(self.mean[:6])
 
     @property
     def stiffness(self) -> Array:
         """Posterior median of k (6,) [N m/rad]."""
-        return np.exp(-self.mean)
+        return np.exp(-self.mean[:6])
+
+    @property
+    def values(self) -> Array:
+        """Posterior median of the effects' parameters (P,), inside their physical bounds."""
+        return np.clip(self.mean[6:], self.bounds[:, 0], self.bounds[:, 1])
+
+    @property
+    def bounds(self) -> Array:
+        """Physical bounds of the effects' parameters (P, 2)."""
+        parameters = [parameter for one in self.effects for parameter in one.effect.parameters]
+        return np.array([(parameter.low, parameter.high) for parameter in parameters]).reshape(-1, 2)
 
     @property
     def log_std(self) -> Array:
         """Standard deviation of ln k (6,)."""
-        return np.sqrt(np.diag(self.covariance))
+        return np.sqrt(np.diag(self.covariance)[:6])
 
     @property
     def interval_95(self) -> Array:
         """95 % intervals of k (6, 2) [N m/rad], by transformation from ln k."""
         half = NORMAL_97_5 * self.log_std
-        return np.exp(np.column_stack([-self.mean - half, -self.mean + half]))
+        return np.exp(np.column_stack([-self.mean[:6] - half, -self.mean[:6] + half]))
 
     @property
     def stiffness_covariance(self) -> Array:
         """Covariance of k (6, 6) [(N m/rad)^2], the exact moments of the log-normal posterior."""
-        average = np.exp(-self.mean + 0.5 * np.diag(self.covariance))
-        return np.asarray(np.outer(average, average) * np.expm1(self.covariance))
+        average = self._average_stiffness
+        return np.asarray(np.outer(average, average) * np.expm1(self.covariance[:6, :6]))
+
+    @property
+    def parameter_covariance(self) -> Array:
+        """Covariance (6 + P, 6 + P) of k and the effects' parameters a: `cov(k_i, a) = -E[k_i] cov(ln c_i, a)`, exact too."""
+        result = self.covariance.copy()
+        result[:6, :6] = self.stiffness_covariance
+        result[:6, 6:] = -self._average_stiffness[:, None] * self.covariance[:6, 6:]
+        result[6:, :6] = result[:6, 6:].T
+        return result
+
+    @property
+    def _average_stiffness(self) -> Array:
+        """E[k] (6,) [N m/rad]."""
+        return np.exp(-self.mean[:6] + 0.5 * np.diag(self.covariance)[:6])
+
+    def situation(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Situation:
+        """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench
+        (N, 6); flange_from_tcp one tool or one a row; dwell (N,) [s] time the load has been on."""
+        return situation(self.robot, flange_from_tcp, theta, wrench, self.compliance, fall=self.fall, tool_mass=self.tool_mass,
+                         tool_centre=self.tool_centre, at_load=True, dwell=dwell)
+
+    def added(self, rows: Situation) -> Array:
+        """What the effects in force add to the plain model's deviation (N, 6) [m, rad]."""
+        return added(rows, self.effects, self.values)
+
+    def slopes(self, rows: Situation) -> Array:
+        """Derivative (N, 6, 6 + P) of `added` by (ln c, parameters)."""
+        return slopes(rows, self.effects, self.values)
+
+    def loaded_pose(self, theta: Array, wrench: Array, flange_from_tcp: Frame) -> Frame:
+        """base_from_tcp (N) of the robot that is commanded to theta (N, 6) [rad] and yields under wrench (N, 6), effects in
+        force included. The rows are one visit, in the order of their loads, from zero load."""
+        if not self.effects:
+            return loaded_pose(self.robot, theta, flange_from_tcp, wrench, self.compliance)
+        state = equilibrium(self.robot, theta, flange_from_tcp, wrench, self.compliance)
+        rest = loaded_angles(self.robot, theta, state.deflection)
+        plain = forward(self.robot, rest, flange_from_tcp)
+        return displaced(plain, self.added(self.situation(rest, wrench, flange_from_tcp)))
 
     def predict(self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None) -> tuple[Array, Array, Array]:
         """Predicted TCP deviation and its posterior covariance.
 
-        theta (N, 6) [rad], wrench (N, 6) [N, N m] base frame. Returns position (N, 3) [m], rotation vector (N, 3) [rad],
-        covariance (N, 6, 6) of both, first order in ln c: `sum over i, j of (J_i tau_i c_i) Sigma_ij (J_j tau_j c_j)`.
+        theta (N, 6) [rad], wrench (N, 6) [N, N m] base frame; rows as in `loaded_pose`. Returns position (N, 3) [m], rotation
+        vector (N, 3) [rad], covariance (N, 6, 6) of both, first order in x: for the springs
+        `sum over i, j of (J_i tau_i c_i) Sigma_ij (J_j tau_j c_j)`.
         """
         tool = self.flange_from_tcp if flange_from_tcp is None else flange_from_tcp
-        position, rotation = deviation(self.robot, theta, tool, wrench, self.compliance)
+        if self.effects:
+            position, rotation = displacement(self.loaded_pose(theta, wrench, tool), forward(self.robot, theta, tool))
+        else:
+            position, rotation = deviation(self.robot, theta, tool, wrench, self.compliance)
         return position, rotation, self.deviation_covariance(theta, wrench, tool)
 
-    def deviation_covariance(self, theta: Array, wrench: Array, flange_from_tcp: Frame) -> Array:
-        """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`."""
-        by_log = signature(self.robot, theta, flange_from_tcp, wrench) * self.compliance
-        return np.asarray(np.einsum("nri,ij,nsj->nrs", by_log, self.covariance, by_log, optimize=True))
+    def deviation_covariance(
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: Array | None = None
+    ) -> Array:
+        """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`.
+
+        of_effects (N, 6, 6 + P): `slopes` of these rows, where they are rows of a longer history; else they are one visit.
+        """
+        by_x = signature(self.robot, theta, flange_from_tcp, wrench) * self.compliance
+        if self.effects:
+            if of_effects is None:
+                of_effects = self.slopes(self.situation(theta, wrench, flange_from_tcp))
+            by_x = np.concatenate([by_x + of_effects[:, :, :6], of_effects[:, :, 6:]], axis=2)
+        return np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
 
     def as_dict(self) -> dict[str, Any]:
         """The content of stiffness.json."""
-        covariance = self.stiffness_covariance
+        covariance = self.parameter_covariance
         deviations = np.sqrt(np.diag(covariance))
+        half = NORMAL_97_5 * deviations[6:]
+        around = np.column_stack([self.mean[6:] - half, self.mean[6:] + half])
+        names = [*JOINT_NAMES, *(name for one in self.effects for name in one.names)]
+        units = ["N*m/rad"] * 6 + [parameter.unit for one in self.effects for parameter in one.effect.parameters]
+        intervals = np.concatenate([self.interval_95, np.clip(around, self.bounds[:, :1], self.bounds[:, 1:])])
         parameters = [
-            {"name": name, "unit": "N*m/rad", "estimate": float(k), "std": float(std),
+            {"name": name, "unit": unit, "estimate": float(estimate), "std": float(std),
              "interval_95": [float(low), float(high)], "grade": grade}
-            for name, k, std, (low, high), grade in zip(
-                JOINT_NAMES, self.stiffness, deviations, self.interval_95, self.grades, strict=True)
+            for name, unit, estimate, std, (low, high), grade in zip(
+                names, units, np.concatenate([self.stiffness, self.values]), deviations, intervals,
+                (*self.grades, *([""] * (len(names) - 6))), strict=True)
         ]
         tool = self.flange_from_tcp
         return {
@@ -99,142 +171,8 @@ class IdentifiedModel:
             "tool": {"position_mm": (1e3 * tool.position).tolist(), "quaternion": tool.quaternion.tolist()},
             "parameters": parameters,
             "covariance": covariance.tolist(),
-            "log_compliance": {"mean": self.mean.tolist(), "covariance": self.covariance.tolist()},
-            "effects": [],
+            "log_compliance": {"mean": [*self.mean[:6].tolist(), *self.values.tolist()],
+                               "covariance": self.covariance.tolist()},
+            "effects": [{"effect": one.effect.name, "joint": one.joint} for one in self.effects],
             "fit": self.fit,
         }
-
-
-class _File(BaseModel):
-    model_config = ConfigDict(extra="ignore")
-
-
-class _Parameter(_File):
-    name: str
-    estimate: FiniteFloat
-    unit: str = "N*m/rad"
-    grade: str = ""
-
-
-class _LogCompliance(_File):
-    mean: list[FiniteFloat]
-    covariance: list[list[FiniteFloat]]
-
-
-class _StiffnessFile(_File):
-    format: str
-    version: int
-    robot: str
-    load_path: str | None = None
-    robot_sha256: str | None = None
-    geometry_sha256: str | None = None
-    parameters: list[_Parameter] = Field(min_length=6)
-    covariance: list[list[FiniteFloat]]
-    log_compliance: _LogCompliance | None = None
-    effects: list[dict[str, Any]] = []
-    fit: dict[str, Any] = {}
-
-
-def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
-    """Reads stiffness.json for this cell.
-
-    Raises CompstiffError: CS1201 not such a file, CS1202 another robot or load path than the cell's, CS1203 numbers that
-    are no covariance, CS1204 an effect this version does not know.
-    """
-    name = str(path)
-    file = _parse(path, name)
-    _check_robot(file, cell, name)
-    if file.effects or len(file.parameters) > 6:
-        effects = ", ".join(str(item.get("effect")) for item in file.effects) or "parameters beyond k1 ... k6"
-        raise error("CS1204", f"the model is extended by {effects}, which this version cannot apply", file=name,
-                    hint="update compstiff, or use a stiffness file of the plain model")
-    names = [parameter.name for parameter in file.parameters]
-    if names != list(JOINT_NAMES):
-        raise error("CS1201", f"parameters are {names}, expected {list(JOINT_NAMES)} in this order", file=name)
-    units = {parameter.unit for parameter in file.parameters}
-    if units != {"N*m/rad"}:
-        raise error("CS1201", f"parameters are in {', '.join(sorted(units))}, expected N*m/rad", file=name)
-    mean, covariance = _log_compliance(file, name)
-    return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
-                           tuple(parameter.grade for parameter in file.parameters), file.fit)
-
-
-def _parse(path: str | Path, name: str) -> _StiffnessFile:
-    try:
-        content = json.loads(Path(path).read_bytes())
-    except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
-    except json.JSONDecodeError as reason:
-        raise error("CS1201", f"is not JSON: {reason.msg}", file=name, line=reason.lineno, column=reason.colno) from reason
-    except (ValueError, RecursionError) as reason:
-        raise error("CS1201", f"is not JSON: {reason}", file=name) from reason
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise error("CS1201", f"is not a stiffness file: format is {found!r}, expected {FORMAT!r}", file=name,
-                    hint="compstiff identify writes it")
-    if content.get("version") != 1:
-        raise error("CS1201", f"has version {content.get('version')!r}, this program reads version 1", file=name,
-                    hint="update compstiff")
-    try:
-        return _StiffnessFile.model_validate(content)
-    except ValidationError as reason:
-        first = reason.errors()[0]
-        raise error("CS1201", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason
-
-
-def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
-    robot = cell.robot
-    hint = "use the stiffness file that was identified on this robot, or identify again"
-    if file.robot != robot.name:
-        raise error("CS1202", f"was identified on robot '{file.robot}', the cell's is '{robot.name}'", file=name, hint=hint)
-    if file.load_path is not None and file.load_path != robot.load_path:
-        raise error("CS1202", f"was identified with load_path '{file.load_path}', the cell's robot has "
-                    f"'{robot.load_path}'", file=name, hint=hint)
-    same = file.robot_sha256 in (None, robot.sha256) or file.geometry_sha256 == robot.geometry_sha256
-    if not same:
-        raise error("CS1202", f"was identified with another robot file of the name '{robot.name}': SHA-256 "
-                    f"{str(file.robot_sha256)[:12]}..., the cell's is {robot.sha256[:12]}...", file=name, hint=hint)
-
-
-def _log_compliance(file: _StiffnessFile, name: str) -> tuple[Array, Array]:
-    """Mean and covariance of ln c, from the file's own or from the covariance in k (log-normal moments inverted)."""
-    median = np.array([parameter.estimate for parameter in file.parameters[:6]])
-    if np.any(median <= 0):
-        raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
-    in_k = _square(file.covariance, name)
-    if file.log_compliance is not None:
-        mean = np.array(file.log_compliance.mean)
-        covariance = _square(file.log_compliance.covariance, name)
-        if mean.shape != (6,):
-            raise error("CS1203", f"log_compliance.mean has {len(mean)} values, expected 6", file=name)
-        differs = np.abs(np.log(median) + mean)
-        if differs.max() > DISAGREEMENT:
-            worst = int(np.argmax(differs))
-            raise error("CS1203", f"k{worst + 1} is {median[worst]:.6g} N m/rad in parameters, {np.exp(-mean[worst]):.6g} in "
-                        "log_compliance", file=name, hint="edit neither by hand, or remove log_compliance")
-        return mean, covariance
-    # Log-normal with median m and variance v of k: e^s (e^s - 1) = v / m^2 for s the variance of ln k.
-    growth = 0.5 * (1 + np.sqrt(1 + 4 * np.diag(in_k) / median**2))
-    average = median * np.sqrt(growth)
-    ratio = in_k / np.outer(average, average)
-    if np.any(ratio <= -1):
-        raise error("CS1203", "covariance: a correlation no positive stiffnesses can have", file=name)
-    return -np.log(median), _semidefinite(np.log1p(ratio), name)
-
-
-def _square(rows: list[list[float]], name: str) -> Array:
-    if len(rows) != 6 or any(len(row) != 6 for row in rows):
-        raise error("CS1203", f"covariance has {len(rows)} rows of {sorted({len(row) for row in rows})} values, expected "
-                    "6 of 6", file=name)
-    return _semidefinite(np.array(rows), name)
-
-
-def _semidefinite(matrix: Array, name: str) -> Array:
-    """The symmetrised matrix; refuses what is not symmetric or has a negative variance in any direction."""
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    scaled = matrix / np.where(scale > 0, np.outer(scale, scale), 1.0)
-    if np.max(np.abs(scaled - scaled.T)) > 1e-6:
-        raise error("CS1203", "covariance is not symmetric", file=name)
-    if np.any(np.diag(matrix) < 0) or np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() < -1e-6:
-        raise error("CS1203", "covariance is not positive semidefinite", file=name)
-    return 0.5 * (matrix + matrix.T)

@@ -18,7 +18,7 @@ class GravityCompensator(Effect):
     family = "gear"
     of_robot = True
     joints = (2,)
-    parameters = (Parameter("amplitude", "1", 0.27, 0.0, 2.0),
+    parameters = (Parameter("amplitude", "1", 0.27, 0.0, 1.0),
                   Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
     sentence = "the gravity compensator makes joint 2 stiffer at some angles than at others"
     settles = "measure at more angles of joint 2"

@@ -17,7 +17,7 @@ class WristCoupling(Effect):
     name = "wrist_coupling"
     family = "gear"
     of_robot = True
-    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 1e-6, -2e-5, 2e-5),)
+    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 1e-6, -8e-6, 8e-6),)
     sentence = "the gears of the wrist are coupled: a torque at axis 5 turns axis 6 and the other way round"
     settles = "a pure moment on the flange about axis 6 with a dial gauge on axis 5"
 

@@ -1,0 +1,117 @@
+"""Machined passes: rows along a path are neighbours in time, and their noise is not independent.
+
+Rows of a pass are averaged over blocks longer than the noise remembers; a block counts as one reading, and how many readings
+the rows are really worth is reported. The memory is the integrated autocorrelation time of the residual's fast part (what a
+running mean over `SLOW` rows leaves), since a misfit of the model is slow along the path and must stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.cell import Cell
+from identification.extension import predicted_deflection
+from identification.inference import posterior
+from identification.measurements import Measurements
+from identification.model.compliance import joint_torque
+from identification.priors import PriorModel
+
+Array = NDArray[np.float64]
+SLOW = 200
+MOST_BLOCKS = 1200
+# Rows, evenly spread, that the residual's model is fitted to.
+THINNED = 1500
+# A block is so many autocorrelation times long: neighbouring means then share under a tenth of their variance.
+MEMORIES = 5.0
+NO_TORQUE_NM = 5.0
+# Each pass is held out in so many stretches.
+STRETCHES = 10
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """What averaging did: rows of passes, blocks made of them, and the autocorrelation time in rows."""
+
+    rows: int
+    blocks: int
+    memory: float
+
+
+def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thinning | None]:
+    """The measurements with the rows of machined passes averaged over blocks; as they are where there is no pass."""
+    on_path = measurements.machined_pass != ""
+    if not on_path.any():
+        return measurements, None
+    memory = autocorrelation_time(cell, measurements.select(on_path))
+    count = int(on_path.sum())
+    length = max(1, int(np.ceil(max(count / MOST_BLOCKS, MEMORIES * memory if memory > 1.2 else 1.0))))
+    block = np.arange(len(measurements), dtype=np.intp)
+    # A gear's play or soft zone is crossed where a torque changes sign: no block reaches over that.
+    torque = joint_torque(cell.robot, measurements.theta, cell.flange_from_tcp, measurements.wrench)
+    signs = np.sign(np.where(np.abs(torque) > NO_TORQUE_NM, torque, 0.0))
+    stretch = np.full(len(measurements), "", dtype=object)
+    key = measurements.visit * 2 + measurements.validate
+    for one in np.unique(key[on_path]):
+        rows = np.flatnonzero(on_path & (key == one))
+        block[rows] = rows[0] + _runs(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
+        part = np.arange(len(rows)) * STRETCHES // len(rows)
+        stretch[rows] = [f"{measurements.machined_pass[rows[0]]} part {k + 1}" for k in part]
+    _, first, member = np.unique(block, return_index=True, return_inverse=True)
+    size = np.bincount(member)
+
+    def mean(values: Array) -> Array:
+        known = ~np.isnan(values)
+        total = np.zeros((len(first), *values.shape[1:]))
+        counts = np.zeros_like(total)
+        np.add.at(total, member, np.where(known, values, 0.0))
+        np.add.at(counts, member, known)
+        return np.divide(total, counts, out=np.full_like(total, np.nan), where=counts > 0)
+
+    worth = np.sqrt(size / min(memory, length))[:, None]
+    stated = np.where(np.isnan(measurements.sigma), cell.noise.deflection, measurements.sigma)
+    picked = measurements.select(np.isin(np.arange(len(measurements)), first))
+    averaged = replace(
+        picked, theta=mean(measurements.theta), wrench=mean(measurements.wrench), deflection=mean(measurements.deflection),
+        sigma=mean(stated) / np.maximum(worth, 1.0), time=mean(measurements.time), dwell=mean(measurements.dwell),
+        pose=np.where(stretch[first] == "", picked.pose, stretch[first]))
+    return averaged, Thinning(count, len(np.unique(block[on_path])), memory)
+
+
+def _runs(labels: Array) -> NDArray[np.intp]:
+    """Number (n,) of the run of equal consecutive rows of labels (n, m)."""
+    return np.concatenate([[0], np.cumsum(np.any(labels[1:] != labels[:-1], axis=1))]).astype(np.intp)
+
+
+def autocorrelation_time(cell: Cell, rows: Measurements) -> float:
+    """Integrated autocorrelation time [rows] of the fast part of the residual, the largest of the three components."""
+    every = max(1, len(rows) // THINNED)
+    fitted = posterior(cell, rows.select(np.arange(len(rows)) % every == 0), PriorModel(cell.prior))
+    residual = rows.deflection - predicted_deflection(cell, rows, fitted.map)
+    longest = 1.0
+    for one in np.unique(rows.visit):
+        mine = residual[rows.visit == one]
+        window = min(SLOW, len(mine) // 4)
+        if window < 8:
+            continue
+        for axis in range(3):
+            series = mine[~np.isnan(mine[:, axis]), axis]
+            if len(series) < 4 * window:
+                continue
+            smooth = np.convolve(series, np.ones(window) / window, mode="same")
+            longest = max(longest, integrated_time((series - smooth)[window // 2: -window // 2], window // 2))
+    return longest
+
+
+def integrated_time(series: Array, most: int) -> float:
+    """1 + 2 sum of the autocorrelations up to the first that is not above its own noise, at most `most` lags."""
+    series = series - series.mean()
+    count = len(series)
+    spectrum = np.abs(np.fft.rfft(series, 2 * count)) ** 2
+    correlation = np.fft.irfft(spectrum)[: most + 1]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    below = np.flatnonzero(correlation < 2.0 / np.sqrt(count))
+    end = int(below[0]) if len(below) else len(correlation)
+    return float(1.0 + 2.0 * np.sum(correlation[1:end]))

@@ -1,0 +1,77 @@
+"""Single bad rows: readings that even the heavy tails of the other rows' noise do not explain.
+
+The smallest case of `sensor_step`. A row's distance from the fitted model is held against the Student distribution that the
+other rows follow, family-wise over the rows; rows in which a force error decides what a named gear does are left out of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.cell import Cell
+from identification.extension import predicted_deflection, situation_of
+from identification.inference import Posterior
+from identification.measurements import Measurements
+from identification.noise import residual_std, tails
+
+Array = NDArray[np.float64]
+# Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.
+ALARM = 0.0005
+# More bad rows than this share are no single mistakes.
+MOST = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class BadRow:
+    """row: number in the file from 1; line there; off (3,) [m]: measured minus predicted, std (3,) what was allowed."""
+
+    row: int
+    line: int
+    off: Array
+    std: Array
+
+    def as_dict(self) -> dict[str, Any]:
+        """A cause of diagnosis.json."""
+        values: dict[str, Any] = {f"{axis}_m": {"estimate": float(value), "std": float(std), "unit": "m"}
+                                  for axis, value, std in zip("xyz", self.off, self.std, strict=True) if not np.isnan(value)}
+        values["single_row"] = {"estimate": self.row, "std": 0.0}
+        return {"effect": "sensor_step", "joint": None, "probability": 1.0 - ALARM, "family": "deflection measurement",
+                "of_robot": False, "sentence": f"row {self.row} (line {self.line}) is a bad reading", "parameters": values}
+
+
+def bad_rows(cell: Cell, rows: Measurements, fitted: Posterior) -> tuple[BadRow, ...]:
+    """The bad rows, the worst first; none where there would be too many."""
+    from scipy.stats import chi2, f
+
+    at, size = fitted.at_map, fitted.size
+    offsets = at.weights.offsets(at.residual)
+    own = at.residual - np.einsum("nij,nj->ni", at.noise.rotation, offsets[at.noise.visit])
+    distance = np.where(at.noise.measured, own**2 / (size.sensor**2 + size.force**2 * at.noise.force), 0.0).sum(axis=1)
+    count = at.noise.measured.sum(axis=1)
+    where = situation_of(cell, rows, np.exp(fitted.map[:6]))
+    kept = count > 0
+    for term in fitted.terms:
+        kept &= ~term.effect.undecided(where, term.joint)
+    found: list[int] = []
+    while len(found) <= MOST * len(rows):
+        candidates = np.flatnonzero(kept)
+        if len(candidates) < 10:
+            return ()
+        worst = int(candidates[np.argmax(distance[candidates])])
+        others = candidates[candidates != worst]
+        degrees, scale = tails(distance[others], count[others])
+        ratio = float(distance[worst] / scale)
+        p_value = chi2.sf(ratio, count[worst]) if np.isinf(degrees) else f.sf(ratio / count[worst], count[worst], degrees)
+        if p_value * len(candidates) > ALARM:
+            break
+        found.append(worst)
+        kept[worst] = False
+    else:
+        return ()
+    off = rows.deflection - predicted_deflection(cell, rows, fitted.map, fitted.terms)
+    std = residual_std(cell, rows, size, np.exp(fitted.map[:6]))
+    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), off[k], std[k]) for k in found)

@@ -1,0 +1,252 @@
+"""Reads stiffness.json for a cell (FORMATS.md)."""
+
+from __future__ import annotations
+
+import json
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, ValidationError
+
+from identification.cell import Cell
+from identification.findings import CompstiffError, error
+from identification.model.effects import effects
+from identification.model.gravity import fall_in_base
+from identification.model.rotations import Frame, rotation_vector
+from identification.model.stiffness import FORMAT, JOINT_NAMES, EffectInForce, IdentifiedModel
+
+Array = NDArray[np.float64]
+# ln k in parameters and log_compliance may differ by rounding, not by more; an effect's parameter by this share of its typical
+# size or of itself.
+DISAGREEMENT = 0.01
+# Tools whose TCP differs by less are the same tool, calibrated again [m], [rad].
+SAME_TOOL_POSITION, SAME_TOOL_ROTATION = 5e-4, np.radians(0.1)
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+
+
+class _Parameter(_File):
+    name: str
+    estimate: FiniteFloat
+    unit: str | None = None
+    grade: str = ""
+
+
+class _LogCompliance(_File):
+    mean: list[FiniteFloat]
+    covariance: list[list[FiniteFloat]]
+
+
+class _Tool(_File):
+    position_mm: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    quaternion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (1.0, 0.0, 0.0, 0.0)
+
+
+class _Effect(_File):
+    effect: str
+    joint: StrictInt | None = None
+
+
+class _StiffnessFile(_File):
+    format: str
+    version: int
+    robot: str
+    load_path: str | None = None
+    robot_sha256: str | None = None
+    geometry_sha256: str | None = None
+    tool: Any = None
+    parameters: list[_Parameter] = Field(min_length=6)
+    covariance: list[list[FiniteFloat]]
+    log_compliance: _LogCompliance | None = None
+    effects: list[_Effect] = []
+    fit: dict[str, Any] = {}
+
+
+def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
+    """Reads stiffness.json for this cell.
+
+    Raises CompstiffError: CS1201 not such a file, CS1202 another robot or load path than the cell's, or another tool where an
+    effect depends on it, CS1203 numbers that are no covariance or outside physical bounds, CS1204 effects that cannot be used.
+    """
+    name = str(path)
+    file = _parse(path, name)
+    _check_robot(file, cell, name)
+    in_force = tuple(_effect(item, name) for item in file.effects)
+    _check_parameters(file, in_force, name)
+    _check_tool(file, cell, in_force, name)
+    mean, covariance = _posterior(file, in_force, name)
+    return IdentifiedModel(
+        cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in file.parameters[:6]),
+        file.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre)
+
+
+def same_tool(one: Frame, other: Frame) -> bool:
+    """Whether two flange_from_tcp are one tool: effects that depend on the tool hold for both."""
+    off = float(np.linalg.norm(one.position - other.position))
+    turned = float(np.linalg.norm(rotation_vector(one.rotation @ other.rotation.T)))
+    return off <= SAME_TOOL_POSITION and turned <= SAME_TOOL_ROTATION
+
+
+def _parse(path: str | Path, name: str) -> _StiffnessFile:
+    try:
+        content = json.loads(Path(path).read_bytes())
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
+    except json.JSONDecodeError as reason:
+        raise error("CS1201", f"is not JSON: {reason.msg}", file=name, line=reason.lineno, column=reason.colno) from reason
+    except (ValueError, RecursionError) as reason:
+        raise error("CS1201", f"is not JSON: {reason}", file=name) from reason
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise error("CS1201", f"is not a stiffness file: format is {found!r}, expected {FORMAT!r}", file=name,
+                    hint="compstiff identify writes it")
+    if content.get("version") != 1:
+        raise error("CS1201", f"has version {content.get('version')!r}, this program reads version 1", file=name,
+                    hint="update compstiff")
+    try:
+        return _StiffnessFile.model_validate(content)
+    except ValidationError as reason:
+        first = reason.errors()[0]
+        raise error("CS1201", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason
+
+
+def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
+    robot = cell.robot
+    hint = "use the stiffness file that was identified on this robot, or identify again"
+    if file.robot != robot.name:
+        raise error("CS1202", f"was identified on robot '{file.robot}', the cell's is '{robot.name}'", file=name, hint=hint)
+    if file.load_path is not None and file.load_path != robot.load_path:
+        raise error("CS1202", f"was identified with load_path '{file.load_path}', the cell's robot has "
+                    f"'{robot.load_path}'", file=name, hint=hint)
+    same = file.robot_sha256 in (None, robot.sha256) or file.geometry_sha256 == robot.geometry_sha256
+    if not same:
+        raise error("CS1202", f"was identified with another robot file of the name '{robot.name}': SHA-256 "
+                    f"{str(file.robot_sha256)[:12]}..., the cell's is {robot.sha256[:12]}...", file=name, hint=hint)
+
+
+def _check_tool(file: _StiffnessFile, cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
+    of_tool = [one.label for one in in_force if one.effect.of_tool]
+    if not of_tool or file.tool is None:
+        return
+    try:
+        tool = _Tool.model_validate(file.tool)
+        identified = Frame.from_quaternion(1e-3 * np.array(tool.position_mm), tool.quaternion)
+    except ValidationError as reason:
+        first = reason.errors()[0]
+        raise error("CS1201", f"tool.{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason
+    if not same_tool(identified, cell.flange_from_tcp):
+        place = ", ".join(f"{1e3 * x:g}" for x in cell.flange_from_tcp.position)
+        raise error("CS1202", f"{', '.join(of_tool)} was identified with the tool at "
+                    f"[{', '.join(f'{x:g}' for x in tool.position_mm)}] mm, the cell's is at [{place}] mm, or turned",
+                    file=name, hint="use the tool it was identified with, or identify again with this one")
+
+
+def _effect(item: _Effect, name: str) -> EffectInForce:
+    """The effect an entry of `effects` names."""
+    known = effects()
+    effect = known.get(item.effect)
+    if effect is None:
+        nearest = get_close_matches(item.effect, known, 1, cutoff=0.0)
+        raise error("CS1204", f"the model is extended by an effect '{item.effect}', which this version does not know; the "
+                    f"nearest known one is '{nearest[0]}'", file=name,
+                    hint="update compstiff, install the package that brings it, or use a stiffness file of the plain model")
+    if not effect.of_robot:
+        raise error("CS1204", f"'{item.effect}' is an effect of the measurement ({effect.family}) and never carried on to "
+                    "a correction", file=name, hint="write the file with compstiff diagnose --extended")
+    if item.joint not in effect.places:
+        allowed = f"sits at joint {', '.join(map(str, effect.joints))}" if effect.joints else "belongs to no joint"
+        raise error("CS1204", f"'{item.effect}' {allowed}; the file has joint {json.dumps(item.joint)}", file=name,
+                    hint="edit no stiffness file by hand")
+    return EffectInForce(effect, item.joint)
+
+
+def _check_parameters(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> None:
+    """Names, order and units of the parameters."""
+    found = [parameter.name for parameter in file.parameters]
+    if found[:6] != list(JOINT_NAMES):
+        raise error("CS1201", f"parameters are {found}, expected {list(JOINT_NAMES)} in this order", file=name)
+    labels = [one.label for one in in_force]
+    double = [label for index, label in enumerate(labels) if label in labels[:index]]
+    if double:
+        raise error("CS1204", f"effects names {double[0]} twice", file=name)
+    expected = [text for one in in_force for text in one.names]
+    if found[6:] != expected:
+        raise error("CS1204", f"parameters beyond k1 ... k6 are {found[6:]}; by its effects {expected} are expected, in this "
+                    "order", file=name, hint="effects and parameters belong together: edit neither by hand")
+    units = ["N*m/rad"] * 6 + [parameter.unit for one in in_force for parameter in one.effect.parameters]
+    for parameter, unit in zip(file.parameters, units, strict=True):
+        if parameter.unit not in (None, unit):
+            raise error("CS1201", f"{parameter.name} is in {parameter.unit}, expected {unit}", file=name)
+
+
+def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> tuple[Array, Array]:
+    """Mean and covariance of (ln c, parameters): the file's own, or from the covariance in k (log-normal moments inverted)."""
+    estimate = np.array([parameter.estimate for parameter in file.parameters])
+    median = estimate[:6]
+    if np.any(median <= 0):
+        raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
+    in_k = _square(file.covariance, "covariance", len(estimate), name)
+    if file.log_compliance is not None:
+        mean = np.array(file.log_compliance.mean)
+        covariance = _square(file.log_compliance.covariance, "log_compliance.covariance", len(estimate), name)
+        if mean.shape != estimate.shape:
+            raise error("CS1203", f"log_compliance.mean has {len(mean)} values, expected {len(estimate)}", file=name)
+        differs = np.abs(np.log(median) + mean[:6])
+        if differs.max() > DISAGREEMENT:
+            worst = int(np.argmax(differs))
+            raise _disagree(f"k{worst + 1}", median[worst], np.exp(-mean[worst]), "N m/rad", name)
+        _check_values(estimate[6:], in_force, name, mean[6:])
+        return mean, covariance
+    _check_values(estimate[6:], in_force, name)
+    # Log-normal with median m and variance v of k: e^s (e^s - 1) = v / m^2 for s the variance of ln k.
+    growth = 0.5 * (1 + np.sqrt(1 + 4 * np.diag(in_k)[:6] / median**2))
+    average = median * np.sqrt(growth)
+    ratio = in_k[:6, :6] / np.outer(average, average)
+    if np.any(ratio <= -1):
+        raise error("CS1203", "covariance: a correlation no positive stiffnesses can have", file=name)
+    covariance = in_k.copy()
+    covariance[:6, :6] = np.log1p(ratio)
+    covariance[:6, 6:] = -in_k[:6, 6:] / average[:, None]
+    covariance[6:, :6] = covariance[:6, 6:].T
+    return np.concatenate([-np.log(median), estimate[6:]]), _semidefinite(covariance, "covariance", name)
+
+
+def _check_values(estimate: Array, in_force: tuple[EffectInForce, ...], name: str, mean: Array | None = None) -> None:
+    """Refuses (CS1203) parameters (P,) outside their physical bounds, or other in log_compliance (mean) than in parameters."""
+    parameters = [(label, parameter) for one in in_force
+                  for label, parameter in zip(one.names, one.effect.parameters, strict=True)]
+    for index, (label, parameter) in enumerate(parameters):
+        for value in (estimate[index], *(() if mean is None else (mean[index],))):
+            if not parameter.low <= value <= parameter.high:
+                raise error("CS1203", f"{label} is {value:g} {parameter.unit}, outside its physical bounds {parameter.low:g} "
+                            f"to {parameter.high:g}", file=name, hint="check its unit, or diagnose again")
+        if mean is not None and abs(mean[index] - estimate[index]) > DISAGREEMENT * max(abs(mean[index]), parameter.typical):
+            raise _disagree(label, estimate[index], mean[index], parameter.unit, name)
+
+
+def _disagree(label: str, value: float, other: float, unit: str, name: str) -> CompstiffError:
+    return error("CS1203", f"{label} is {value:.6g} {unit} in parameters, {other:.6g} in log_compliance", file=name,
+                 hint="edit neither by hand, or remove log_compliance")
+
+
+def _square(rows: list[list[float]], what: str, size: int, name: str) -> Array:
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise error("CS1203", f"{what} has {len(rows)} rows of {sorted({len(row) for row in rows})} values, expected "
+                    f"{size} of {size}", file=name)
+    return _semidefinite(np.array(rows), what, name)
+
+
+def _semidefinite(matrix: Array, what: str, name: str) -> Array:
+    """The symmetrised matrix; refuses what is not symmetric or has a negative variance in any direction."""
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.where(scale > 0, np.outer(scale, scale), 1.0)
+    if np.max(np.abs(scaled - scaled.T)) > 1e-6:
+        raise error("CS1203", f"{what} is not symmetric", file=name)
+    if np.any(np.diag(matrix) < 0) or np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() < -1e-6:
+        raise error("CS1203", f"{what} is not positive semidefinite", file=name)
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,107 @@
+"""Laws of physics that the dictionary's effects obey, whatever the pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.model.compliance import compliance_matrix
+from identification.model.effects import Effect, effects
+from identification.model.rotations import Frame
+from identification.model.situation import Situation, situation
+from tests.support import random_poses, robot
+
+COMPLIANCE = 1 / np.array([1.6e6, 5.1e6, 1.5e6, 0.5e6, 0.2e6, 0.08e6])
+TOOL = Frame.from_quaternion([0.12, -0.03, 0.25], [0.9, 0.1, -0.3, 0.2])
+LINEAR = [*(("bearing_tilt", joint) for joint in range(1, 6)), ("link_bending", 2), ("link_bending", 3), ("base_rocking", None),
+          ("base_shift", None), ("force_sensor_compliance", None), ("spindle_compliance", None)]
+COUPLING = [("parallelogram", None), ("wrist_coupling", None), ("gravity_compensator", 2)]
+
+
+def at_rest(name: str, theta: np.ndarray, wrench: np.ndarray) -> Situation:
+    return situation(robot(name), TOOL, theta, wrench, COMPLIANCE, at_load=True)
+
+
+def effect_matrix(effect: Effect, joint: int | None, name: str = "irb6660-205-1.90") -> tuple[np.ndarray, np.ndarray]:
+    """What the effect adds to the compliance (n, 6, 6) at random poses, by unit wrenches, and the angles (n, 6) [rad]."""
+    theta = random_poses(robot(name), 40, np.random.default_rng(3))
+    values = np.array([0.3 if parameter.name == "ratio" else parameter.typical for parameter in effect.parameters])
+    columns = [effect.contribution(at_rest(name, theta, np.repeat(unit[None], len(theta), axis=0)), joint, values)
+               for unit in np.eye(6)]
+    return np.stack(columns, axis=2), theta
+
+
+def scaled(matrix: np.ndarray) -> np.ndarray:
+    """With moments in N per 0.1 m and rotations in m at 0.1 m, so that both parts are of one size."""
+    size = np.array([1.0, 1, 1, 0.1, 0.1, 0.1])
+    return matrix * size[:, None] * size
+
+
+@pytest.mark.parametrize("name", ["irb6660-205-1.90", "irb6700-200-2.60"])
+@pytest.mark.parametrize(("label", "joint"), LINEAR)
+def test_maxwell_betti(label: str, joint: int | None, name: str) -> None:
+    """Passive and linear: what a load along a moves along b, the same load along b moves along a; no load gains energy."""
+    matrix = scaled(effect_matrix(effects()[label], joint, name)[0])
+    largest = np.abs(matrix).max(axis=(1, 2))
+    assert largest.min() > 0
+    assert np.all(np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) < 1e-12 * largest)
+    assert np.all(np.linalg.eigvalsh(matrix)[:, 0] > -1e-9 * largest)
+
+
+@pytest.mark.parametrize(("label", "joint"), COUPLING)
+def test_maxwell_betti_where_the_effect_changes_the_springs_themselves(label: str, joint: int | None) -> None:
+    """These take compliance away as well as give it: symmetric by themselves, positive together with the springs."""
+    matrix, theta = effect_matrix(effects()[label], joint)
+    together = scaled(matrix + compliance_matrix(robot(), theta, TOOL, COMPLIANCE))
+    matrix, largest = scaled(matrix), np.abs(together).max(axis=(1, 2))
+    assert np.all(np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) < 1e-12 * largest)
+    assert np.all(np.linalg.eigvalsh(together)[:, 0] > -1e-9 * largest)
+
+
+def test_the_other_load_path_is_the_parallelogram() -> None:
+    """Springs at the drives with an ideal rod, and a rod that carries nothing: the serial reading of the springs."""
+    matrix, theta = effect_matrix(effects()["parallelogram"], None)
+    values = np.array([0.0])
+    columns = [effects()["parallelogram"].contribution(at_rest("irb6660-205-1.90", theta, np.repeat(unit[None], 40, axis=0)),
+                                                       None, values) for unit in np.eye(6)]
+    drive, serial = robot(), replace(robot(), load_path="serial")
+    difference = (compliance_matrix(serial, theta, TOOL, COMPLIANCE) - compliance_matrix(drive, theta, TOOL, COMPLIANCE))
+    assert_allclose(np.stack(columns, axis=2), difference, atol=1e-12 * np.abs(difference).max())
+    assert np.abs(matrix).max() > 0
+
+
+@pytest.mark.parametrize("effect", [effect for effect in effects().values() if effect.of_robot], ids=lambda effect: effect.name)
+def test_no_load_no_contribution_of_the_robot(effect: Effect) -> None:
+    theta = random_poses(robot(), 10, np.random.default_rng(4))
+    rows = at_rest("irb6660-205-1.90", theta, np.zeros((10, 6)))
+    for joint in effect.places:
+        typical = np.array([parameter.typical for parameter in effect.parameters])
+        assert np.all(effect.contribution(rows, joint, typical) == 0)
+
+
+def test_a_tool_for_each_row_is_the_same_as_one_tool_at_a_time() -> None:
+    theta = random_poses(robot(), 3, np.random.default_rng(5))      # three rows: a matrix product would not notice its mistake
+    wrench = np.random.default_rng(6).uniform(-300, 300, (3, 6))
+    tools = [Frame.from_quaternion([0.1 * i, 0.02, 0.2], [1.0, 0.1 * i, 0, 0]) for i in range(3)]
+    every = Frame(np.stack([tool.rotation for tool in tools]), np.stack([tool.position for tool in tools]))
+    together = situation(robot(), every, theta, wrench, COMPLIANCE, at_load=True)
+    for i, tool in enumerate(tools):
+        alone = situation(robot(), tool, theta[i:i + 1], wrench[i:i + 1], COMPLIANCE, at_load=True)
+        for name in ("tcp", "tool", "serial_jacobian", "torque", "elastic"):
+            assert_allclose(getattr(together, name)[i], getattr(alone, name)[0], rtol=1e-12, atol=1e-15)
+
+
+def test_other_springs_at_the_same_loaded_pose() -> None:
+    theta = random_poses(robot(), 5, np.random.default_rng(7))
+    wrench = np.random.default_rng(8).uniform(-300, 300, (5, 6))
+    for at_load in (True, False):
+        first = situation(robot(), TOOL, theta, wrench, COMPLIANCE, at_load=at_load)
+        for name in ("elastic", "gravity", "torque"):
+            getattr(first, name)                                # worked out before the springs change
+        other = first.with_compliance(2 * COMPLIANCE)
+        fresh = situation(robot(), TOOL, theta, wrench, 2 * COMPLIANCE, at_load=at_load)
+        for name in ("loaded", "torque", "elastic", "tcp"):
+            assert_allclose(getattr(other, name), getattr(fresh, name), rtol=1e-13, atol=0)
