@@ -139,10 +139,10 @@ class Cell:
     tool_centre: Array | None
 
 
-def read_cell(path: str | Path) -> Cell:
-    """Reads cell.yaml and the robot file it names.
+def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
+    """Reads cell.yaml and the robot file it names; geometry: whether the robot must have joints.
 
-    Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot).
+    Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints).
     """
     path = Path(path)
     file = read_yaml(path, CellFile)
@@ -153,7 +153,7 @@ def read_cell(path: str | Path) -> Cell:
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
-    robot = _robot(file.robot, path)
+    robot = _robot(file.robot, path, geometry)
     prior = Prior(robot.prior.stiffness if file.prior.stiffness_nm_per_rad is None
                   else np.array(file.prior.stiffness_nm_per_rad), file.prior.relative_std or robot.prior.relative_std)
     measurement = file.measurement
@@ -183,13 +183,13 @@ def read_cell(path: str | Path) -> Cell:
     )
 
 
-def _robot(name: str, cell: Path) -> RobotModel:
+def _robot(name: str, cell: Path, geometry: bool) -> RobotModel:
     """A built-in robot by its name, else a robot file by its path, relative to the cell's folder."""
     known = built_in_robots()
     if name in known:
         return read_robot(known[name])
     path = cell.parent / name
     if path.is_file():
-        return read_robot(path)
+        return read_robot(path, geometry=geometry)
     raise error("CS0104", f"robot '{name}' is neither built in ({', '.join(known)}) nor a file {path}", file=str(cell),
                 hint="compstiff robots lists the built-in ones; a path is relative to the folder of cell.yaml")

@@ -113,24 +113,12 @@ def response(cell: Cell, rows: Measurements, x: Array, terms: tuple[Term, ...] =
         moved = compliance.copy()
         moved[joint] *= np.exp(STEP)
         by_joint[:, :, joint] = (added(here.with_compliance(moved), terms, x) - base) / STEP
-    columns, place = [slope + by_joint], 6
-    for term in terms:
-        for k, size in enumerate(term.scale):
-            ahead = x.copy()
-            ahead[place + k] += STEP * size
-            behind = x.copy()
-            behind[place + k] -= STEP * size
-            one = (term,)
-            mine = slice(place, place + len(term.scale))
-            columns.append(((added(here, one, _with(ahead, mine)) - added(here, one, _with(behind, mine)))
-                            / (2 * STEP * size))[:, :, None])
-        place += len(term.scale)
-    return position + base, np.concatenate(columns, axis=2)
-
-
-def _with(x: Array, mine: slice) -> Array:
-    """x of one term alone."""
-    return np.concatenate([x[:6], x[mine]])
+    by_parameter = np.empty((len(rows), 3, len(x) - 6))
+    for k, size in enumerate(np.concatenate([term.scale for term in terms])):
+        step = np.zeros_like(x)
+        step[6 + k] = STEP * size
+        by_parameter[:, :, k] = (added(here, terms, x + step) - added(here, terms, x - step)) / (2 * STEP * size)
+    return position + base, np.concatenate([slope + by_joint, by_parameter], axis=2)
 
 
 def with_terms(prior: PriorModel, terms: tuple[Term, ...]) -> PriorModel:

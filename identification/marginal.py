@@ -81,6 +81,9 @@ def _corrected(information: Array, pull: Array, prior: PriorModel, x: Array) -> 
     log_posterior[np.any(draws != prior.inside(draws), axis=1)] = -np.inf
     log_proposal = -0.5 * (8.0 + count) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / 8.0)
     log_weight = log_posterior - log_proposal
+    if not np.isfinite(log_weight.max()):
+        # A parameter at its bound, with every draw beyond it.
+        return centre, covariance, 0.0
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     effective = float(1.0 / np.sum(weight**2))

@@ -61,6 +61,36 @@ class Dictionary:
             members = [k for each in (one, *near) for k in each.signatures]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
 
+    def undecided(self, where: Situation, noise: NoiseModel, joint: int | None) -> Array:
+        """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
+        in its typical size: the same in all of them, or turning round with the load."""
+        mask = np.zeros(len(where), dtype=bool)
+        scale = 0.0
+        for entry in self.entries:
+            if joint is not None and entry.joint == joint:
+                mine = entry.effect.undecided(where, joint)
+                if mine.any():
+                    mask, scale = mask | mine, max(scale, float(entry.effect.typical(where, joint)[0]))
+        if joint is None or not mask.any():
+            return np.zeros((len(where), 3, 0))
+        move = where.jacobian[:, :3, joint - 1] * scale
+        force = where.wrench[:, :3]
+        sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
+        columns = [move * (values * mask * (where.visit == visit))[:, None]
+                   for visit in np.unique(where.visit[mask]) for values in (np.ones(len(where)), sign)]
+        return np.asarray(noise.rotation @ np.stack(columns, axis=2))
+
+    def part(self, entries: list[int]) -> Dictionary:
+        """These entries alone."""
+        kept = [s for k in entries for s in self.entries[k].signatures]
+        found, place = [], 0
+        for k in entries:
+            count = len(self.entries[k].signatures)
+            found.append(Entry(self.entries[k].effect, self.entries[k].joint, range(place, place + count)))
+            place += count
+        return Dictionary(tuple(found), tuple(self.signatures[s] for s in kept), self.columns[:, :, kept], self.widths[kept],
+                          self.positive[kept], {})
+
     def term(self, where: Situation, signature: int, coefficients: Array) -> Term:
         """The effect in force with these coefficients (3,) in typical sizes."""
         one = self.signatures[signature]

@@ -24,7 +24,6 @@ from identification.extension import Term, predicted_deflection, situation_of, s
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.effects import Effect, effects
-from identification.model.situation import Situation
 from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
@@ -221,25 +220,11 @@ def test(
         entry = next(k for k, one in enumerate(words.entries) if one.label == term.label)
         places = [k for k in words.entries[entry].signatures if words.signatures[k].effect.where == term.effect.where]
         base = base.extended(words.shapes(entry, places[0]))
-        undecided = undecided_columns(where, term)
+        undecided = words.undecided(where, at.noise, term.joint)
         if undecided.shape[2]:
-            base = base.extended(at.noise.rotation @ undecided)
+            base = base.extended(undecided)
     return detect(base, words, patterns(where, at.noise), at.noise, fitted.size, fitted.size_spread, fitted.row_weight, rng,
                   replicates)
-
-
-def undecided_columns(where: Situation, term: Term) -> Array:
-    """What a gear may do at each pose (n, 3, 2 poses) in the rows in which force errors decide it, in its typical size:
-    the same for all of them, or turning round with the load."""
-    if term.joint is None:
-        return np.zeros((len(where), 3, 0))
-    mask = term.effect.undecided(where, term.joint)
-    move = where.jacobian[:, :3, term.joint - 1] * term.scale[0]
-    force = where.wrench[:, :3]
-    sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
-    columns = [move * (values * mask * (where.visit == visit))[:, None]
-               for visit in np.unique(where.visit[mask]) for values in (np.ones(len(where)), sign)]
-    return np.stack(columns, axis=2) if columns else np.zeros((len(where), 3, 0))
 
 
 def size_of(term: Term, values: Array) -> float:

@@ -16,7 +16,7 @@ from identification.noise import NoiseSize, noise_model
 Array = NDArray[np.float64]
 PARTS = ("sensor noise", "force error", "re-seating")
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more.
-GRANTED_AFTER_NAMING = 2.0
+GRANTED_AFTER_NAMING = 3.0
 GRANTED = 4.0
 # Noise sizes up to so many times the stated ones when it is asked how much of a misfit is explained.
 ORDINARY = 1.5

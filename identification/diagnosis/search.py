@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.cell import Cell
 from identification.diagnosis.dictionary import Dictionary, dictionary
-from identification.diagnosis.projection import Base, Scores, scores
+from identification.diagnosis.projection import Base, scores
 from identification.extension import Term, response, situation_of
 from identification.inference import Posterior
 from identification.measurements import Measurements
@@ -98,7 +98,7 @@ def survey(
     for _ in range(levels):
         grown: dict[frozenset[int], Hypothesis] = {}
         for hypothesis in beam:
-            for one in _grown(base, words, hypothesis):
+            for one in _grown(base, words, hypothesis, where, noise):
                 if one.key not in grown or grown[one.key].log_evidence < one.log_evidence:
                     grown[one.key] = one
         found |= grown
@@ -106,25 +106,45 @@ def survey(
     return Survey(where, words, base, _weighed(list(found.values()), len(words.entries)))
 
 
-def _grown(base: Base, words: Dictionary, hypothesis: Hypothesis) -> list[Hypothesis]:
+def _grown(
+    base: Base, words: Dictionary, hypothesis: Hypothesis, where: Situation, noise: NoiseModel
+) -> list[Hypothesis]:
     """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
     if hypothesis.signatures:
         base = base.extended(np.concatenate([words.shapes(entry, signature) for entry, signature in zip(
             hypothesis.entries, hypothesis.signatures, strict=True)], axis=2))
-    found = scores(base, words)
+    found = _without_doubt(base, words, where, noise)
     grown = []
+    # Two laws of one gear are one law that is not exactly the dictionary's.
+    geared = {words.entries[k].joint for k in hypothesis.entries if words.entries[k].effect.gear_law}
     for k, entry in enumerate(words.entries):
-        if k in hypothesis.entries:
+        if k in hypothesis.entries or (entry.effect.gear_law and entry.joint in geared):
             continue
         members = np.arange(entry.signatures.start, entry.signatures.stop)
-        value, best = _entry_evidence(found, members)
+        value, best = _entry_evidence(found[members], members)
         grown.append(Hypothesis((*hypothesis.entries, k), (*hypothesis.signatures, best), hypothesis.log_evidence + value))
     return grown
 
 
-def _entry_evidence(found: Scores, members: NDArray[np.intp]) -> tuple[float, int]:
+def _without_doubt(base: Base, words: Dictionary, where: Situation, noise: NoiseModel) -> Array:
+    """Evidence (S,) of every signature. The laws of one gear share out what they have together by the rows in which no force
+    error decides on which side of its play the gear rests: those rows tell play from friction by chance alone."""
+    found = scores(base, words).evidence
+    for joint in range(1, 7):
+        undecided = words.undecided(where, noise, joint)
+        if not undecided.shape[2]:
+            continue
+        entries = [k for k, entry in enumerate(words.entries) if entry.joint == joint and entry.effect.gear_law]
+        signatures = [s for k in entries for s in words.entries[k].signatures]
+        share = np.concatenate([np.full(len(words.entries[k].signatures), -np.log(len(words.entries[k].signatures)))
+                                for k in entries])
+        decided = scores(base.extended(undecided), words.part(entries)).evidence
+        found[signatures] = decided + np.logaddexp.reduce(found[signatures] + share) - np.logaddexp.reduce(decided + share)
+    return found
+
+
+def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, int]:
     """ln of the mean Bayes factor of an entry's signatures, and the best of them."""
-    values = found.evidence[members]
     top = float(values.max())
     return top + float(np.log(np.mean(np.exp(values - top)))), int(members[np.argmax(values)])
 

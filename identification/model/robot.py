@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
 from identification.files import sha256
+from identification.findings import error
 from identification.yaml_source import NotNegative, Positive, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
@@ -69,11 +70,19 @@ class RobotFile(Strict):
 
     name: str
     manufacturer: str = ""
-    load_path: LoadPath
-    joints: Annotated[list[_Joint], Field(min_length=6, max_length=6)]
+    load_path: LoadPath | None = None
+    joints: Annotated[list[_Joint], Field(min_length=6, max_length=6)] | None = None
     coupling: _Coupling | None = None
     prior: PriorFile
     links: Annotated[list[_Link], Field(min_length=6, max_length=6)] | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> RobotFile:
+        if self.joints is not None and self.load_path is None:
+            raise ValueError("load_path must be drive or serial where joints are given; received none")
+        if self.joints is None and (self.coupling is not None or self.links is not None):
+            raise ValueError("coupling and links need joints; received none")
+        return self
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,7 @@ class RobotModel:
     bounds `(coupling @ theta)` of the parallel rod, None for a serial robot.
     load_path: "drive" (springs at the drives) or "serial" (springs at the serial axes, as published).
     link_mass (6,) [kg] and link_centre (6, 3) [m] in the link's joint frame, None where the file has none.
+    has_geometry: False where the file has no joints; then alpha to acceleration are placeholders and mean nothing.
     """
 
     name: str
@@ -118,6 +128,7 @@ class RobotModel:
     link_centre: Array | None
     source: Path
     sha256: str
+    has_geometry: bool = True
 
     @cached_property
     def load_matrix(self) -> Array:
@@ -163,9 +174,13 @@ def built_in_robots() -> dict[str, Path]:
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 
-def read_robot(path: str | Path) -> RobotModel:
-    """Reads a robot file. Raises CompstiffError (CS0005, CS0101, CS0102) with line and column."""
+def read_robot(path: str | Path, *, geometry: bool = True) -> RobotModel:
+    """Reads a robot file; geometry: whether it must have joints. Raises CompstiffError (CS0005, CS0101, CS0102) with line and
+    column, CS0105 where it has no joints and must have them."""
     file = read_yaml(path, RobotFile)
+    if geometry and file.joints is None:
+        raise error("CS0105", "has no joints; only joint deflection logs can be judged without the arm's geometry",
+                    file=str(path), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
     coupling = np.eye(6)
     window = None
     if file.coupling is not None:
@@ -175,11 +190,12 @@ def read_robot(path: str | Path) -> RobotModel:
             low, high = np.radians(file.coupling.window_deg)
             window = (row, float(low), float(high))
     links = file.links
-    joints = file.joints
+    joints = file.joints or [_Joint(alpha_deg=0, a_mm=0, d_mm=0, limits_deg=(-360, 360), speed_deg_s=1,
+                                    acceleration_deg_s2=1)] * 6
     return RobotModel(
         name=file.name,
         manufacturer=file.manufacturer,
-        load_path=file.load_path,
+        load_path=file.load_path or "serial",
         alpha=np.radians([joint.alpha_deg for joint in joints]),
         a=1e-3 * np.array([joint.a_mm for joint in joints]),
         d=1e-3 * np.array([joint.d_mm for joint in joints]),
@@ -194,4 +210,5 @@ def read_robot(path: str | Path) -> RobotModel:
         link_centre=None if links is None else 1e-3 * np.array([link.centre_of_mass_mm for link in links]),
         source=Path(path),
         sha256=sha256(path),
+        has_geometry=file.joints is not None,
     )

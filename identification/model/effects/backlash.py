@@ -25,6 +25,7 @@ class Backlash(Effect):
     of_robot = True
     of_gravity = True
     joints = (1, 2, 3, 4, 5, 6)
+    gear_law = True
     parameters = (Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3),)
     near_laws = ("soft_zone",)
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"

@@ -64,8 +64,9 @@ class Effect(ABC):
     """One physical effect. joints: the joints it may sit at (1-based), empty where it belongs to none.
 
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
-    the data. near_laws: effects of the same joint whose shapes a real one of this kind may mix in. sentence: the cause as a
-    shop-floor engineer says it ({joint} is filled in). settles: what would separate it from its look-alikes, and is no load.
+    the data. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint
+    whose shapes a real one of this kind may mix in. sentence: the cause as a shop-floor engineer says it ({joint} is filled
+    in). settles: what would separate it from its look-alikes, and is no load.
     """
 
     name: ClassVar[str]
@@ -75,6 +76,7 @@ class Effect(ABC):
     of_gravity: ClassVar[bool] = False
     joints: ClassVar[tuple[int, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]]
+    gear_law: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
     sentence: ClassVar[str]
     settles: ClassVar[str]

@@ -1,6 +1,8 @@
-"""In a log taken in motion the torque channel lags behind the encoders, or runs ahead of them."""
+"""In a log taken in motion one channel lags behind the others, or runs ahead of them."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +15,22 @@ Array = NDArray[np.float64]
 
 
 class ChannelDelay(Effect):
-    """The spring's answer to the torque as it was `delay_s` later or before."""
+    """Channel "torque": the spring's answer to the torque as it was `delay_s` later or before. Channel "link": the link
+    encoder's angle is `delay_s` old, which adds the angle travelled since, `speed delay - acceleration delay^2 / 2`."""
 
     name = "channel_delay"
     family = "force measurement"
     of_robot = False
     parameters = (Parameter("delay_s", "s", 0.004, -0.05, 0.05),)
-    sentence = "the torque and the angles were not recorded at the same time"
+    sentence = "the channels of the log were not recorded at the same time"
     settles = "move at several speeds in both directions"
+
+    def __init__(self, channel: Literal["torque", "link"] = "torque") -> None:
+        self.channel = channel
+
+    @property
+    def where(self) -> dict[str, int | str]:
+        return {"channel": self.channel}
 
     def missing(self, rows: Situation) -> str:
         return ONLY_IN_MOTION
@@ -29,5 +39,8 @@ class ChannelDelay(Effect):
         return np.zeros((len(rows), 6))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
+        delay = float(values[0])
+        if self.channel == "link":
+            return np.asarray(delay * log.speed - 0.5 * delay**2 * log.acceleration)
         # A torque that was recorded late stands later in the log than the deflection it caused.
-        return np.asarray(log.compliance * (log.delayed(-float(values[0])) - log.torque))
+        return np.asarray(log.compliance * (log.delayed(-delay) - log.torque))

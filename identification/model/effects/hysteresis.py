@@ -20,6 +20,7 @@ class Hysteresis(Effect):
     family = "gear"
     of_robot = True
     joints = (1, 2, 3, 4, 5, 6)
+    gear_law = True
     parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3),
                   Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True),)
     sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"

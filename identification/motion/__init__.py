@@ -1,0 +1,1 @@
+"""Joint deflection logs: encoders on both sides of the gear, read in motion (FORMATS.md)."""

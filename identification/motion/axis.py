@@ -1,0 +1,111 @@
+"""Axis: one joint of one or more records as a linear model, and the generalised least squares that answers it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.joint_log import JointLog
+from identification.motion.band import BAND, low_pass, thinned
+from identification.motion.dictionary import Shape, catalogue, shapes
+from identification.motion.log_file import MotionLog
+from identification.motion.memory import Memory, memory_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A joint in the records that have it, low-passed to `band` [Hz], the records below one another.
+
+    deflection (n,) [rad], torque (n,) [N m], angle (n,) [rad] of the motor, time (n,) [s]; lengths: samples of each record.
+    """
+
+    joint: int
+    logs: list[JointLog]
+    angles: list[Array]
+    rates: list[float]
+    band: float
+    deflection: Array
+    torque: Array
+    angle: Array
+    time: Array
+    lengths: tuple[int, ...]
+
+    @cached_property
+    def dictionary(self) -> list[list[Shape]]:
+        """The shapes of each effect that the joint can show."""
+        return shapes(self.logs, self.rates, self.band, catalogue())
+
+    @cached_property
+    def plain(self) -> Array:
+        """Columns (n, records + 1) of the plain spring: an offset for each record, then the torque."""
+        offsets = np.zeros((len(self.torque), len(self.lengths)))
+        start = 0
+        for k, length in enumerate(self.lengths):
+            offsets[start: start + length, k] = 1.0
+            start += length
+        return np.column_stack([offsets, self.torque])
+
+    @cached_property
+    def memory(self) -> Memory:
+        """The memory of the noise: what is left beside the whole dictionary, one shape of each effect."""
+        wide = np.column_stack([self.plain, *(group[len(group) // 2].columns for group in self.dictionary)])
+        scale = np.linalg.norm(wide, axis=0)
+        return memory_of(self.parts(wide / scale), self.parts(self.deflection))
+
+    def parts(self, values: Array) -> list[Array]:
+        """The records' parts of rows that stand below one another."""
+        return np.split(values, np.cumsum(self.lengths)[:-1])
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (n, p) without the noise's memory, records below one another, each a few rows shorter."""
+        return np.concatenate([self.memory.whiten(part) for part in self.parts(columns)])
+
+    @cached_property
+    def white_deflection(self) -> Array:
+        """The deflection without the noise's memory."""
+        return self.whiten(self.deflection[:, None])[:, 0]
+
+
+def axis_of(joint: int, records: list[MotionLog], band: float = BAND) -> Axis:
+    """The joint in the records that have it."""
+    having = [record for record in records if joint in record.joints]
+    logs = [record.joints[joint] for record in having]
+    angles, rates = [record.angle[joint] for record in having], [record.rate for record in having]
+    parts = [low_pass(np.column_stack([log.deflection, log.torque, angle]), rate, band)
+             for log, angle, rate in zip(logs, angles, rates, strict=True)]
+    together = np.concatenate(parts)
+    time = np.concatenate([thinned(record.time, rate, band) for record, rate in zip(having, rates, strict=True)])
+    return Axis(joint, logs, angles, rates, band, together[:, 0], together[:, 1], together[:, 2], time,
+                tuple(len(part) for part in parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A linear model's answer. coefficients (p,), covariance (p, p) with the noise's memory, chi2: whitened sum of squares,
+    count: whitened rows."""
+
+    coefficients: Array
+    covariance: Array
+    chi2: float
+    count: int
+
+
+def solve(axis: Axis, columns: Array) -> Solved:
+    """Generalised least squares of the deflection on columns (n, p)."""
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0] = 1.0
+    white = axis.whiten(columns / scale)
+    seen = axis.white_deflection
+    gram = white.T @ white
+    inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+    found = inverse @ (white.T @ seen)
+    left = seen - white @ found
+    chi2 = float(left @ left)
+    freedom = max(1, len(seen) - columns.shape[1] - len(axis.memory.phi))
+    covariance = inverse * chi2 / freedom / np.outer(scale, scale)
+    return Solved(found / scale, covariance, chi2, len(seen))

@@ -1,0 +1,41 @@
+"""The band in which a gear is a spring: everything is low-passed alike and thinned.
+
+`deflection = c torque` holds quasi-statically. Above the drive's lowest resonance the motor's inertia takes the torque, and
+the controller answers encoder noise with torque; there the same regression gives no stiffness at all (on the public KUKA
+records a fit over the full band finds c = 0). Filtering both sides of a linear model leaves its coefficients as they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+# Hz. The lowest resonance of a heavy six-axis arm lies near 8-15 Hz; the band stays under it.
+BAND = 6.0
+# Samples kept a period of the band's upper edge.
+KEPT = 2.4
+
+
+def low_pass(columns: Array, rate: float, band: float = BAND) -> Array:
+    """Columns (n, p) under `band` [Hz], symmetric (no lag), thinned; the filter's half-length is lost at either end.
+
+    A log that is slower than the band needs comes back as it is.
+    """
+    step = int(rate / (band * KEPT))
+    if step < 1 or rate < 2.5 * band:
+        return columns
+    half = int(np.ceil(2.0 * rate / band))
+    place = np.arange(-half, half + 1)
+    kernel = np.sinc(2 * band / rate * place) * np.blackman(2 * half + 3)[1:-1]
+    kernel /= kernel.sum()
+    return np.column_stack([np.convolve(column, kernel, "valid")[::step] for column in columns.T])
+
+
+def thinned(values: Array, rate: float, band: float = BAND) -> Array:
+    """The values (n,) at the samples that `low_pass` keeps."""
+    step = int(rate / (band * KEPT))
+    if step < 1 or rate < 2.5 * band:
+        return values
+    half = int(np.ceil(2.0 * rate / band))
+    return values[half: len(values) - half: step]

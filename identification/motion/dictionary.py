@@ -1,0 +1,120 @@
+"""What the dictionary of causes adds to a joint's deflection in a log: columns, linear in their coefficients.
+
+An effect says by `log_contribution` what it adds. Its columns are differences of that; where the effect acts through the
+joint's spring (friction, inertia, the delay of the torque) the coefficient is the parameter times the compliance.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects import Effect, effects
+from identification.model.effects.channel_delay import ChannelDelay
+from identification.model.joint_log import JointLog
+from identification.motion.band import low_pass
+
+Array = NDArray[np.float64]
+# A shape is offered where it is this far from a straight line through the torque (share of its own size), else c holds it.
+STRAIGHT = 0.02
+# Multiples of an effect's grid of torques, for gears whose torques are larger than the grid was made for.
+WIDER = (1.0, 4.0, 16.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One effect with the values that are not linear fixed. columns: of the full-rate log (n, p), one a free parameter;
+    free: which those are; through_spring: whether the coefficient is the parameter times the compliance; positive (p,)."""
+
+    effect: Effect
+    fixed: Array
+    free: tuple[int, ...]
+    columns: Array
+    through_spring: bool
+    positive: tuple[bool, ...]
+
+    @property
+    def name(self) -> str:
+        """The effect, and which channel it is about: channel_delay (link)."""
+        return f"{self.effect.name} ({self.effect.where['channel']})" if "channel" in self.effect.where else self.effect.name
+
+    def values(self, coefficients: Array, compliance: float) -> Array:
+        """Parameter values (P,) of coefficients (p,)."""
+        found = self.fixed.copy()
+        found[list(self.free)] = coefficients / compliance if self.through_spring else coefficients
+        return found
+
+
+def catalogue() -> list[Effect]:
+    """The effects that show in logs; the delay once for each channel."""
+    shown = [effect for effect in effects().values()
+             if type(effect).log_contribution is not Effect.log_contribution and effect.name != ChannelDelay.name]
+    return [ChannelDelay("link"), ChannelDelay("torque"), *shown]
+
+
+def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:
+    """The shapes of each effect, most effects have one; columns are the records' below one another, low-passed."""
+    found = []
+    for effect in offered:
+        group = [shape for fixed in _grid(effect, logs) if (shape := _shape(effect, fixed, logs, rates, band)) is not None]
+        if group:
+            found.append(group)
+    return found
+
+
+def _grid(effect: Effect, logs: list[JointLog]) -> list[Array]:
+    """Values of what is not linear, NaN for what is."""
+    reach = max(float(np.abs(log.torque).max()) for log in logs)
+    axes: list[list[float]] = []
+    for parameter in effect.parameters:
+        if not parameter.grid:
+            axes.append([np.nan])
+            continue
+        wide = sorted({value * factor for value in parameter.grid for factor in WIDER})
+        axes.append([value for value in wide if value <= min(parameter.high, 0.5 * reach)] or [wide[0]])
+    return [np.array(choice) for choice in itertools.product(*axes)]
+
+
+def _shape(effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float], band: float) -> Shape | None:
+    free = tuple(int(k) for k in np.flatnonzero(np.isnan(fixed)))
+    start = np.nan_to_num(fixed)
+    columns = np.column_stack([_column(effect, start, k, logs, rates, band) for k in free])
+    torque = np.concatenate([low_pass(log.torque[:, None], rate, band)[:, 0] for log, rate in zip(logs, rates, strict=True)])
+    line = np.column_stack([np.ones_like(torque), torque])
+    kept = []
+    for j in range(len(free)):
+        size = float(np.std(columns[:, j]))
+        left = columns[:, j] - line @ np.linalg.lstsq(line, columns[:, j], rcond=None)[0]
+        if size > 0 and float(np.std(left)) > STRAIGHT * size:
+            kept.append(j)
+    if not kept:
+        return None
+    stiffer = [replace(log, compliance=2.0) for log in logs]
+    once = _column(effect, start, free[0], logs, rates, band)
+    twice = _column(effect, start, free[0], stiffer, rates, band)
+    through = bool(np.allclose(twice, 2 * once, rtol=1e-6, atol=1e-12 * float(np.abs(once).max() + 1e-300))
+                   and np.any(once != 0))
+    return Shape(effect, start, tuple(free[j] for j in kept), columns[:, kept], through,
+                 tuple(effect.parameters[free[j]].positive for j in kept))
+
+
+def _column(effect: Effect, fixed: Array, which: int, logs: list[JointLog], rates: list[float], band: float) -> Array:
+    """Contribution for one unit of a linear parameter, low-passed, records below one another (n,)."""
+    parameter = effect.parameters[which]
+    step = np.zeros(len(fixed))
+    step[which] = parameter.typical
+    parts = []
+    for log, rate in zip(logs, rates, strict=True):
+        ahead = effect.log_contribution(log, fixed + step)
+        assert ahead is not None
+        if parameter.positive:
+            slope = ahead / parameter.typical
+        else:
+            behind = effect.log_contribution(log, fixed - step)
+            assert behind is not None
+            slope = (ahead - behind) / (2 * parameter.typical)
+        parts.append(low_pass(slope[:, None], rate, band)[:, 0])
+    return np.concatenate(parts)

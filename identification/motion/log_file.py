@@ -1,0 +1,127 @@
+"""MotionLog: reads a joint deflection log (FORMATS.md), CSV, Parquet or a public KUKA record."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.findings import Finding, error
+from identification.model.joint_log import JointLog
+from identification.tables import read_table
+
+Array = NDArray[np.float64]
+COLUMN = re.compile(r"q([1-6])_(motor_deg|link_deg|torque_nm|speed_deg_s)$")
+SHORTEST = 3.0
+UNEVEN = 0.2
+# Lags of the speed channel that are looked for, and from which it is said [samples].
+MOST_LAG, WORTH_SAYING = 5, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLog:
+    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. angle: motor angle (n,) [rad] of each."""
+
+    source: str
+    time: Array
+    joints: dict[int, JointLog]
+    angle: dict[int, Array]
+    findings: tuple[Finding, ...]
+
+    @property
+    def rate(self) -> float:
+        """Samples a second."""
+        return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
+
+
+def is_motion_log(path: str | Path) -> bool:
+    """Whether a file is a joint deflection log: a .mat file, or a table with motor and link angles."""
+    path = Path(path)
+    if path.suffix.lower() == ".mat":
+        return True
+    if path.suffix.lower() in (".parquet", ".pq"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            names = pq.read_schema(path).names
+        except (OSError, pa.ArrowInvalid):
+            return False
+        return any(COLUMN.match(name) for name in names)
+    try:
+        with open(path, encoding="utf-8-sig", errors="replace") as stream:
+            header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
+    except OSError:
+        return False
+    return any(COLUMN.match(name.strip().strip('"')) for name in re.split(r"[,;\t]", header))
+
+
+def read_motion_log(path: str | Path) -> MotionLog:
+    """Reads a joint deflection log.
+
+    Raises what `tables.read_table` raises, and CompstiffError CS1501: no joint with both encoders and torque, uneven time,
+    too short.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".mat":
+        from identification.public.kuka_kr300 import read_record
+
+        columns, line, findings = read_record(path), None, []
+    else:
+        columns, line, findings = _table(path)
+    name, time = str(path), columns["time_s"]
+    joints = [k for k in range(1, 7) if f"q{k}_motor_deg" in columns]
+    if not joints:
+        raise error("CS1501", "no joint has q?_motor_deg, q?_link_deg and q?_torque_nm", file=name,
+                    hint="a joint needs an encoder on either side of its gear, and its torque on the gear side")
+    _check_time(time, line, name)
+    logs, angles = {}, {}
+    for k in joints:
+        angle = np.radians(columns[f"q{k}_motor_deg"])
+        speed = np.gradient(angle, time)
+        deflection = angle - np.radians(columns[f"q{k}_link_deg"])
+        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, 1.0)
+        angles[k] = angle
+        logged = columns.get(f"q{k}_speed_deg_s")
+        lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
+        if abs(lag) >= WORTH_SAYING:
+            step = 1e3 * float(time[1] - time[0])
+            findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
+                                    f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
+                                    file=name))
+    return MotionLog(name, time, logs, angles, tuple(findings))
+
+
+def _table(path: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
+    names = [f"q{k}_{what}" for k in range(1, 7) for what in ("motor_deg", "link_deg", "torque_nm", "speed_deg_s")]
+    groups = [[f"q{k}_motor_deg", f"q{k}_link_deg", f"q{k}_torque_nm"] for k in range(1, 7)]
+    table = read_table(path, required=["time_s"], optional=names, together=groups)
+    return dict(table.numbers), table.line, list(table.findings)
+
+
+def _check_time(time: Array, line: NDArray[np.intp] | None, name: str) -> None:
+    if len(time) < 2:
+        raise error("CS1501", f"has {len(time)} samples", file=name, hint="a log takes a few seconds of motion")
+    steps = np.diff(time)
+    wrong = np.flatnonzero((steps <= 0) | (np.abs(steps - np.median(steps)) > UNEVEN * np.median(steps)))
+    if len(wrong):
+        row = int(wrong[0])
+        raise error("CS1501", f"time_s steps by {steps[row]:.6g} s where the log steps by {np.median(steps):.6g} s", file=name,
+                    line=None if line is None else int(line[row + 1]), column=None,
+                    hint="the samples must be evenly spaced: cut the log at its gaps, or resample it")
+    length = float(time[-1] - time[0])
+    if length < SHORTEST:
+        raise error("CS1501", f"lasts {length:.2f} s, expected {SHORTEST:g} s or more", file=name,
+                    hint="neighbouring samples are not independent: a short log tells little")
+
+
+def _lag(logged: Array, speed: Array) -> float:
+    """By how many samples a logged speed (n,) lies behind the motor angle's (n,), by the least squared difference."""
+    n, index = len(speed), np.arange(len(speed), dtype=float)
+    inner = slice(MOST_LAG, n - MOST_LAG)
+    lags = np.arange(-MOST_LAG, MOST_LAG + 0.05, 0.1)
+    off = [float(np.mean((np.interp(index - lag, index, speed) - logged)[inner] ** 2)) for lag in lags]
+    return float(lags[int(np.argmin(off))])

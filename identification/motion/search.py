@@ -1,0 +1,134 @@
+"""Which causes, alone or together, a joint's log speaks for: all sets of up to four effects, each with its best shape.
+
+The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's memory is that of the
+whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with a known
+sign has the other, or the compliance is negative, is judged without that coefficient.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.motion.axis import Axis, Solved, solve
+from identification.motion.dictionary import Shape
+
+Array = NDArray[np.float64]
+MOST_CAUSES = 4
+# Probability that an effect is at work, before the data.
+AT_WORK = 0.15
+# Columns that are closer to one another than this are one: what they say cannot be divided between them.
+SAME = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A set of effects: entries of the dictionary, their shapes, which columns each keeps, the answer, the evidence against
+    the plain spring (ln), the probability among all sets that were looked at."""
+
+    entries: tuple[int, ...]
+    shapes: tuple[Shape, ...]
+    kept: tuple[tuple[int, ...], ...]
+    solved: Solved
+    log_evidence: float
+    probability: float = 0.0
+
+    def columns(self, axis: Axis) -> Array:
+        """Columns (n, p): the plain spring's, then the effects'."""
+        return np.column_stack([axis.plain, *(shape.columns[:, list(kept)]
+                                              for shape, kept in zip(self.shapes, self.kept, strict=True))])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects' names."""
+        return tuple(shape.name for shape in self.shapes)
+
+
+def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
+    """All sets of effects, the likeliest first; the plain spring is among them."""
+    groups = axis.dictionary
+    best_shape = _shortlists(axis, groups)
+    plain = solve(axis, axis.plain)
+    found = [Hypothesis((), (), (), plain, 0.0)]
+    for size in range(1, min(most, len(groups)) + 1):
+        for entries in itertools.combinations(range(len(groups)), size):
+            options = [_fitted(axis, entries, chosen, plain)
+                       for chosen in itertools.product(*(best_shape[entry] for entry in entries))]
+            likely = [one for one in options if one is not None]
+            if likely:
+                found.append(max(likely, key=lambda one: one.log_evidence))
+    prior = np.array([len(one.entries) * np.log(AT_WORK / (1 - AT_WORK)) for one in found])
+    logs = np.array([one.log_evidence for one in found]) + prior
+    weight = np.exp(logs - logs.max())
+    weight /= weight.sum()
+    return tuple(Hypothesis(found[k].entries, found[k].shapes, found[k].kept, found[k].solved, found[k].log_evidence,
+                            float(weight[k])) for k in np.argsort(-logs))
+
+
+def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:
+    """The shapes of each effect worth trying in sets: the best beside the plain spring, and the best beside all others."""
+    others = np.column_stack([group[len(group) // 2].columns for group in groups])
+    lists = []
+    for group in groups:
+        if len(group) == 1:
+            lists.append(group)
+            continue
+        alone = [solve(axis, np.column_stack([axis.plain, shape.columns])).chi2 for shape in group]
+        mine = group[len(group) // 2].columns
+        rest = others[:, [k for k in range(others.shape[1]) if not any(np.array_equal(others[:, k], c) for c in mine.T)]]
+        beside = [solve(axis, np.column_stack([axis.plain, rest, shape.columns])).chi2 for shape in group]
+        picked = list(dict.fromkeys([int(np.argmin(alone)), int(np.argmin(beside))]))
+        lists.append([group[k] for k in picked])
+    return lists
+
+
+def _fitted(axis: Axis, entries: tuple[int, ...], chosen: tuple[Shape, ...], plain: Solved) -> Hypothesis | None:
+    """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column."""
+    kept = [list(range(shape.columns.shape[1])) for shape in chosen]
+    base = axis.plain.shape[1]
+    while True:
+        columns = [shape.columns[:, mine] for shape, mine in zip(chosen, kept, strict=True)]
+        if any(one.shape[1] == 0 for one in columns):
+            return None
+        wide = np.column_stack([axis.plain, *columns])
+        if _doubled(wide):
+            dropped = _drop_doubled(axis, chosen, kept)
+            if not dropped:
+                return None
+            continue
+        solved = solve(axis, wide)
+        if solved.coefficients[base - 1] <= 0 and chosen and any(shape.through_spring for shape in chosen):
+            return None
+        place, wrong = base, None
+        worst = 0.0
+        for k, shape in enumerate(chosen):
+            for position, column in enumerate(kept[k]):
+                value = solved.coefficients[place]
+                sigma = value / max(float(np.sqrt(solved.covariance[place, place])), 1e-300)
+                if shape.positive[column] and sigma < worst:
+                    worst, wrong = sigma, (k, position)
+                place += 1
+        if wrong is None:
+            break
+        del kept[wrong[0]][wrong[1]]
+    free = wide.shape[1] - base
+    gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - 0.5 * free * np.log(solved.count)
+    return Hypothesis(entries, chosen, tuple(tuple(mine) for mine in kept), solved, float(gain))
+
+
+def _doubled(wide: Array) -> bool:
+    """Whether the columns nearly span a space of fewer dimensions."""
+    scaled = wide / np.linalg.norm(wide, axis=0)
+    return bool(np.linalg.svd(scaled, compute_uv=False)[-1] < SAME)
+
+
+def _drop_doubled(axis: Axis, chosen: tuple[Shape, ...], kept: list[list[int]]) -> bool:
+    """Leaves out the last column of the last effect that has more than one (viscous friction beside the link's delay)."""
+    for k in reversed(range(len(chosen))):
+        if len(kept[k]) > 1:
+            kept[k].pop()
+            return True
+    return False

@@ -1,0 +1,1 @@
+"""Readers for data that others have published, in the form they have it."""

@@ -1,0 +1,243 @@
+"""Diagnosis beyond naming: bad rows, passes, plans, loads that settle, law by law; the virtual cell is the truth."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from identification.cell import Cell, read_cell
+from identification.diagnosis.blocks import in_blocks, integrated_time
+from identification.diagnosis.detect import detect, draw_noise
+from identification.diagnosis.dictionary import dictionary
+from identification.diagnosis.patterns import patterns
+from identification.diagnosis.plan import outlook
+from identification.diagnosis.procedure import diagnose
+from identification.diagnosis.projection import Base, evidence
+from identification.diagnosis.settle import candidate_rows, next_loads
+from identification.extension import Term, predicted_deflection, response, situation_of
+from identification.inference import posterior
+from identification.measurements import Measurements, read_measurements
+from identification.model.effects import effects
+from identification.priors import PriorModel
+from tests.support import compstiff
+from tests.virtual_cell.cell import Case, Hidden, simulate
+from tests.virtual_cell.designs import Design
+
+
+def read(case: Case, folder: Path) -> tuple[Cell, Measurements]:
+    cell_path, rows_path = case.write(folder)
+    cell = read_cell(cell_path)
+    return cell, read_measurements(rows_path, cell.robot)
+
+
+def term(name: str, joint: int | None, values: list[float], cell: Cell, rows: Measurements) -> Term:
+    effect, where = effects()[name], situation_of(cell, rows, 1 / cell.prior.stiffness)
+    return Term(effect, joint, np.array(values), effect.typical(where, joint), effect.neutral(where))
+
+
+def test_a_bad_row_is_named_and_left_out(tmp_path: Path) -> None:
+    case = simulate(4, "ladder12")
+    case.deflection_um[99] += [60, 0, -30]
+    cell, rows = read(case, tmp_path)
+    found = diagnose(cell, rows)
+    assert found.verdict == "named"
+    assert [bad.row for bad in found.bad_rows] == [100]
+    np.testing.assert_allclose(found.bad_rows[0].off, [60e-6, 0, -30e-6], atol=4 * found.bad_rows[0].std.max())
+    assert not found.causes
+    assert 100 not in found.rows.row
+
+
+def machined(seed: int, hidden: list[Hidden], memory: float = 0.8, count: int = 800, passes: int = 4) -> tuple[Case, Design]:
+    """Passes whose rows follow one another closely, noise with memory: three micrometres, first-order autoregressive."""
+    rng = np.random.default_rng(seed)
+    case = simulate(seed, "ladder12", hidden)
+    s = np.linspace(0, 1, count)[:, None]
+    theta, load = [], []
+    for number in range(passes):
+        a, b, c = case.theta[::21][:12][rng.permutation(12)[:3]]
+        theta.append(a + 0.2 * (b - a) * s + 0.1 * (c - a) * np.sin(3 * s))
+        waves = [150 * np.sin(7 * s + rng.uniform(0, 6)), 200 * np.cos(5 * s + rng.uniform(0, 6)), 150 * np.sin(4 * s + number)]
+        load.append(np.concatenate(waves, axis=1) * (np.abs(s - 0.5) < 0.47))
+    rows = count * passes
+    design = Design(np.concatenate(theta), np.concatenate(load), 0.02 * np.arange(rows), np.full(rows, 0.02),
+                    np.arange(1, rows + 1), np.zeros(rows, dtype=bool))
+    noise = np.zeros((rows, 3))
+    for k in range(rows):
+        noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * 3 * rng.standard_normal(3)
+    seat = np.repeat(rng.normal(0, 4, (passes, 3)), count, axis=0)
+    readings = 1e6 * case.plant.displacement(design)[1] + noise + seat
+    return replace(case, design=design, deflection_um=readings.round(1)), design
+
+
+def pass_file(case: Case, design: Design, folder: Path, count: int = 800) -> tuple[Cell, Measurements]:
+    case.write(folder)
+    names = [*(f"q{i}_deg" for i in range(1, 7)), "fx_n", "fy_n", "fz_n", "dx_um", "dy_um", "dz_um", "time_s"]
+    table = np.column_stack([np.degrees(design.theta), design.load, case.deflection_um, design.time])
+    lines = [",".join([*names, "pass"])]
+    lines += [",".join([*(f"{x:.6f}" for x in row), f"A{k // count}"]) for k, row in enumerate(table)]
+    (folder / "passes.csv").write_text("\n".join(lines) + "\n")
+    cell = read_cell(folder / "cell.yaml")
+    return cell, read_measurements(folder / "passes.csv", cell.robot)
+
+
+@pytest.mark.parametrize(("seed", "hidden", "names"), [
+    (1, [], []), (1, [Hidden("backlash", 1, 1.5)], ["backlash[1]"]),
+    (3, [Hidden("bearing_tilt", 2, 2.0)], ["bearing_tilt[2]"])])
+def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_path: Path) -> None:
+    case, design = machined(seed, hidden)
+    cell, rows = pass_file(case, design, tmp_path)
+    found = diagnose(cell, rows)
+    assert found.verdict == ("named" if names else "adequate")
+    assert [cause.label for cause in found.causes] == names
+    assert found.thinning is not None
+    assert found.thinning.memory > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
+    assert found.thinning.blocks < len(rows) / 4
+
+
+def test_integrated_time_of_an_autoregression() -> None:
+    rng = np.random.default_rng(0)
+    for memory, expected in ((0.0, 1.0), (0.8, 9.0)):
+        series = np.zeros(20_000)
+        for k in range(1, len(series)):
+            series[k] = memory * series[k - 1] + rng.standard_normal()
+        assert integrated_time(series, 200) == pytest.approx(expected, rel=0.2)
+
+
+def test_rows_without_a_pass_stay_as_they_are(tmp_path: Path) -> None:
+    cell, rows = read(simulate(0, "ladder12"), tmp_path)
+    same, thinning = in_blocks(cell, rows)
+    assert same is rows
+    assert thinning is None
+
+
+def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
+    """With known sizes the noise drawn has the covariance its weights invert: r^T Sigma^-1 r is chi-squared."""
+    cell, rows = read(simulate(0, "ladder12"), tmp_path)
+    fit = posterior(cell, rows, PriorModel(cell.prior))
+    drawn = draw_noise(fit.at_map.noise, fit.size, 1e-12 * np.eye(3), np.ones(len(rows)), np.random.default_rng(0), 300)
+    weights = fit.at_map.noise.weights(fit.size)
+    squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))
+    assert kstest(squares, "chi2", args=(3 * len(rows),)).pvalue > 1e-3
+
+
+def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
+    """p-values of data drawn from the fitted null are uniform."""
+    cell, rows = read(simulate(0, "ladder12"), tmp_path)
+    fit = posterior(cell, rows, PriorModel(cell.prior))
+    at, rng = fit.at_map, np.random.default_rng(1)
+    where = situation_of(cell, rows, np.exp(fit.map))
+    words, seen = dictionary(where, at.noise, effects()), patterns(where, at.noise)
+    precision, spread = fit.prior.precision(fit.map), fit.size_spread
+    p_values = []
+    for _ in range(40):
+        drawn = draw_noise(at.noise, fit.size, spread, np.ones(len(rows)), rng, 1)[:, :, 0]
+        base = Base(at.design, drawn, at.noise.weights(fit.size), precision, np.zeros(6))
+        p_values.append(detect(base, words, seen, at.noise, fit.size, spread, np.ones(len(rows)), rng, 99).p_value)
+    assert sum(p <= 0.05 for p in p_values) <= 6        # binomial(40, 0.05): more than 6 has probability 0.3 %
+    assert kstest(p_values, "uniform").pvalue > 1e-3
+
+
+def test_evidence_is_the_integral() -> None:
+    """Against quadrature: a signed coefficient, a positive one, and two coefficients."""
+    def by_quadrature(information: np.ndarray, score: np.ndarray, positive: bool) -> float:
+        grid = np.linspace(0 if positive else -12, 12, 4001 if len(score) == 1 else 401)
+        if len(score) == 1:
+            prior = np.exp(-0.5 * (grid / 1.5) ** 2) / (1.5 * np.sqrt(2 * np.pi)) * (2 if positive else 1)
+            return float(np.log(np.trapezoid(prior * np.exp(score[0] * grid - 0.5 * information[0, 0] * grid**2), grid)))
+        a, b = np.meshgrid(grid, grid, indexing="ij")
+        points = np.stack([a, b], axis=-1)
+        prior = np.exp(-0.5 * np.sum(points**2, axis=-1) / 2.25) / (2.25 * 2 * np.pi)
+        value = points @ score - 0.5 * np.einsum("...i,ij,...j", points, information, points)
+        return float(np.log(np.trapezoid(np.trapezoid(prior * np.exp(value), grid), grid)))
+
+    for positive in (False, True):
+        full, score = np.eye(3)[None].copy(), np.array([[4.0, 0, 0]])
+        full[0, 0, 0] = 3.0
+        found = evidence(full, score, np.array([positive]), np.array([1]))[0]
+        assert found == pytest.approx(by_quadrature(full[0, :1, :1], score[0, :1], positive), abs=1e-3)
+    full = np.eye(3)[None].copy()
+    full[0, :2, :2] = [[3.0, 1.0], [1.0, 2.0]]
+    found = evidence(full, np.array([[2.0, -1.0, 0]]), np.array([False]), np.array([2]))[0]
+    assert found == pytest.approx(by_quadrature(full[0, :2, :2], np.array([2.0, -1.0]), False), abs=1e-3)
+
+
+def test_derivatives_with_effects_in_force(tmp_path: Path) -> None:
+    """By ln c and by the parameters, against differences of the prediction."""
+    cell, rows = read(simulate(2, "ladder12"), tmp_path)
+    terms = (term("soft_zone", 5, [2e-4, 60.0], cell, rows), term("force_misalignment", None, [0.01, 0.0, 0.02], cell, rows))
+    x = np.concatenate([-np.log(cell.prior.stiffness), *(one.start for one in terms)])
+    position, slope = response(cell, rows, x, terms)
+    np.testing.assert_allclose(position, predicted_deflection(cell, rows, x, terms), atol=1e-12)
+    steps = np.concatenate([np.full(6, 1e-4), *(1e-4 * one.scale for one in terms)])
+    for k, step in enumerate(steps):
+        ahead, behind = x.copy(), x.copy()
+        ahead[k] += step
+        behind[k] -= step
+        difference = predicted_deflection(cell, rows, ahead, terms) - predicted_deflection(cell, rows, behind, terms)
+        difference /= 2 * step
+        scale = np.abs(difference).max()
+        np.testing.assert_allclose(slope[:, :, k], difference, atol=0.01 * scale)
+
+
+def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
+    """Effects the plan calls identifiable at under half their typical size are named at 1.5 times it; the scale of the force
+    sensor never."""
+    case = simulate(6, "ladder12")
+    cell, rows = read(case, tmp_path)
+    cell = replace(cell, prior=replace(cell.prior, stiffness=case.stiffness))
+    found, left_out = outlook(cell, rows)
+    grades = {one.entry.label: one for one in found}
+    assert grades["force_gain"].grade == "invisible"
+    assert set(left_out) == {"channel_delay", "joint_friction", "motor_inertia"}
+    easy = [one for one in found
+            if one.identifiable < 0.5 and one.entry.effect.name in ("base_rocking", "bearing_tilt", "backlash")]
+    assert len(easy) >= 3
+    for one in easy[:3]:
+        hidden = simulate(6, "ladder12", [Hidden(one.entry.effect.name, one.entry.joint, 1.5)])
+        cell, rows = read(hidden, tmp_path)
+        assert [cause.label for cause in diagnose(cell, rows).causes] == [one.entry.label]
+
+
+def test_next_loads_separate_what_they_say(tmp_path: Path) -> None:
+    """The readings that two rivals expect differ at the chosen cycle by far more than at a random one."""
+    cell, rows = read(simulate(601, "paper5", [Hidden("spindle_compliance", None, 1.5)]), tmp_path)
+    prior = PriorModel(cell.prior)
+    rivals = {name: (posterior(cell, rows, prior, (term(name, None, [start], cell, rows),)), 0.5)
+              for name, start in (("spindle_compliance", 1e-7), ("base_shift", 5e-8))}
+    chosen = next_loads(cell, rows, rivals, np.random.default_rng(0))
+    assert len(chosen) == 3
+    assert chosen[0].distance > 1
+    models = [model for model, _ in rivals.values()]
+
+    def apart(theta: np.ndarray, axis: int) -> float:
+        trial = candidate_rows(theta[None], np.array([axis]), 300.0)
+        one, other = (predicted_deflection(cell, trial, model.map, model.terms) for model in models)
+        return float(np.abs(one - other).max())
+
+    assert apart(chosen[0].theta, chosen[0].axis) > 0.5 * max(apart(q, a) for q in rows.theta for a in range(3))
+
+
+def test_plan_through_the_command_line(tmp_path: Path) -> None:
+    """A plan's deflections are empty; so may be the columns of a plan that `design` writes."""
+    cell_path, rows_path = simulate(0, "ladder12").write(tmp_path)
+    lines = rows_path.read_text().splitlines()
+    header = next(line for line in lines if line.startswith("q1_deg")).split(",")
+    first = header.index("dx_um")
+    emptied = [line if line.startswith(("#", "q1")) else ",".join(
+        "" if first <= k < first + 3 else cell for k, cell in enumerate(line.split(","))) for line in lines]
+    plan = tmp_path / "plan.csv"
+    plan.write_text("\n".join(emptied) + "\n")
+    done = compstiff("diagnose", cell_path, "--plan", plan, "-o", tmp_path / "outlook.json", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)["result"]
+    assert result == json.loads((tmp_path / "outlook.json").read_text())
+    assert {one["grade"] for one in result["effects"]} <= {"identifiable", "detectable", "invisible"}
+    wrong = compstiff("diagnose", cell_path, rows_path, "--plan", plan)
+    assert wrong.returncode == 2
+    neither = compstiff("diagnose", cell_path)
+    assert neither.returncode == 2
