@@ -30,18 +30,19 @@ def gravity_torque(
     if robot.link_mass is None or robot.link_centre is None:
         return np.zeros((len(theta), 6))
     frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T))
-    rotations = link_rotations(robot, theta)
-    bodies = [(i, robot.link_mass[i], frames.origins[i] + np.einsum("ncj,j->cn", rotations[i], robot.link_centre[i]))
-              for i in range(6)]
+    mass = robot.link_mass.copy()
+    # First moments of mass (6, 3, n): each body's, then of all that an axis carries.
+    moment = np.stack([mass[i] * (frames.origins[i] + (rotation @ robot.link_centre[i]).T)
+                       for i, rotation in enumerate(link_rotations(robot, theta))])
     if tool_mass:
         centre = np.zeros(3) if tool_centre is None else tool_centre
-        bodies.append((5, tool_mass, frames.origins[5] + np.einsum("cjn,j->cn", frames.rotation, centre)))
-    torque = np.zeros((len(theta), 6))
-    for carrier, mass, position in bodies:
-        for axis in range(carrier + 1):
-            arm = np.cross(frames.axes[axis], position - frames.origins[axis], axis=0)
-            torque[:, axis] += mass * (fall @ arm)
-    return np.asarray(torque @ robot.load_matrix)
+        moment[5] += tool_mass * (frames.origins[5] + np.einsum("cjn,j->cn", frames.rotation, centre))
+        mass[5] += tool_mass
+    carried = np.cumsum(moment[::-1], axis=0)[::-1] - np.cumsum(mass[::-1])[::-1, None, None] * frames.origins
+    # m g . (z x r) = z . (m r x g)
+    x, y, z = carried[:, 0], carried[:, 1], carried[:, 2]
+    turning = np.stack([y * fall[2] - z * fall[1], z * fall[0] - x * fall[2], x * fall[1] - y * fall[0]], axis=1)
+    return np.asarray(np.sum(frames.axes * turning, axis=1).T @ robot.load_matrix)
 
 
 def link_rotations(robot: RobotModel, theta: Array) -> list[Array]:
