@@ -34,13 +34,14 @@ from identification.cell import Cell, read_cell
 from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.procedure import Diagnosis, diagnose
 from identification.diagnosis.projection import Base, scores
+from identification.diagnosis.record import record
 from identification.extension import response, situation_of
 from identification.inference import Posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.effects import effects
 from identification.noise import NoiseSize, noise_model
 from tests.hidden_effects.cases import KINDS, hidden_in
-from tests.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, judge, label, truth_names
+from tests.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, label, truth_names
 from tests.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
 from tests.hidden_effects.visible import Visible, visible
 from tests.virtual_cell.cell import Case, simulate
@@ -106,8 +107,7 @@ def one(arguments: tuple[str, str, int]) -> Result:
     before = time.perf_counter()
     found = diagnose(cell, measurements)
     seconds = time.perf_counter() - before
-    given = Answer(found.verdict, frozenset(label(cause.effect.name, cause.joint) for cause in found.causes),
-                   tuple(label(cause.effect.name, cause.joint) for cause in found.alternatives))
+    given = answer(record(cell, measurements, found))
     truth = truth_names(case.truth)
     outcome = judge(truth, given)
     models = (found.plain, found.extended if found.verdict == "named" else found.plain)
@@ -174,12 +174,12 @@ def baselines(cell: Cell, measurements: Measurements, found: Diagnosis) -> tuple
     worth = (count * np.log(squares / np.maximum(squares - ratio, 1e-9 * squares))
              - words.widths * np.log(count))
 
-    def answer(significant: bool, which: int) -> Answer:
+    def said(significant: bool, which: int) -> Answer:
         return Answer("named", frozenset([names[which]])) if significant else Answer("adequate")
 
     best = int(np.argmax(worth))
-    return (answer(p_value[strongest] < 0.05, strongest), answer(p_value[strongest] < 0.05 / len(p_value), strongest),
-            answer(worth[best] > 0, best))
+    return (said(p_value[strongest] < 0.05, strongest), said(p_value[strongest] < 0.05 / len(p_value), strongest),
+            said(worth[best] > 0, best))
 
 
 def share(count: int, total: int) -> str:
@@ -297,7 +297,8 @@ def mistakes(results: Iterable[Result]) -> None:
     for r in results:
         lost = r.kind != "outside" and r.identifiable and r.outcome not in ("right", "part")
         off = r.outcome == "right" and not r.covered(1)
-        if not (r.outcome in ("wrong", "ambiguous out") or lost or off):
+        alarm = not r.truth and r.outcome != "quiet"
+        if not (r.outcome in ("wrong", "ambiguous out") or lost or off or alarm):
             continue
         seen = "; ".join(f"{one.label} signal {one.signal:.1f} own {one.own:.1f} left {one.left:.1f}" for one in r.seen)
         factors = ", ".join(f"{factor:.2f}" for factor in r.factors)

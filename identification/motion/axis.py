@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 class Axis:
     """A joint in the records that have it, low-passed to `band` [Hz], the records below one another.
 
-    deflection (n,) [rad], torque (n,) [N m], angle (n,) [rad] of the motor, time (n,) [s]; lengths: samples of each record.
+    deflection (n,) [rad], torque (n,) [N m], angle (n,) [rad] of the motor, time (n,) [s]; lengths: samples of
+    each record; dictionary: the shapes of each effect that the joint can show. band infinite: nothing was filtered.
     """
 
     joint: int
@@ -34,11 +35,7 @@ class Axis:
     angle: Array
     time: Array
     lengths: tuple[int, ...]
-
-    @cached_property
-    def dictionary(self) -> list[list[Shape]]:
-        """The shapes of each effect that the joint can show."""
-        return shapes(self.logs, self.rates, self.band, catalogue())
+    dictionary: list[list[Shape]]
 
     @cached_property
     def plain(self) -> Array:
@@ -81,7 +78,7 @@ def axis_of(joint: int, records: list[MotionLog], band: float = BAND) -> Axis:
     together = np.concatenate(parts)
     time = np.concatenate([thinned(record.time, rate, band) for record, rate in zip(having, rates, strict=True)])
     return Axis(joint, logs, angles, rates, band, together[:, 0], together[:, 1], together[:, 2], time,
-                tuple(len(part) for part in parts))
+                tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,13 @@ class MotionLog:
         """Samples a second."""
         return (len(self.time) - 1) / float(self.time[-1] - self.time[0])
 
+    def cut(self, start: int, stop: int) -> MotionLog:
+        """The samples from start to stop."""
+        part = slice(start, stop)
+        joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.compliance)
+                  for k, log in self.joints.items()}
+        return MotionLog(self.source, self.time[part], joints, {k: one[part] for k, one in self.angle.items()}, ())
+
 
 def is_motion_log(path: str | Path) -> bool:
     """Whether a file is a joint deflection log: a .mat file, or a table with motor and link angles."""

@@ -57,7 +57,7 @@ def judge(truth: Names, given: Answer) -> Outcome:
     if given.verdict == "unknown":
         return "unknown"
     if given.verdict == "named":
-        return "right" if given.names == truth else "part" if given.names < truth else "wrong"
+        return "right" if given.names == truth != frozenset() else "part" if frozenset() < given.names < truth else "wrong"
     found = truth & set(given.alternatives)
     return "ambiguous out" if not found else "ambiguous in" if found == truth else "ambiguous part"
 
