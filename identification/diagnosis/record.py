@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identification.cell import Cell
 from identification.diagnosis.procedure import Cause, Diagnosis
-from identification.extension import predicted_deflection
+from identification.extension import predicted_deflection, situation_of, split
 from identification.findings import Finding
 from identification.measurements import Measurements
 from identification.model.effects import effects
@@ -27,7 +27,7 @@ def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str
         "verdict": found.verdict,
         "misfit": {"rms_um": 1e6 * rms(residual), "expected_rms_um": 1e6 * rms(expected_std(cell, found)),
                    "p_value": found.detection.p_value, "p_resolution": found.detection.resolution},
-        "causes": [_cause(found, cause) for cause in found.causes] + [bad.as_dict() for bad in found.bad_rows],
+        "causes": [_cause(cell, found, cause) for cause in found.causes] + [bad.as_dict() for bad in found.bad_rows],
         "alternatives": [_named(cause) for cause in found.alternatives],
         "gain": None if found.gain is None else found.gain.as_dict(),
         "next_measurements": next_measurements(found),
@@ -77,9 +77,10 @@ def _named(cause: Cause) -> dict[str, Any]:
     return {"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability}
 
 
-def _cause(found: Diagnosis, cause: Cause) -> dict[str, Any]:
-    place = 6
-    for term in found.extended.terms:
+def _cause(cell: Cell, found: Diagnosis, cause: Cause) -> dict[str, Any]:
+    model, place = found.extended, 6
+    where = situation_of(cell, found.rows, np.exp(model.map[:6]))
+    for term, fitted in zip(model.terms, split(model.map, model.terms), strict=True):
         count = len(term.start)
         if term.label == cause.label:
             spread = np.sqrt(np.diag(found.extended.covariance))[place: place + count]
@@ -89,8 +90,10 @@ def _cause(found: Diagnosis, cause: Cause) -> dict[str, Any]:
                                  "unit": parameter.unit}
                 for parameter, value, std in zip(term.effect.parameters, mean, spread, strict=True)}
             values |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
+            moved = term.effect.contribution(where, term.joint, fitted)[:, :3]
             return _named(cause) | {"family": cause.effect.family, "of_robot": cause.effect.of_robot,
-                                    "sentence": cause.sentence, "parameters": values}
+                                    "sentence": cause.sentence, "parameters": values,
+                                    "largest_um": 1e6 * float(np.linalg.norm(moved, axis=1).max())}
         place += count
     raise KeyError(cause.label)
 
@@ -98,14 +101,15 @@ def _cause(found: Diagnosis, cause: Cause) -> dict[str, Any]:
 def summary(cell: Cell, found: Diagnosis) -> list[str]:
     """The answer in plain words."""
     before, allowed = 1e6 * rms(plain_residual(cell, found)), 1e6 * rms(expected_std(cell, found))
-    lines = [f"the plain model leaves {before:.2f} um RMS, the noise allows {allowed:.2f} um "
-             f"(p = {found.detection.p_value:.3g}, resolution {found.detection.resolution:.2g})"]
+    lines = []
     if found.verdict == "adequate":
         lines.append("adequate: six springs explain the data to their noise")
     elif found.verdict == "named":
         for cause in found.causes:
-            values = ", ".join(f"{name} = {value(item)}" for name, item in _cause(found, cause)["parameters"].items())
-            lines.append(f"named: {cause.sentence} ({cause.label}: {values}; probability {cause.probability:.3f})")
+            told = _cause(cell, found, cause)
+            values = ", ".join(f"{name} = {value(item)}" for name, item in told["parameters"].items())
+            lines.append(f"named: {cause.sentence}. In these measurements it makes up to {told['largest_um']:.0f} um "
+                         f"({cause.label}: {values}; probability {cause.probability:.3f})")
         for bad in found.bad_rows:
             off = ", ".join(f"{1e6 * one:.1f}" for one in bad.off)
             lines.append(f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out")
@@ -119,6 +123,8 @@ def summary(cell: Cell, found: Diagnosis) -> list[str]:
     else:
         lines.append("unknown: something is wrong that no cause in the dictionary explains")
         lines += [f"  seen: {pattern}" for pattern in found.patterns[:4]]
+    lines.append(f"the plain model leaves {before:.2f} um RMS, the noise allows {allowed:.2f} um "
+                 f"(p = {found.detection.p_value:.3g}, resolution {found.detection.resolution:.2g})")
     if found.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ from identification.motion.band import low_pass
 Array = NDArray[np.float64]
 # A shape is offered where it is this far from a straight line through the torque (share of its own size), else c holds it.
 STRAIGHT = 0.02
+# The logged torque is the gear's but for noise and friction of this size [N m], so free play is crossed early or late.
+SMEARED = (0.0, 30.0, 100.0)
+# Quantiles of the standard normal distribution, equally likely.
+NORMAL = tuple(NormalDist().inv_cdf((k + 0.5) / 15) for k in range(15))
 # Multiples of an effect's grid of torques, for gears whose torques are larger than the grid was made for.
 WIDER = (1.0, 4.0, 16.0)
 
@@ -27,7 +32,8 @@ WIDER = (1.0, 4.0, 16.0)
 @dataclass(frozen=True, eq=False)
 class Shape:
     """One effect with the values that are not linear fixed. columns: of the full-rate log (n, p), one a free parameter;
-    free: which those are; through_spring: whether the coefficient is the parameter times the compliance; positive (p,)."""
+    free: which those are; through_spring: whether the coefficient is the parameter times the compliance; positive (p,);
+    smear: standard deviation [N m] of the torque it is averaged over."""
 
     effect: Effect
     fixed: Array
@@ -35,6 +41,7 @@ class Shape:
     columns: Array
     through_spring: bool
     positive: tuple[bool, ...]
+    smear: float = 0.0
 
     @property
     def name(self) -> str:
@@ -59,7 +66,8 @@ def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[
     """The shapes of each effect, most effects have one; columns are the records' below one another, low-passed."""
     found = []
     for effect in offered:
-        group = [shape for fixed in _grid(effect, logs) if (shape := _shape(effect, fixed, logs, rates, band)) is not None]
+        group = [shape for fixed in _grid(effect, logs) for smear in (SMEARED if effect.name == "backlash" else (0.0,))
+                 if (shape := _shape(effect, fixed, logs, rates, band, smear)) is not None]
         if group:
             found.append(group)
     return found
@@ -78,10 +86,14 @@ def _grid(effect: Effect, logs: list[JointLog]) -> list[Array]:
     return [np.array(choice) for choice in itertools.product(*axes)]
 
 
-def _shape(effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float], band: float) -> Shape | None:
+def _shape(
+    effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float], band: float, smear: float
+) -> Shape | None:
     free = tuple(int(k) for k in np.flatnonzero(np.isnan(fixed)))
     start = np.nan_to_num(fixed)
-    columns = np.column_stack([_column(effect, start, k, logs, rates, band) for k in free])
+    turns = NORMAL if smear else (0.0,)
+    moved = [[replace(log, torque=log.torque + smear * turn) for log in logs] for turn in turns]
+    columns = np.column_stack([np.mean([_column(effect, start, k, each, rates, band) for each in moved], axis=0) for k in free])
     torque = np.concatenate([low_pass(log.torque[:, None], rate, band)[:, 0] for log, rate in zip(logs, rates, strict=True)])
     line = np.column_stack([np.ones_like(torque), torque])
     kept = []
@@ -98,7 +110,7 @@ def _shape(effect: Effect, fixed: Array, logs: list[JointLog], rates: list[float
     through = bool(np.allclose(twice, 2 * once, rtol=1e-6, atol=1e-12 * float(np.abs(once).max() + 1e-300))
                    and np.any(once != 0))
     return Shape(effect, start, tuple(free[j] for j in kept), columns[:, kept], through,
-                 tuple(effect.parameters[free[j]].positive for j in kept))
+                 tuple(effect.parameters[free[j]].positive for j in kept), smear)
 
 
 def _column(effect: Effect, fixed: Array, which: int, logs: list[JointLog], rates: list[float], band: float) -> Array:

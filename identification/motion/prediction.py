@@ -58,7 +58,7 @@ def _again(axis: Axis, shape: Shape) -> Array:
     found = np.zeros((len(axis.torque), len(shape.fixed)))
     for group in axis.dictionary:
         for other in group:
-            if other.name == shape.name and np.array_equal(other.fixed, shape.fixed):
+            if other.name == shape.name and other.smear == shape.smear and np.array_equal(other.fixed, shape.fixed):
                 found[:, list(other.free)] = other.columns
     return found
 

@@ -5,7 +5,7 @@
 The motor's inertia, its friction and the encoders' delay are there in any motion, so they are always in the model; viscous
 friction and the delay share one column and are not told apart. What is left of the torque beside these tells c. The interval
 has two parts: the noise, by generalised least squares, and the law: how far c moves when the band is changed, a deviation that
-follows the joint's angle is allowed, or friction inside the gear.
+follows the joint's angle is allowed, or, where the data speak for them, a bend or friction inside the gear.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 BANDS = (4.0, BAND, 9.0)
 NUISANCE = ("channel_delay (link)", "joint_friction", "motor_inertia")
 ANGLE_DEGREE = 4
+# Laws of the gear that change what is taken for its stiffness, where the data speak for them.
+BENDING = ("hysteresis", "soft_zone", "backlash")
 # Share of the torque's variance that must be left beside speed, its sign and acceleration.
 LEAST_SHARE = 0.02
 # c over its standard deviation: below the first no stiffness is stated, from the second on it is reliable.
@@ -116,10 +118,15 @@ def _variants(axis: Axis, base: Array) -> list[list[Array]]:
     span = np.ptp(axis.angle)
     place = 2 * (axis.angle - axis.angle.min()) / (span if span > 0 else 1.0) - 1
     found: list[list[Array]] = [[], [np.polynomial.chebyshev.chebvander(place, ANGLE_DEGREE)[:, 1:]]]
-    inside = [group for group in axis.dictionary if group[0].name == "hysteresis"]
-    if inside:
-        best = min(inside[0], key=lambda shape: solve(axis, np.column_stack([base, shape.columns])).chi2)
-        found.append([best.columns])
+    alone = solve(axis, base)
+    for group in axis.dictionary:
+        if group[0].name not in BENDING:
+            continue
+        tried = [(solve(axis, np.column_stack([base, shape.columns])), shape) for shape in group]
+        best, shape = min(tried, key=lambda one: one[0].chi2)
+        supported = best.count * np.log(alone.chi2 / best.chi2) > np.log(best.count)
+        if supported and (not shape.positive[0] or best.coefficients[-1] > 0):
+            found.append([shape.columns])
     return found
 
 

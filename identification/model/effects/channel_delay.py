@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 
 class ChannelDelay(Effect):
     """Channel "torque": the spring's answer to the torque as it was `delay_s` later or before. Channel "link": the link
-    encoder's angle is `delay_s` old, which adds the angle travelled since, `speed delay - acceleration delay^2 / 2`."""
+    encoder's angle is `delay_s` old, which adds what the link turned since: to second order in the delay, from the speed of the
+    link as it was recorded."""
 
     name = "channel_delay"
     family = "force measurement"
@@ -41,6 +42,7 @@ class ChannelDelay(Effect):
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         delay = float(values[0])
         if self.channel == "link":
-            return np.asarray(delay * log.speed - 0.5 * delay**2 * log.acceleration)
+            speed = log.speed - np.gradient(log.deflection, log.time)
+            return np.asarray(delay * speed + 0.5 * delay**2 * np.gradient(speed, log.time))
         # A torque that was recorded late stands later in the log than the deflection it caused.
         return np.asarray(log.compliance * (log.delayed(-delay) - log.torque))
