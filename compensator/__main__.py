@@ -13,7 +13,8 @@ def run() -> None:
 
         main()
     except KeyboardInterrupt:
-        os._exit(INTERRUPTED)
+        files = sys.modules.get("identification.files")
+        os._exit(0 if files and files.written else INTERRUPTED)
     except SystemExit as done:
         import signal
 

@@ -13,6 +13,9 @@ from pathlib import Path
 
 from identification.findings import error
 
+# Output files of this process that are in place: from then on an interrupt finds the work done.
+written: list[Path] = []
+
 
 def sha256(path: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
@@ -51,6 +54,7 @@ def write_whole(files: dict[Path, bytes]) -> None:
         with _uninterrupted():
             for path, name in temporary.items():
                 os.replace(name, path)
+            written.extend(temporary)
     except OSError as reason:
         raise error("CS0004", f"cannot be written: {reason.strerror or reason}",
                     file=str(reason.filename or next(iter(files))),
