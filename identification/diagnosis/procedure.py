@@ -17,6 +17,7 @@ from identification.diagnosis.gain import Gain, gain
 from identification.diagnosis.gross import BadRow, bad_rows
 from identification.diagnosis.patterns import patterns
 from identification.diagnosis.projection import Base
+from identification.diagnosis.sag import sag_columns
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey, survey
 from identification.diagnosis.settle import NextLoad, next_loads
@@ -215,7 +216,7 @@ def test(
     words = dictionary(where, at.noise, catalogue)
     precision = fitted.prior.precision(fitted.map)
     shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
-    base = Base(at.design, at.residual, at.weights, precision, shift)
+    base = Base(at.design, at.residual, at.weights, precision, shift).extended(sag_columns(where, at.noise))
     for term in fitted.terms:
         entry = next(k for k, one in enumerate(words.entries) if one.label == term.label)
         places = [k for k in words.entries[entry].signatures if words.signatures[k].effect.where == term.effect.where]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.diagnosis.dictionary import Dictionary, dictionary
 from identification.diagnosis.projection import Base, scores
+from identification.diagnosis.sag import sag_columns
 from identification.extension import Term, response, situation_of
 from identification.inference import Posterior
 from identification.measurements import Measurements
@@ -92,7 +93,7 @@ def survey(
     where = situation_of(cell, rows, np.exp(fitted.map[:6]))
     noise, weights = fitted.at_map.noise, fitted.at_map.weights
     words = dictionary(where, noise, catalogue)
-    base = base_at(cell, rows, prior, fitted.map[:6], noise, weights)
+    base = base_at(cell, rows, prior, fitted.map[:6], noise, weights).extended(sag_columns(where, noise))
     found: dict[frozenset[int], Hypothesis] = {}
     beam = [Hypothesis((), (), 0.0)]
     for _ in range(levels):

@@ -1,0 +1,42 @@
+"""What the robot's own weight may do where the robot file has no `links`: it is not known, so it may not pass for a cause.
+
+Under its weight the arm hangs by dq = c g(theta) at joints 2 and 3 before it is loaded, and the weight's moving with the load
+acts like springs there. To first order the deflection changes by `d elastic / d theta_i` times the sag, and by `J_i tau_i c_i`
+times `c_i d g_i / d theta_i`; g goes with the sine and cosine of the link's angle. Ten columns, each with the size that an arm
+of a few hundred kilograms makes, are free beside every model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.situation import Situation
+from identification.noise import NoiseModel
+
+Array = NDArray[np.float64]
+# Joints that carry the arm's weight, from 0.
+CARRIERS = (1, 2)
+# Gravity torque at a carrier [N m]: an assumption, of the order that an arm of 600 kg with its spindle has half stretched out.
+WEIGHT_NM = 4000.0
+STEP = 1e-4
+
+
+def sag_columns(where: Situation, noise: NoiseModel) -> Array:
+    """Columns (n, 3, 10) in the noise's coordinates, of the size that is usual; none where the robot file has links."""
+    if where.robot.link_mass is not None:
+        return np.zeros((len(where), 3, 0))
+    columns = []
+    for i in CARRIERS:
+        sag = where.compliance[i] * WEIGHT_NM
+        ahead, behind = where.theta.copy(), where.theta.copy()
+        ahead[:, i] += STEP
+        behind[:, i] -= STEP
+        slope = (replace(where, theta=ahead).elastic - replace(where, theta=behind).elastic)[:, :3] / (2 * STEP)
+        spring = where.jacobian[:, :3, i] * (where.compliance[i] * where.torque[:, i])[:, None]
+        angle = where.theta[:, i]
+        columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
+                    sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
+    return np.asarray(noise.rotation @ np.stack(columns, axis=2))
