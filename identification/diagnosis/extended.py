@@ -6,14 +6,14 @@ import numpy as np
 
 from identification.cell import Cell
 from identification.diagnosis.procedure import Diagnosis
-from identification.diagnosis.record import extended_residual, rms
+from identification.diagnosis.record import residual, rms
 from identification.identifiability import grade_joints
 from identification.model.stiffness import EffectInForce, IdentifiedModel
 
 
 def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
-    """The extended model as stiffness.json carries it."""
-    fitted = found.extended
+    """The extended model as stiffness.json carries it; the plain one where nothing is named."""
+    fitted = found.extended if found.verdict == "named" else found.plain
     kept, inside, place = list(range(6)), [], 6
     for term in fitted.terms:
         if term.effect.of_robot:
@@ -22,7 +22,7 @@ def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
         place += len(term.start)
     joints = fitted.of_joints()
     grades = grade_joints(cell, found.rows, joints, joints.prior)
-    figures = {"rows": len(found.rows), "residual_rms_um": 1e6 * rms(extended_residual(cell, found)), "chi2": fitted.chi2,
+    figures = {"rows": len(found.rows), "residual_rms_um": 1e6 * rms(residual(cell, found, fitted)), "chi2": fitted.chi2,
                "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.size.sensor, "diagnosis": found.verdict,
                "measurement_effects": [term.label for term in fitted.terms if not term.effect.of_robot]}
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean[kept], fitted.covariance[np.ix_(kept, kept)],

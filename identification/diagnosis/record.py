@@ -11,6 +11,7 @@ from identification.cell import Cell
 from identification.diagnosis.procedure import Cause, Diagnosis
 from identification.extension import predicted_deflection, situation_of, split
 from identification.findings import Finding
+from identification.inference import Posterior
 from identification.measurements import Measurements
 from identification.model.effects import effects
 from identification.noise import residual_std
@@ -21,11 +22,11 @@ FORMAT = "compstiff-diagnosis"
 
 def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str, Any]:
     """The content of diagnosis.json."""
-    residual = plain_residual(cell, found)
+    left = plain_residual(cell, found)
     return {
         "format": FORMAT, "version": 1, "robot": cell.robot.name, "load_path": cell.robot.load_path,
         "verdict": found.verdict,
-        "misfit": {"rms_um": 1e6 * rms(residual), "expected_rms_um": 1e6 * rms(expected_std(cell, found)),
+        "misfit": {"rms_um": 1e6 * rms(left), "expected_rms_um": 1e6 * rms(expected_std(cell, found)),
                    "p_value": found.detection.p_value, "p_resolution": found.detection.resolution},
         "causes": [_cause(cell, found, cause) for cause in found.causes] + [bad.as_dict() for bad in found.bad_rows],
         "alternatives": [_named(cause) for cause in found.alternatives],
@@ -47,12 +48,16 @@ def rms(values: Array) -> float:
 
 def plain_residual(cell: Cell, found: Diagnosis) -> Array:
     """Measured minus predicted by the plain model, fitted rows (n, 3) [m]."""
-    return np.asarray(found.rows.deflection - predicted_deflection(cell, found.rows, found.plain.map))
+    return residual(cell, found, found.plain)
 
 
 def extended_residual(cell: Cell, found: Diagnosis) -> Array:
     """Measured minus predicted by the extended model, fitted rows (n, 3) [m]."""
-    model = found.extended
+    return residual(cell, found, found.extended)
+
+
+def residual(cell: Cell, found: Diagnosis, model: Posterior) -> Array:
+    """Measured minus predicted by a model, fitted rows (n, 3) [m]."""
     return np.asarray(found.rows.deflection - predicted_deflection(cell, found.rows, model.map, model.terms))
 
 
