@@ -10,7 +10,8 @@ noise is realistic and the cell file states it only nominally. Six further poses
 Before anything is diagnosed, the noise-free truth says what the data could tell (tests/hidden_effects/visible.py). Tables come
 first over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
 Baselines, on the same data, for single effects, under the stated sigma alone: `t-tests` 5 % each, the strongest is the name;
-`max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated.
+`max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated. How many further loads a set of
+names takes until one is certain: benchmarks/next_loads.py.
 """
 
 from __future__ import annotations
@@ -331,7 +332,6 @@ def main() -> None:
                 coverages(of["single"])
             rest_report(of)
             baselines_report(of)
-            # Loads until P > 0.95: here, once identification.diagnosis offers the next loads.
             seconds = [result.seconds for result in everything]
             print(f"  seconds a case: {np.mean(seconds):.1f} mean, {np.max(seconds):.1f} most")
             print("  what went wrong")

@@ -18,4 +18,4 @@ def test_confounder_is_not_taken_for_it(where: Place) -> None:
 
 
 def test_play_that_every_load_crosses_looks_like_a_soft_zone() -> None:
-    check_ambiguous(0, Hidden("backlash", 1), Hidden("soft_zone", 1))
+    check_ambiguous(1, Hidden("backlash", 1), Hidden("soft_zone", 1))
