@@ -111,7 +111,7 @@ def one(arguments: tuple[str, str, int]) -> Result:
     given = answer(record(cell, measurements, found))
     truth = truth_names(case.truth)
     outcome = judge(truth, given)
-    models = (found.plain, found.extended if found.verdict == "named" else found.plain)
+    models = (found.plain, found.carried or found.plain)
     adequacy = found.adequacy.p_value if found.adequacy else None
     return Result(
         seed, kind, truth, tuple(hidden.factor for hidden in case.hidden), seen, given, outcome,
@@ -126,7 +126,7 @@ def held_out(cell: Cell, measurements: Measurements, case: Case, found: Diagnosi
     if told is None:
         return None
     return Held(*(squares_left(cell, measurements, model) for model in (
-        found.plain, found.extended if found.verdict == "named" else found.plain, told)))
+        found.plain, found.carried or found.plain, told)))
 
 
 def coverage(case: Case, models: Sequence[Posterior]) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -143,14 +143,15 @@ def standardised(case: Case, found: Diagnosis) -> tuple[float, ...]:
     """Errors of the named effects' parameters in stated standard deviations, where the hidden law is the dictionary's."""
     errors, place = [], 6
     true = {label(truth["effect"], truth["joint"]): truth["parameters"] for truth in case.truth}
-    for term in found.extended.terms:
+    carried = found.carried or found.plain
+    for term in carried.terms:
         for k, parameter in enumerate(term.effect.parameters, start=place):
             values = true[label(term.effect.name, term.joint)]
             if term.effect.name not in OTHER_LAW and parameter.name in values:
-                off = found.extended.mean[k] - values[parameter.name]
+                off = carried.mean[k] - values[parameter.name]
                 if parameter.unit == "rad" and parameter.shape:
                     off = (off + np.pi) % (2 * np.pi) - np.pi
-                errors.append(float(off / np.sqrt(found.extended.covariance[k, k])))
+                errors.append(float(off / np.sqrt(carried.covariance[k, k])))
         place += len(term.effect.parameters)
     return tuple(errors)
 

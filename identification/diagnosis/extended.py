@@ -13,7 +13,7 @@ from identification.model.stiffness import EffectInForce, IdentifiedModel
 
 def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
     """The extended model as stiffness.json carries it; the plain one where nothing is named."""
-    fitted = found.extended if found.verdict == "named" else found.plain
+    fitted = found.carried or found.plain
     kept, inside, place = list(range(6)), [], 6
     for term in fitted.terms:
         if term.effect.of_robot:
@@ -24,6 +24,6 @@ def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
     grades = grade_joints(cell, found.rows, joints, joints.prior)
     figures = {"rows": len(found.rows), "residual_rms_um": 1e6 * rms(residual(cell, found, fitted)), "chi2": fitted.chi2,
                "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.size.sensor, "diagnosis": found.verdict,
-               "measurement_effects": [term.label for term in fitted.terms if not term.effect.of_robot]}
+               "measurement_effects": [cause.label for cause in found.causes if not cause.effect.of_robot]}
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean[kept], fitted.covariance[np.ix_(kept, kept)],
                            tuple(grade.grade for grade in grades), figures, effects=tuple(inside))

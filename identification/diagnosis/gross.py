@@ -16,13 +16,18 @@ from identification.cell import Cell
 from identification.extension import predicted_deflection, situation_of
 from identification.inference import Posterior
 from identification.measurements import Measurements
-from identification.noise import residual_std, tails
+from identification.noise import DEGREES, residual_std, tails
 
 Array = NDArray[np.float64]
 # Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.
 ALARM = 0.0005
 # More bad rows than this share are no single mistakes.
 MOST = 0.05
+
+
+def heavier(degrees: float) -> float:
+    """Two steps heavier tails than estimated, as far as they are tried: a few hundred rows do not tell tails well."""
+    return DEGREES[max(DEGREES.index(degrees) - 2, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,7 @@ def bad_rows(cell: Cell, rows: Measurements, fitted: Posterior) -> tuple[BadRow,
         worst = int(candidates[np.argmax(distance[candidates])])
         others = candidates[candidates != worst]
         degrees, scale = tails(distance[others], count[others])
+        degrees = heavier(degrees)
         ratio = float(distance[worst] / scale)
         p_value = chi2.sf(ratio, count[worst]) if np.isinf(degrees) else f.sf(ratio / count[worst], count[worst], degrees)
         if p_value * len(candidates) > ALARM:

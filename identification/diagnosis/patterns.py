@@ -87,6 +87,16 @@ def patterns(where: Situation, noise: NoiseModel) -> tuple[Pattern, ...]:
         step = f - _before(f, where.starts)
         add("a load along one axis moves the tool in a way no spring explains", *_axes(f), *_axes(np.abs(f)))
         add("a load along one axis leaves something behind", *_axes(np.sign(step)), *_axes(_before(f, where.starts)))
+    pushed = np.linalg.norm(force, axis=1) / typical
+    for j in range(3):
+        axis = where.tool[:, :, j]
+        own = np.einsum("ni,ni->n", axis, force)[:, None] / typical
+        add("tool or spindle move in a way no spring explains", axis * own, axis * np.abs(own), axis * np.sign(own))
+        side = np.zeros((len(where), 6))
+        side[:, j] = typical * pushed
+        moved = where.compliant(side)[:, :3]
+        add("a load brings another force along", moved,
+            *(moved * wave[:, None] for wave in (np.cos(where.theta[:, 0]), np.sin(where.theta[:, 0]))))
     found = []
     for name, members in columns.items():
         seen = [column for column in members if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]

@@ -13,6 +13,7 @@ from identification.cell import Cell
 from identification.diagnosis.blocks import Thinning, in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import dictionary
+from identification.diagnosis.discrepancy import discrepancies, uncertain
 from identification.diagnosis.gain import Gain, gain
 from identification.diagnosis.gross import BadRow, bad_rows
 from identification.diagnosis.patterns import patterns
@@ -42,6 +43,10 @@ MOST_CAUSES = 3
 SUPPORT = 1.0
 # An effect under this share of its typical size is no cause beside others.
 SLIGHT = 0.4
+# Nor is one of this share of the signal of an effect whose law is uncertain by more.
+BESIDE = 0.15
+# ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn.
+AGAINST = -3.0
 # A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
 GROSS = 2.0
 NEARLY_ALL = 0.97
@@ -80,7 +85,8 @@ class Diagnosis:
     patterns: what is seen of an unknown cause. matters: by how much [m, RMS] the rivals differ in what the robot does under the
     largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why. law_differs: the causes
     explain nearly all of the misfit, and what is left is still more than noise. bad_rows: not among `rows`.
-    thinning: how the rows of machined passes were averaged."""
+    thinning: how the rows of machined passes were averaged. carried: the extended model with the laws of its effects free
+    within what real ones differ by, None where nothing is named: its numbers are the ones to use."""
 
     verdict: Verdict
     rows: Measurements
@@ -100,6 +106,7 @@ class Diagnosis:
     law_differs: bool = False
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
+    carried: Posterior | None = None
 
 
 def diagnose(
@@ -156,8 +163,7 @@ def judge(
         seen, best, extended = converged(cell, rows, prior, extended, catalogue, MOST_CAUSES)
         adequacy = test(cell, rows, extended, catalogue, rng, replicates)
     scattered = beyond_stated(cell, rows, extended, GRANTED_AFTER_NAMING)
-    slight = {term.label for term, values in zip(extended.terms, split(extended.map, extended.terms), strict=True)
-              if size_of(term, values) < SLIGHT}
+    slight = slight_terms(cell, rows, extended)
     if best is not None and slight and len(slight) < len(extended.terms):
         # They stand for what the others' laws do not give exactly; a cause is not that small beside another.
         kept = tuple(term for term in extended.terms if term.label not in slight)
@@ -179,10 +185,36 @@ def judge(
     if together < CERTAIN and not sure:
         return ambiguous(cell, found, prior, seen, rng)
     measured = gain(cell, measurements, plain, extended, rng)
-    if measured.support <= 0 and not only_local(seen, best):
+    if measured.support <= AGAINST and not only_local(seen, best):
         return replace(ambiguous(cell, found, prior, seen, rng), withdrawn=tuple(cause.label for cause in causes))
     others = tuple(cause for cause in names if cause.label not in labels and cause.probability >= WORTH_NAMING)
-    return replace(found, verdict="named", causes=causes, alternatives=others, gain=measured)
+    return replace(found, verdict="named", causes=causes, alternatives=others, gain=measured,
+                   carried=with_free_laws(cell, rows, prior, extended))
+
+
+def with_free_laws(cell: Cell, rows: Measurements, prior: PriorModel, extended: Posterior) -> Posterior:
+    """The extended model fitted again with the laws of its effects free within what real ones differ by."""
+    where = situation_of(cell, rows, np.exp(extended.map[:6]))
+    terms = tuple(replace(term, start=values) for term, values in zip(
+        extended.terms, split(extended.map, extended.terms), strict=True))
+    free = discrepancies(where, terms)
+    return posterior(cell, rows, prior, (*terms, *free), extended.map[:6]) if free else extended
+
+
+def slight_terms(cell: Cell, rows: Measurements, extended: Posterior) -> set[str]:
+    """Labels of the terms that stand for what the others' laws do not give exactly: small against their typical size, or small
+    in these rows beside an effect whose law is uncertain."""
+    where = situation_of(cell, rows, np.exp(extended.map[:6]))
+    at, found, strength = extended.at_map, set(), {}
+    for term, values in zip(extended.terms, split(extended.map, extended.terms), strict=True):
+        if size_of(term, values) < SLIGHT:
+            found.add(term.label)
+        added = at.noise.rotation @ term.effect.contribution(where, term.joint, values)[:, :3, None]
+        strength[term.label] = float(np.sqrt(at.weights.inner(added, added)[0, 0]))
+    for term in extended.terms:
+        if uncertain(term.effect):
+            found |= {label for label, value in strength.items() if value < BESIDE * strength[term.label]}
+    return found
 
 
 def ambiguous(cell: Cell, found: Diagnosis, prior: PriorModel, seen: Survey, rng: np.random.Generator) -> Diagnosis:

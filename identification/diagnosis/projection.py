@@ -21,8 +21,8 @@ from identification.noise import Weights
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
 PRIOR_SIZES = 1.5
-# Information per typical size squared under which a signature cannot be told from the stiffnesses at all.
-UNSEEN = 1e-6
+# Information under which an effect of its typical size stays far inside the noise: it can be neither named nor ruled out.
+INVISIBLE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,11 @@ def _flat(columns: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Of all S signatures: score (S, 3), information (S, 3, 3), best coefficients (S, 3), ratio (S,): generalised likelihood
-    ratio, evidence (S,): ln of the Bayes factor against no effect, seen (S,): whether the rows can show it at all."""
+    """Of all S signatures: evidence (S,), ln of the Bayes factor against no effect; visible (S,), whether the rows could show
+    it at its typical size."""
 
-    score: Array
-    information: Array
-    coefficients: Array
-    ratio: Array
     evidence: Array
-    seen: NDArray[np.bool_]
+    visible: NDArray[np.bool_]
 
 
 def scores(base: Base, words: Dictionary) -> Scores:
@@ -101,7 +97,10 @@ def scores(base: Base, words: Dictionary) -> Scores:
     n, _, count, width = words.columns.shape
     flat = words.columns.reshape(n, 3, -1)
     b = base.score(flat, base.residual[:, :, None], base.shift)[:, 0].reshape(count, width)
-    return Scores(b, *blocks(base, words, b))
+    information = information_blocks(base, words)
+    used = np.arange(width)[None] < words.widths[:, None]
+    largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
+    return Scores(evidence(information, b, words.positive, words.widths), largest > INVISIBLE)
 
 
 def information_blocks(base: Base, words: Dictionary) -> Array:
@@ -115,25 +114,6 @@ def information_blocks(base: Base, words: Dictionary) -> Array:
     unused = np.arange(width)[None] >= words.widths[:, None]
     own[unused[:, :, None] & np.eye(width, dtype=bool)] = 1.0
     return np.asarray(own)
-
-
-def blocks(base: Base, words: Dictionary, b: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """information, coefficients, ratio, evidence, seen for scores b (S, 3)."""
-    information = information_blocks(base, words)
-    used = np.arange(b.shape[1])[None] < words.widths[:, None]
-    largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
-    seen = largest > UNSEEN
-    coefficients = np.where(seen[:, None], best(information, b), 0.0)
-    ratio = np.sum(b * coefficients, axis=1)
-    wrong_sign = words.positive & (coefficients[:, 0] < 0)
-    value = evidence(information, b, words.positive, words.widths)
-    return information, coefficients, np.where(wrong_sign, 0.0, ratio), value, seen
-
-
-def best(information: Array, b: Array) -> Array:
-    """G^-1 b (S, 3), a little damped where G is singular."""
-    ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(b.shape[1]) + 1e-12 * np.eye(b.shape[1])
-    return np.asarray(np.linalg.solve(information + ridge, b[..., None])[..., 0])
 
 
 def evidence(information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp]) -> Array:

@@ -83,13 +83,13 @@ def _named(cause: Cause) -> dict[str, Any]:
 
 
 def _cause(cell: Cell, found: Diagnosis, cause: Cause) -> dict[str, Any]:
-    model, place = found.extended, 6
+    model, place = found.carried or found.extended, 6
     where = situation_of(cell, found.rows, np.exp(model.map[:6]))
     for term, fitted in zip(model.terms, split(model.map, model.terms), strict=True):
         count = len(term.start)
         if term.label == cause.label:
-            spread = np.sqrt(np.diag(found.extended.covariance))[place: place + count]
-            mean = found.extended.mean[place: place + count]
+            spread = np.sqrt(np.diag(model.covariance))[place: place + count]
+            mean = model.mean[place: place + count]
             values: dict[str, Any] = {
                 parameter.name: {"estimate": float(np.clip(value, parameter.low, parameter.high)), "std": float(std),
                                  "unit": parameter.unit}

@@ -114,7 +114,7 @@ def _grown(
     if hypothesis.signatures:
         base = base.extended(np.concatenate([words.shapes(entry, signature) for entry, signature in zip(
             hypothesis.entries, hypothesis.signatures, strict=True)], axis=2))
-    found = _without_doubt(base, words, where, noise)
+    found, visible = _without_doubt(base, words, where, noise)
     grown = []
     # Two laws of one gear are one law that is not exactly the dictionary's.
     geared = {words.entries[k].joint for k in hypothesis.entries if words.entries[k].effect.gear_law}
@@ -122,15 +122,23 @@ def _grown(
         if k in hypothesis.entries or (entry.effect.gear_law and entry.joint in geared):
             continue
         members = np.arange(entry.signatures.start, entry.signatures.stop)
+        if not visible[members].any():
+            continue
         value, best = _entry_evidence(found[members], members)
         grown.append(Hypothesis((*hypothesis.entries, k), (*hypothesis.signatures, best), hypothesis.log_evidence + value))
     return grown
 
 
-def _without_doubt(base: Base, words: Dictionary, where: Situation, noise: NoiseModel) -> Array:
-    """Evidence (S,) of every signature. The laws of one gear share out what they have together by the rows in which no force
-    error decides on which side of its play the gear rests: those rows tell play from friction by chance alone."""
-    found = scores(base, words).evidence
+def _without_doubt(
+    base: Base, words: Dictionary, where: Situation, noise: NoiseModel
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
+
+    The laws of one gear share out what they have together by the rows in which no force error decides on which side of its
+    play the gear rests: those rows tell play from friction by chance alone.
+    """
+    told = scores(base, words)
+    found, visible = told.evidence, told.visible
     for joint in range(1, 7):
         undecided = words.undecided(where, noise, joint)
         if not undecided.shape[2]:
@@ -141,7 +149,7 @@ def _without_doubt(base: Base, words: Dictionary, where: Situation, noise: Noise
                                 for k in entries])
         decided = scores(base.extended(undecided), words.part(entries)).evidence
         found[signatures] = decided + np.logaddexp.reduce(found[signatures] + share) - np.logaddexp.reduce(decided + share)
-    return found
+    return found, visible
 
 
 def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, int]:

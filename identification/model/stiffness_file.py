@@ -244,7 +244,8 @@ def _square(rows: list[list[float]], what: str, size: int, name: str) -> Array:
 def _semidefinite(matrix: Array, what: str, name: str) -> Array:
     """The symmetrised matrix; refuses what is not symmetric or has a negative variance in any direction."""
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    scaled = matrix / np.where(scale > 0, np.outer(scale, scale), 1.0)
+    product = np.outer(scale, scale)
+    scaled = matrix / np.where(product > 0, product, 1.0)
     if np.max(np.abs(scaled - scaled.T)) > 1e-6:
         raise error("CS1203", f"{what} is not symmetric", file=name)
     if np.any(np.diag(matrix) < 0) or np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() < -1e-6:

@@ -29,7 +29,10 @@ __all__ = ["DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
 
 # EFFECTS.md's table, without the three entries for logs taken in motion; and the effects that are in no dictionary.
 DICTIONARY = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ != effects_outside.__name__)
-OUTSIDE = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ == effects_outside.__name__)
+OUTSIDE = tuple(name for name, entry in EFFECTS.items()
+                if entry.build.__module__ == effects_outside.__name__ and entry.known_as == name)
+# Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques.
+NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE)
 assert {entry.build.__module__ for entry in EFFECTS.values()} == {
     module.__name__ for module in (effects_robot, effects_measurement, effects_outside)}
 LOG_STD = 0.5       # of the true stiffnesses about the prior's medians

@@ -17,7 +17,7 @@ def _stiffening(draw: Draw) -> Parameters:
     return {"torque_nm": {1: 1000.0, 6: 60.0}[draw.joint] / np.sqrt(max(draw.factor, 1e-9))}
 
 
-@effect("gear_stiffening", _stiffening, (1, 6))
+@effect("gear_stiffening", _stiffening, (1, 6), known_as="soft_zone")
 def gear_stiffening(plant: Plant, joint: int, parameters: Parameters) -> None:
     """A cubic gear. On joints that carry no weight only: under 2000 N m of gravity it would be another gear altogether."""
     plant.laws.append(Stiffening(plant.drive(joint), 1 / plant.stiffness[joint - 1], parameters["torque_nm"]))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.virtual_cell.cell import DICTIONARY, OUTSIDE, Hidden, draw, main, parse, simulate
+from tests.virtual_cell.cell import DICTIONARY, NEAR, OUTSIDE, Hidden, draw, main, parse, simulate
 from tests.virtual_cell.hidden import EFFECTS
 from tests.virtual_cell.inverse import comfortable
 
@@ -19,20 +19,20 @@ def places(name: str) -> tuple[int | None, ...]:
 def test_names() -> None:
     assert len(DICTIONARY) == 23
     assert len(OUTSIDE) >= 6
-    assert len(EFFECTS) == len(DICTIONARY) + len(OUTSIDE)
+    assert len(EFFECTS) == len(DICTIONARY) + len(OUTSIDE) + len(NEAR)
 
 
 def test_each_effect_at_typical_size_is_some_micrometres() -> None:
     """Prints the table; each effect shows at one of its joints at least, and none breaks the robot."""
     plain = simulate(2, noise="none").deflection_um
-    for name in (*DICTIONARY, *OUTSIDE):
+    for name in (*DICTIONARY, *OUTSIDE, *NEAR):
         found = {joint: simulate(2, hidden=[Hidden(name, joint)], noise="none").deflection_um for joint in places(name)}
         rms = {joint: float(np.sqrt(np.mean((deflection - plain) ** 2))) for joint, deflection in found.items()}
         print(name.ljust(28), "  ".join(f"{joint or ''}: {size:.2f}" for joint, size in rms.items()))
         assert 0.2 < max(rms.values()) < 100
 
 
-@pytest.mark.parametrize("name", [*DICTIONARY, *OUTSIDE])
+@pytest.mark.parametrize("name", [*DICTIONARY, *OUTSIDE, *NEAR])
 def test_no_size_no_change(name: str) -> None:
     for joint in places(name):
         case = simulate(3, "poses20", [Hidden(name, joint, 0.0)], "none")

@@ -25,7 +25,7 @@ class SoftZone(Effect):
     joints = (1, 2, 3, 4, 5, 6)
     gear_law = True
     parameters = (Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3),
-                  Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(35.0, 70.0, 140.0, 280.0), shape=True),)
+                  Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True),)
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
 
