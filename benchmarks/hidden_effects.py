@@ -168,7 +168,7 @@ def baselines(cell: Cell, measurements: Measurements, found: Diagnosis) -> tuple
     residual = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(rows.deflection) - position)
     base = Base(noise.rotation @ slope, residual, noise.weights(NoiseSize()), 1e-6 * np.eye(6), np.zeros(6))
     words = dictionary(situation_of(cell, rows, np.exp(x)), noise, effects())
-    ratio = np.where(scores(base, words).seen, scores(base, words).ratio, 0.0)
+    ratio = np.where(scores(base, words).visible, scores(base, words).ratio, 0.0)
     free = residual.reshape(-1) - base.design.reshape(-1, 6) @ base.step(residual)
     names = [label(words.entries[k].effect.name, words.entries[k].joint) for k in words.entry_of]
     p_value = chi2.sf(ratio, words.widths)

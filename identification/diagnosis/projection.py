@@ -86,9 +86,10 @@ def _flat(columns: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class Scores:
     """Of all S signatures: evidence (S,), ln of the Bayes factor against no effect; visible (S,), whether the rows could show
-    it at its typical size."""
+    it at its typical size; ratio (S,), the generalised likelihood ratio, zero where the best coefficient has the wrong sign."""
 
     evidence: Array
+    ratio: Array
     visible: NDArray[np.bool_]
 
 
@@ -100,7 +101,10 @@ def scores(base: Base, words: Dictionary) -> Scores:
     information = information_blocks(base, words)
     used = np.arange(width)[None] < words.widths[:, None]
     largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
-    return Scores(evidence(information, b, words.positive, words.widths), largest > INVISIBLE)
+    ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
+    best = np.linalg.solve(information + ridge, b[..., None])[..., 0]
+    ratio = np.where(words.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
+    return Scores(evidence(information, b, words.positive, words.widths), ratio, largest > INVISIBLE)
 
 
 def information_blocks(base: Base, words: Dictionary) -> Array:
