@@ -146,7 +146,7 @@ def standardised(case: Case, found: Diagnosis) -> tuple[float, ...]:
     carried = found.carried or found.plain
     for term in carried.terms:
         for k, parameter in enumerate(term.effect.parameters, start=place):
-            values = true[label(term.effect.name, term.joint)]
+            values = true.get(label(term.effect.name, term.joint), {})
             if term.effect.name not in OTHER_LAW and parameter.name in values:
                 off = carried.mean[k] - values[parameter.name]
                 if parameter.unit == "rad" and parameter.shape:

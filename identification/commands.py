@@ -42,16 +42,29 @@ def robots(session: Session) -> Outcome:
 @click.option("--gamma", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
               help="Weight of the Gaussian prior (paper, eq. 11).")
 @click.option("--profile", is_flag=True, help="Also compute each stiffness's profile likelihood (in --json and the report).")
+@click.option("--also", multiple=True, type=READABLE, help="A further joint deflection log; may be given several times.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def identify(
     session: Session, cell_file: Path, measurements_file: Path, output: Path, prior_kind: PriorKind, gamma: float,
-    profile: bool, report: Path | None,
+    profile: bool, also: tuple[Path, ...], report: Path | None,
 ) -> Outcome:
     """Learn the joint stiffnesses from measured loads and deflections.
 
-    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
+    log.
     """
     import json
+
+    from identification.motion.log_file import is_motion_log
+
+    if is_motion_log(measurements_file):
+        from identification.motion.jobs import identify_logs
+
+        if prior_kind != "lognormal" or gamma != 1.0 or profile:
+            raise click.UsageError("--prior, --gamma and --profile are for measured TCP deflections, not for logs in motion")
+        return identify_logs(session, cell_file, [measurements_file, *also], output, report)
+    if also:
+        raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
 
     from identification.cell import read_cell
     from identification.files import check_writable, write_whole
@@ -106,14 +119,16 @@ def stiffness_lines(fit: Fit) -> list[str]:
               help="Rate of false alarms, over the whole dictionary.")
 @click.option("--replicates", type=click.IntRange(19, 9999), default=199, show_default=True,
               help="Simulated data sets behind the p-value; its resolution is 1 / (replicates + 1).")
+@click.option("--validate", type=READABLE, help="A joint deflection log that is not fitted: the gain is measured on it.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def diagnose(
     session: Session, cell_file: Path, measurements_file: Path | None, output: Path | None, plan: Path | None,
-    extended: Path | None, alarm: float, replicates: int, report: Path | None,
+    extended: Path | None, alarm: float, replicates: int, validate: Path | None, report: Path | None,
 ) -> Outcome:
     """Show what the model gets wrong, name the cause, measure the gain.
 
-    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections.
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
+    log.
     """
     if plan is not None:
         if measurements_file is not None or extended is not None or report is not None:
@@ -122,6 +137,16 @@ def diagnose(
     if measurements_file is None or output is None:
         raise click.UsageError("give MEASUREMENTS and -o DIAGNOSIS, or --plan FILE")
     import json
+
+    from identification.motion.log_file import is_motion_log
+
+    if is_motion_log(measurements_file):
+        from identification.motion.jobs import diagnose_log
+
+        return diagnose_log(session, cell_file, measurements_file, validate, output, extended=extended, alarm=alarm,
+                            replicates=replicates, report=report)
+    if validate is not None:
+        raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
     from identification.cell import read_cell
     from identification.diagnosis.procedure import diagnose
@@ -143,6 +168,8 @@ def diagnose(
 
         model = extended_model(cell, found).as_dict()
         files[extended] = (json.dumps(model, indent=1, allow_nan=False) + "\n").encode()
+        if not model["effects"]:
+            session.say(f"{extended} is the model of six springs: no effect of the robot is named")
     if report:
         from identification.diagnosis.pages import diagnosis_report
 
@@ -200,4 +227,27 @@ def explain(session: Session, code: str | None) -> Outcome:
     return Outcome(dict(page), lines=lines)
 
 
-COMMANDS = (robots, identify, diagnose, explain)
+@command("convert", writes=True)
+@click.argument("log", metavar="LOG", type=READABLE)
+@click.option("--form", required=True, type=click.Choice(["kuka-kr300", "metallicadour", "lvm", "net-ft"]),
+              help="What LOG is.")
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The CSV or Parquet file to write.")
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Samples a second (metallicadour, net-ft).")
+@click.option("--channels", default="Fx,Fy,Fz,Mx,My,Mz", show_default=True, help="Force, then moment channels (lvm).")
+@click.option("--counts-per-force", type=click.FloatRange(min=0, min_open=True), default=1e6, show_default=True,
+              help="Of the sensor (net-ft).")
+@click.option("--counts-per-torque", type=click.FloatRange(min=0, min_open=True), default=1e6, show_default=True,
+              help="Of the sensor (net-ft).")
+def convert(
+    session: Session, log: Path, form: str, output: Path, rate: float | None, channels: str, counts_per_force: float,
+    counts_per_torque: float,
+) -> Outcome:
+    """Turn a public or a sensor's own log into columns that the other commands read."""
+    from identification.public.convert import convert_log
+
+    session.inputs.append(log)
+    return convert_log(log, form, output, rate, tuple(name.strip() for name in channels.split(",")),
+                       (counts_per_force, counts_per_torque), overwrite=session.overwrite)
+
+
+COMMANDS = (robots, identify, diagnose, convert, explain)

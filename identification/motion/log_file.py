@@ -23,7 +23,7 @@ MOST_LAG, WORTH_SAYING = 5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class MotionLog:
-    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. angle: motor angle (n,) [rad] of each."""
+    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. angle: motor angles (n,) [rad]."""
 
     source: str
     time: Array
@@ -73,10 +73,12 @@ def read_motion_log(path: str | Path) -> MotionLog:
     too short.
     """
     path = Path(path)
+    line: NDArray[np.intp] | None = None
+    findings: list[Finding] = []
     if path.suffix.lower() == ".mat":
         from identification.public.kuka_kr300 import read_record
 
-        columns, line, findings = read_record(path), None, []
+        columns = read_record(path)
     else:
         columns, line, findings = _table(path)
     name, time = str(path), columns["time_s"]

@@ -63,6 +63,11 @@ def _again(axis: Axis, shape: Shape) -> Array:
     return found
 
 
+def straight_line(axis: Axis) -> Array:
+    """Offsets and compliance (records + 1,) of the plain spring by ordinary least squares: the straight line one would draw."""
+    return np.asarray(np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0], dtype=float)
+
+
 def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Array:
     """What a fit with `lengths` offsets leaves (n,) on another axis object, the offsets' mean taken for its own."""
     offset = float(np.mean(fitted[:lengths]))
@@ -70,22 +75,25 @@ def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Arra
     return np.asarray(axis.deflection - offset - columns[:, own:] @ fitted[lengths:])
 
 
-def held_out(axis: Axis, one: Hypothesis, records: list[MotionLog], validate: MotionLog | None) -> tuple[Gain, tuple[bool, ...]]:
+def held_out(
+    axis: Axis, one: Hypothesis, records: list[MotionLog], validate: MotionLog | None
+) -> tuple[Gain, tuple[bool, ...]]:
     """The gain of a hypothesis where it was not fitted, and of each of its causes whether it helps there."""
     joint = axis.joint
     if validate is not None:
         splits = [(axis, validate)]
         how = f"validate: {validate.source}"
     else:
-        splits = [(axis_of(joint, train, axis.band), test) for record in records if joint in record.joints
-                  for train, test in _folds(record, [other for other in records if other is not record and joint in other.joints])]
+        having = [record for record in records if joint in record.joints]
+        splits = [(axis_of(joint, train, axis.band), test) for record in having
+                  for train, test in _folds(record, [other for other in having if other is not record])]
         how = f"cross-validation by {FOLDS} blocks of time"
     plain_left, left, measured = [], [], []
     smooth = [np.zeros(0)] * (len(one.shapes) + 1)
     for train, test in splits:
         raw, low = axis_of(joint, [test], np.inf), axis_of(joint, [test], axis.band)
         offsets = len(train.lengths)
-        plain = np.linalg.lstsq(train.plain, train.deflection, rcond=None)[0]
+        plain = straight_line(train)
         plain_left.append(residual_on(plain, offsets, raw, raw.plain))
         full = solve(train, model_columns(train, one)).coefficients
         left.append(residual_on(full, offsets, raw, model_columns(raw, one)))
@@ -108,7 +116,8 @@ def _folds(record: MotionLog, others: list[MotionLog]) -> list[tuple[list[Motion
     edges = np.linspace(0, count, FOLDS + 1).astype(int)
     found = []
     for k in range(FOLDS):
-        pieces = [record.cut(start, stop) for start, stop in ((0, edges[k]), (edges[k + 1], count)) if stop - start > count // 6]
+        ends = ((0, edges[k]), (edges[k + 1], count))
+        pieces = [record.cut(start, stop) for start, stop in ends if stop - start > count // 6]
         found.append((pieces + others, record.cut(edges[k], edges[k + 1])))
     return found
 

@@ -16,7 +16,7 @@ from identification.motion.axis import Axis, axis_of, solve
 from identification.motion.band import BAND
 from identification.motion.dictionary import Shape
 from identification.motion.log_file import MotionLog
-from identification.motion.prediction import Gain, held_out, model_columns
+from identification.motion.prediction import Gain, held_out, model_columns, straight_line
 from identification.motion.remainder import Remainder, remainder
 from identification.motion.search import Hypothesis, survey
 from identification.motion.stiffness import AxisStiffness, axis_stiffness
@@ -52,9 +52,9 @@ class LogCause:
 
 @dataclass(frozen=True, eq=False)
 class AxisDiagnosis:
-    """One joint. named: the hypothesis of the certain causes only (what the gain is about); best: the likeliest. causes: certain;
-    alternatives: others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band.
-    residuals (n, 2) [rad]: plain and extended, fitted, at full rate. withdrawn: names that do not predict."""
+    """One joint. named: the hypothesis of the certain causes only, which the gain is about. causes: certain; alternatives:
+    others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band. deflection
+    (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict."""
 
     joint: int
     axis: Axis
@@ -94,12 +94,13 @@ def diagnose_logs(
     """
     joints = sorted({joint for record in records for joint in record.joints})
     if validate is not None and (missing := [joint for joint in joints if joint not in validate.joints]):
-        raise error("CS1501", f"has no motor and link angle of joint {', '.join(map(str, missing))}, which is to be tested on it",
-                    file=validate.source, hint="validate with a record of the same joints")
+        raise error("CS1501", f"has no motor and link angle of joint {', '.join(map(str, missing))}", file=validate.source,
+                    hint="validate with a record of the same joints")
     rng = np.random.default_rng(seed)
     axes = tuple(_axis(joint, records, validate, alarm / len(joints), replicates, rng) for joint in joints)
     verdicts = [one.verdict for one in axes]
-    order: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "adequate")
+    # What is certain at one joint stays so whatever another shows; each joint's own verdict stands beside the overall one.
+    order: tuple[Verdict, ...] = ("named", "unknown", "ambiguous", "adequate")
     overall: Verdict = next(verdict for verdict in order if verdict in verdicts)
     return LogDiagnosis(overall, tuple(records), validate, axes, 1 / (replicates + 1))
 
@@ -121,7 +122,8 @@ def _axis(
                              raw.deflection, left)
     sure = {entry for entry in range(len(axis.dictionary)) if _at_work(hypotheses, entry) >= CERTAIN}
     named = next((one for one in hypotheses if set(one.entries) == sure), plain)
-    gain, withdrawn = None, ()
+    gain: Gain | None = None
+    withdrawn: tuple[str, ...] = ()
     if named.entries:
         gain, helps = held_out(axis, named, records, validate)
         withdrawn = tuple(name for name, good in zip(named.names, helps, strict=True) if not good)
@@ -129,9 +131,9 @@ def _axis(
             kept = {entry for entry, good in zip(named.entries, helps, strict=True) if good}
             named = next((one for one in hypotheses if set(one.entries) == kept), plain)
             gain = held_out(axis, named, records, validate)[0] if named.entries else None
-    causes = tuple(_cause(axis, named, k, _at_work(hypotheses, entry)) for k, entry in enumerate(named.entries))
-    others = sorted((entry for entry in range(len(axis.dictionary)) if entry not in named.entries
-                     and _at_work(hypotheses, entry) >= WORTH_NAMING), key=lambda entry: -_at_work(hypotheses, entry))
+    chance = [_at_work(hypotheses, entry) for entry in range(len(axis.dictionary))]
+    causes = tuple(_cause(axis, named, k, chance[entry]) for k, entry in enumerate(named.entries))
+    others = [int(k) for k in np.argsort(-np.array(chance)) if k not in named.entries and chance[k] >= WORTH_NAMING]
     alternatives = tuple(_first(axis, hypotheses, entry) for entry in others)
     seen, before, after = _seen(axis, raw, named), _left(axis, plain), _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
@@ -142,8 +144,8 @@ def _axis(
         best = _seen(axis, raw, hypotheses[0])
         verdict = "ambiguous" if hypotheses[0].entries and not _patterns(best) else "unknown"
         alternatives, causes, gain = (*causes, *alternatives), (), None
-    return AxisDiagnosis(joint, axis, verdict, p_value, hypotheses, named, causes, alternatives, withdrawn, explained, seen, gain,
-                         stiffness, raw.deflection, _residuals(axis, raw, named))
+    return AxisDiagnosis(joint, axis, verdict, p_value, hypotheses, named, causes, alternatives, withdrawn, explained, seen,
+                         gain, stiffness, raw.deflection, _residuals(axis, raw, named))
 
 
 def detection(axis: Axis, replicates: int, rng: np.random.Generator) -> float:
@@ -164,11 +166,11 @@ def _largest(axis: Axis) -> float:
     plain = solve(axis, axis.plain)
     tried = [shape.columns for group in axis.dictionary for shape in group]
     tried.append(np.column_stack([group[len(group) // 2].columns for group in axis.dictionary]))
-    found = []
+    found: list[float] = []
     for columns in tried:
         one = solve(axis, np.column_stack([axis.plain, columns]))
-        found.append(0.5 * one.count * np.log(plain.chi2 / one.chi2) / columns.shape[1] ** 0.5)
-    return float(max(found))
+        found.append(float(0.5 * one.count * np.log(plain.chi2 / one.chi2)) / float(columns.shape[1]) ** 0.5)
+    return max(found)
 
 
 def _at_work(hypotheses: tuple[Hypothesis, ...], entry: int) -> float:
@@ -208,8 +210,9 @@ def _left(axis: Axis, one: Hypothesis) -> Array:
 
 def _residuals(axis: Axis, raw: Axis, one: Hypothesis) -> Array:
     """Full-rate residuals (n, 2) of the plain straight line and of the hypothesis."""
-    plain = np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0]
-    return np.column_stack([raw.deflection - raw.plain @ plain, raw.deflection - model_columns(raw, one) @ one.solved.coefficients])
+    line = raw.plain @ straight_line(axis)
+    extended = model_columns(raw, one) @ one.solved.coefficients if one.entries else line
+    return np.column_stack([raw.deflection - line, raw.deflection - extended])
 
 
 def _seen(axis: Axis, raw: Axis, one: Hypothesis) -> Remainder:

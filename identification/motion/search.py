@@ -89,34 +89,34 @@ def _fitted(axis: Axis, entries: tuple[int, ...], chosen: tuple[Shape, ...], pla
     """The set with columns of the wrong sign left out; None where an effect has nothing left, or doubles another's column."""
     kept = [list(range(shape.columns.shape[1])) for shape in chosen]
     base = axis.plain.shape[1]
-    while True:
-        columns = [shape.columns[:, mine] for shape, mine in zip(chosen, kept, strict=True)]
-        if any(one.shape[1] == 0 for one in columns):
-            return None
-        wide = np.column_stack([axis.plain, *columns])
+    while all(kept):
+        wide = np.column_stack([axis.plain, *(shape.columns[:, mine] for shape, mine in zip(chosen, kept, strict=True))])
         if _doubled(wide):
-            dropped = _drop_doubled(axis, chosen, kept)
-            if not dropped:
+            if not _drop_doubled(kept):
                 return None
             continue
         solved = solve(axis, wide)
         if solved.coefficients[base - 1] <= 0 and chosen and any(shape.through_spring for shape in chosen):
             return None
-        place, wrong = base, None
-        worst = 0.0
-        for k, shape in enumerate(chosen):
-            for position, column in enumerate(kept[k]):
-                value = solved.coefficients[place]
-                sigma = value / max(float(np.sqrt(solved.covariance[place, place])), 1e-300)
-                if shape.positive[column] and sigma < worst:
-                    worst, wrong = sigma, (k, position)
-                place += 1
+        wrong = _wrong_sign(solved, base, chosen, kept)
         if wrong is None:
-            break
+            free = wide.shape[1] - base
+            gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - 0.5 * free * np.log(solved.count)
+            return Hypothesis(entries, chosen, tuple(tuple(mine) for mine in kept), solved, float(gain))
         del kept[wrong[0]][wrong[1]]
-    free = wide.shape[1] - base
-    gain = 0.5 * solved.count * np.log(plain.chi2 / solved.chi2) - 0.5 * free * np.log(solved.count)
-    return Hypothesis(entries, chosen, tuple(tuple(mine) for mine in kept), solved, float(gain))
+    return None
+
+
+def _wrong_sign(
+    solved: Solved, base: int, chosen: tuple[Shape, ...], kept: list[list[int]]
+) -> tuple[int, int] | None:
+    """The coefficient that is furthest on the wrong side of zero: (shape, place among those it keeps); None: all are right."""
+    sigma = solved.coefficients[base:] / np.sqrt(np.maximum(np.diag(solved.covariance)[base:], 1e-300))
+    places = [(k, position, shape.positive[column]) for k, shape in enumerate(chosen)
+              for position, column in enumerate(kept[k])]
+    wrong = [(float(value), k, position) for value, (k, position, positive) in zip(sigma, places, strict=True)
+             if positive and value < 0]
+    return min(wrong)[1:] if wrong else None
 
 
 def _doubled(wide: Array) -> bool:
@@ -125,10 +125,10 @@ def _doubled(wide: Array) -> bool:
     return bool(np.linalg.svd(scaled, compute_uv=False)[-1] < SAME)
 
 
-def _drop_doubled(axis: Axis, chosen: tuple[Shape, ...], kept: list[list[int]]) -> bool:
+def _drop_doubled(kept: list[list[int]]) -> bool:
     """Leaves out the last column of the last effect that has more than one (viscous friction beside the link's delay)."""
-    for k in reversed(range(len(chosen))):
-        if len(kept[k]) > 1:
-            kept[k].pop()
+    for mine in reversed(kept):
+        if len(mine) > 1:
+            mine.pop()
             return True
     return False

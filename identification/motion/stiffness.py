@@ -3,9 +3,10 @@
     deflection = offset + c (torque - F_c sign(speed) - F_v speed - J acceleration) + delay speed
 
 The motor's inertia, its friction and the encoders' delay are there in any motion, so they are always in the model; viscous
-friction and the delay share one column and are not told apart. What is left of the torque beside these tells c. The interval
+friction and the delay share one column and are not told apart. Where the data speak for a bend of the gear or friction inside
+it, c is averaged over both readings by their evidence. What is left of the torque beside these tells c. The interval
 has two parts: the noise, by generalised least squares, and the law: how far c moves when the band is changed, a deviation that
-follows the joint's angle is allowed, or, where the data speak for them, a bend or friction inside the gear.
+follows the joint's angle is allowed, or the gear is straight or not.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.robot import Prior
-from identification.motion.axis import Axis, axis_of, solve
+from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND
 from identification.motion.dictionary import Shape
 from identification.motion.log_file import MotionLog
@@ -96,12 +97,12 @@ def _from(joint: int, records: list[MotionLog]) -> AxisStiffness:
         axis = axis_of(joint, records, band)
         base = np.column_stack([axis.plain, *(shape.columns[:, :1] for shape in _always(axis))])
         place = len(axis.lengths)
-        for extra in _variants(axis, base):
-            values.append(float(solve(axis, np.column_stack([base, *extra])).coefficients[place]))
+        straightened = [solve(axis, np.column_stack([base, *extra])) for extra in _variants(axis, base)]
+        followed = solve(axis, np.column_stack([base, _angle_columns(axis)]))
+        values += [float(one.coefficients[place]) for one in (*straightened, followed)]
         if band == BAND:
-            solved = solve(axis, base)
-            central, noise = float(solved.coefficients[place]), float(np.sqrt(solved.covariance[place, place]))
-            delay = (float(solved.coefficients[place + 1]), float(np.sqrt(solved.covariance[place + 1, place + 1])))
+            central, noise = _averaged(straightened, place)
+            delay = _averaged(straightened, place + 1)
             share, samples = _left(base, place), sum(len(log.time) for log in axis.logs)
             straight = float(np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0][-1])
             worth = axis.memory.worth(len(axis.torque))
@@ -114,10 +115,8 @@ def _always(axis: Axis) -> list[Shape]:
 
 
 def _variants(axis: Axis, base: Array) -> list[list[Array]]:
-    """Columns more than the base that a law nearby would have."""
-    span = np.ptp(axis.angle)
-    place = 2 * (axis.angle - axis.angle.min()) / (span if span > 0 else 1.0) - 1
-    found: list[list[Array]] = [[], [np.polynomial.chebyshev.chebvander(place, ANGLE_DEGREE)[:, 1:]]]
+    """Columns more than the base: none, and those of each bend that the data speak for."""
+    found: list[list[Array]] = [[]]
     alone = solve(axis, base)
     for group in axis.dictionary:
         if group[0].name not in BENDING:
@@ -128,6 +127,23 @@ def _variants(axis: Axis, base: Array) -> list[list[Array]]:
         if supported and (not shape.positive[0] or best.coefficients[-1] > 0):
             found.append([shape.columns])
     return found
+
+
+def _angle_columns(axis: Axis) -> Array:
+    span = np.ptp(axis.angle)
+    place = 2 * (axis.angle - axis.angle.min()) / (span if span > 0 else 1.0) - 1
+    return np.asarray(np.polynomial.chebyshev.chebvander(place, ANGLE_DEGREE)[:, 1:], dtype=float)
+
+
+def _averaged(answers: list[Solved], place: int) -> tuple[float, float]:
+    """A coefficient and its standard deviation, averaged over answers by their evidence (BIC)."""
+    logs = np.array([-0.5 * one.count * np.log(one.chi2) - 0.5 * len(one.coefficients) * np.log(one.count) for one in answers])
+    weight = np.exp(logs - logs.max())
+    weight /= weight.sum()
+    value = np.array([one.coefficients[place] for one in answers])
+    variance = np.array([one.covariance[place, place] for one in answers])
+    mean = float(weight @ value)
+    return mean, float(np.sqrt(weight @ (variance + (value - mean) ** 2)))
 
 
 def _left(columns: Array, place: int) -> float:
@@ -142,8 +158,9 @@ def _judged(one: AxisStiffness) -> AxisStiffness:
     spread = (f"c = {one.compliance:.2e} rad/(N m), {one.noise_std:.1e} by the noise and {one.law_std:.1e} by how the log is "
               f"read; {100 * one.share:.1f} % of the torque's variance is not that of speed and acceleration")
     if one.share < LEAST_SHARE:
-        grade, reason = "not identifiable", (f"torque follows speed and acceleration too closely: {100 * one.share:.1f} % of its "
-                                             f"variance is its own, {100 * LEAST_SHARE:g} % are needed")
+        grade, reason = "not identifiable", ("torque follows speed and acceleration too closely: "
+                                             f"{100 * one.share:.1f} % of its variance is its own, {100 * LEAST_SHARE:g} % "
+                                             "are needed")
     elif ratio < STATED:
         grade, reason = "not identifiable", f"the log does not fix it: {spread}"
     else:

@@ -27,13 +27,14 @@ def read_record(path: str | Path) -> dict[str, Array]:
     Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     name = str(path)
     try:
         content: dict[str, Any] = loadmat(name, squeeze_me=True, struct_as_record=False)
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
-    except (ValueError, TypeError, NotImplementedError, KeyError) as reason:
+    except (MatReadError, ValueError, TypeError, NotImplementedError, KeyError) as reason:
         raise error("CS0201", f"is not a MATLAB file that can be read: {reason}", file=name) from reason
     found = {}
     for struct, field in NEEDED:
