@@ -21,6 +21,8 @@ from identification.noise import DEGREES, residual_std, tails
 Array = NDArray[np.float64]
 # Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.
 ALARM = 0.0005
+# Rows at one pose without which none of them can be called bad.
+COMPANY = 3
 # More bad rows than this share are no single mistakes.
 MOST = 0.05
 
@@ -58,7 +60,8 @@ def bad_rows(cell: Cell, rows: Measurements, fitted: Posterior) -> tuple[BadRow,
     distance = np.where(at.noise.measured, own**2 / (size.sensor**2 + size.force**2 * at.noise.force), 0.0).sum(axis=1)
     count = at.noise.measured.sum(axis=1)
     where = situation_of(cell, rows, np.exp(fitted.map[:6]))
-    kept = count > 0
+    # A row that is alone at its pose may be off for any reason that pose has.
+    kept = (count > 0) & (np.bincount(at.noise.visit)[at.noise.visit] >= COMPANY)
     for term in fitted.terms:
         kept &= ~term.effect.undecided(where, term.joint)
     found: list[int] = []
