@@ -130,6 +130,7 @@ def with_terms(prior: PriorModel, terms: tuple[Term, ...]) -> PriorModel:
     start, scale, neutral = (np.concatenate([getattr(term, name) for term in terms]) for name in ("start", "scale", "neutral"))
     shape = np.array([parameter.shape for parameter in parameters])
     return replace(
-        prior, term_mean=np.where(shape, start, neutral), term_std=np.where(shape, np.maximum(scale, np.abs(start)), WIDE * scale),
+        prior, term_mean=np.where(shape, start, neutral),
+        term_std=np.where(shape, np.maximum(scale, np.abs(start)), WIDE * scale),
         term_low=np.array([parameter.low for parameter in parameters]),
         term_high=np.array([parameter.high for parameter in parameters]))

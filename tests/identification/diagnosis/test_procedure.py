@@ -261,7 +261,8 @@ def test_what_is_not_named_is_not_carried_on(tmp_path: Path) -> None:
     for hidden, verdict in (([Hidden("bearing_tilt", 5, 1.23)], "ambiguous"),
                             ([Hidden("deflection_sensor_rotation", None, 2.0)], "named")):
         cell_path, rows_path = simulate(126, "ladder12", hidden).write(tmp_path)
-        done = compstiff("diagnose", cell_path, rows_path, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json", "--force")
+        done = compstiff("diagnose", cell_path, rows_path, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json",
+                         "--force")
         assert done.returncode == 0, done.stderr
         assert json.loads((tmp_path / "d.json").read_text())["verdict"] == verdict
         model = json.loads((tmp_path / "s.json").read_text())
