@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Hz. The lowest resonance of a heavy six-axis arm lies near 8-15 Hz; the band stays under it.
+# Hz. A choice, made after looking at the public KUKA records (docs/real-data.md says how much hangs on it); no document.
 BAND = 6.0
 # Samples kept a period of the band's upper edge.
 KEPT = 2.4

@@ -199,7 +199,7 @@ def _cause(axis: Axis, one: Hypothesis, which: int, probability: float) -> LogCa
         slope[k] = 1 / c if shape.through_spring else 1.0
         if shape.through_spring:
             slope[spring] = -coefficients[k] / c**2
-        std[shape.free[column]] = float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+        std[shape.free[column]] = float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
     return LogCause(shape, axis.joint, probability, values, std)
 
 

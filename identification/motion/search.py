@@ -2,7 +2,8 @@
 
 The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's memory is that of the
 whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with a known
-sign has the other, or the compliance is negative, is judged without that coefficient.
+sign has the other, or the compliance is negative, is judged without that coefficient. Free play and a soft zone are never in
+one set: a real gear's bend is neither exactly, and the two together would be a law, not two causes.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     found = [Hypothesis((), (), (), plain, 0.0)]
     for size in range(1, min(most, len(groups)) + 1):
         for entries in itertools.combinations(range(len(groups)), size):
+            if any(_one_bend(groups[a][0], groups[b][0]) for a, b in itertools.combinations(entries, 2)):
+                continue
             options = [_fitted(axis, entries, chosen, plain)
                        for chosen in itertools.product(*(best_shape[entry] for entry in entries))]
             likely = [one for one in options if one is not None]
@@ -66,6 +69,12 @@ def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     weight /= weight.sum()
     return tuple(Hypothesis(found[k].entries, found[k].shapes, found[k].kept, found[k].solved, found[k].log_evidence,
                             float(weight[k])) for k in np.argsort(-logs))
+
+
+def _one_bend(one: Shape, other: Shape) -> bool:
+    """Whether two effects describe the same bend of a gear, so that both together only mend each other's law."""
+    pair = {one.effect.name, other.effect.name}
+    return pair == {"backlash", "soft_zone"}
 
 
 def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:

@@ -1,0 +1,72 @@
+"""Effects hidden in simulated joint deflection logs (tests/motion/gear.py): what `diagnose` says of them; coverage of k.
+
+    python benchmarks/joint_logs.py [LOGS]
+
+10 s records with 20 urad of lasting and as much white noise, tested on a second record. Size 1: 3 ms link delay, 12 ms torque
+delay, 300 N m Coulomb and 900 N m s/rad viscous friction, 700 kg m^2, 60 urad hysteresis, 80 urad soft zone, 50 urad half gap.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+import numpy as np
+
+from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.procedure import diagnose_logs
+from identification.motion.stiffness import axis_stiffness
+from tests.motion.gear import FAULTS, STIFFNESS, columns, write
+
+NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay (torque)"}
+VERDICTS = ("named", "ambiguous, truth in the set", "wrong name", "ambiguous, truth not in it", "unknown", "adequate")
+NOISE = 2e-5
+IN_MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
+
+
+def main() -> None:
+    """Prints both tables."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 10
+    with tempfile.TemporaryDirectory() as folder:
+        print("| hidden | size | " + " | ".join(VERDICTS) + " |\n" + "|---" * (len(VERDICTS) + 2) + "|")
+        for size in (1.0, 0.4):
+            for fault in (*FAULTS, "") if size == 1.0 else FAULTS:
+                told = Counter(answer(Path(folder), fault, size, seed) for seed in range(count))
+                counts = " | ".join(str(told[one]) for one in VERDICTS)
+                print(f"| {fault or 'nothing'} | {size:g} | {counts} |", flush=True)
+        print("\n| beside the spring | 95 % intervals of k that hold | median width / k |\n|---|---|---|")
+        for beside in ({}, IN_MOTION, IN_MOTION | {"angle_error": 0.5}, IN_MOTION | {"hysteresis": 0.5}):
+            hit, width = 0, []
+            for seed in range(10 * count):
+                low, high = axis_stiffness(2, [log(Path(folder), 500 + seed, beside)]).interval_95
+                hit += low <= STIFFNESS <= high
+                width.append((high - low) / STIFFNESS)
+            print(f"| {', '.join(beside) or 'nothing'} | {hit} of {10 * count} | {np.median(width):.3f} |", flush=True)
+
+
+def log(folder: Path, seed: int, faults: dict[str, float]) -> MotionLog:
+    """A simulated record."""
+    return read_motion_log(write(folder / "log.csv", columns(seed, faults, seconds=10, noise=NOISE)))
+
+
+def answer(folder: Path, fault: str, size: float, seed: int) -> str:
+    """What the diagnosis says, against the truth."""
+    faults = {fault: size} if fault else {}
+    one = diagnose_logs([log(folder, 3000 + seed, faults)], log(folder, 4000 + seed, faults), replicates=49).axes[0]
+    truth = NAMES.get(fault, fault)
+    if one.verdict == "named":
+        return "named" if [cause.shape.name for cause in one.causes] == [truth] else "wrong name"
+    if one.verdict == "ambiguous":
+        inside = truth in [cause.shape.name for cause in one.alternatives]
+        return "ambiguous, truth in the set" if inside else "ambiguous, truth not in it"
+    return one.verdict
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,145 @@
+"""Readers of other people's force logs, on small files written in those forms from their description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+from click.testing import CliRunner
+
+from compensator.cli import compstiff
+from identification.findings import CompstiffError
+from identification.public.lvm import read_lvm
+from identification.public.metallicadour import read_metallicadour
+from identification.public.net_ft import RECORD, read_net_ft
+
+VALUES = np.round(np.random.default_rng(0).normal(0, 50, (40, 12)), 4)
+
+
+@pytest.mark.parametrize("separator", [";", ",", " "])
+def test_metallicadour_separators(tmp_path: Path, separator: str) -> None:
+    folder = tmp_path / "5mm_648mm_mn_9000rpm"
+    folder.mkdir()
+    text = "\n".join(separator.join(f"{x:.4f}" for x in row) for row in VALUES)
+    (folder / "a.csv").write_text(text.replace(".", ",") if separator == ";" else text)
+    log = read_metallicadour(folder / "a.csv")
+    assert log.force == pytest.approx(VALUES[:, 3:6])
+    assert log.moment == pytest.approx(VALUES[:, 6:9])
+    assert log.time[-1] == pytest.approx(39 / 25600)
+    assert log.conditions == {"depth_mm": 5, "feed_mm_min": 648, "spindle_rpm": 9000}
+
+
+def test_metallicadour_complaints(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("1;2;3\n4;5;6\n")
+    with pytest.raises(CompstiffError, match="has 3 channels, expected 12"):
+        read_metallicadour(path)
+    path.write_text(";".join(["1"] * 12) + "\n" + ";".join(["1"] * 4 + ["x"] + ["1"] * 7) + "\n")
+    with pytest.raises(CompstiffError, match=r"a.csv:2:5: error CS0203"):
+        read_metallicadour(path)
+
+
+def lvm(blocks: list[tuple[float, np.ndarray]], *, decimal: str = ".", x_columns: str = "No") -> str:
+    lines = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
+             f"Decimal_Separator\t{decimal}", "Multi_Headings\tYes", f"X_Columns\t{x_columns}", "Time_Pref\tRelative",
+             "Date\t2024/05/01", "***End_of_Header***\t", "\t"]
+    for start, rows in blocks:
+        count = rows.shape[1]
+        lines += [f"Channels\t{count}", "Samples" + f"\t{len(rows)}" * count, "X_Dimension" + "\tTime" * count,
+                  "X0" + f"\t{start:.6E}" * count, "Delta_X" + "\t0.000100" * count, "***End_of_Header***" + "\t" * count]
+        names = ("Fx", "Fy", "Fz")[:count]
+        if x_columns == "Multi":
+            lines.append("\t".join(f"X_Value\t{name}" for name in names) + "\tComment")
+            lines += ["\t".join(f"{start + 1e-4 * k:.6f}\t{x:.4f}" for x in row) for k, row in enumerate(rows)]
+        else:
+            lines.append("X_Value\t" + "\t".join(names) + "\tComment")
+            first = [f"{start + 1e-4 * k:.6f}" if x_columns == "One" else "" for k in range(len(rows))]
+            lines += [f"{x}\t" + "\t".join(f"{value:.4f}" for value in row) for x, row in zip(first, rows, strict=True)]
+        lines.append("")
+    text = "\r\n".join(lines)
+    if decimal == ",":
+        head, _, body = text.partition("X_Columns")
+        text = head + "X_Columns" + body.replace(".", ",")
+    return text
+
+
+@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_lvm_blocks_stand_at_their_times(tmp_path: Path, x_columns: str, decimal: str) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(0.0, VALUES[:20, :3]), (0.002, VALUES[20:, :3])], decimal=decimal, x_columns=x_columns))
+    log = read_lvm(path)
+    assert log.force == pytest.approx(VALUES[:, :3])
+    assert log.moment is None
+    assert log.time == pytest.approx(1e-4 * np.arange(40), abs=1e-9)
+    assert not log.findings
+
+
+def test_lvm_gap_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text(lvm([(0.0, VALUES[:20, :3]), (0.5, VALUES[20:, :3])]))
+    log = read_lvm(path)
+    assert log.time[20] == pytest.approx(0.5)
+    assert log.findings[0].code == "CS0205"
+
+
+def test_lvm_complaints(tmp_path: Path) -> None:
+    path = tmp_path / "a.lvm"
+    path.write_text("time\tFx\n")
+    with pytest.raises(CompstiffError, match="is not a LabVIEW measurement file"):
+        read_lvm(path)
+    path.write_text(lvm([(0.0, VALUES[:5, :3])]))
+    with pytest.raises(CompstiffError, match="channels missing: A; found Fx, Fy, Fz"):
+        read_lvm(path, ("A", "Fy", "Fz"))
+    path.write_text(lvm([(0.0, VALUES[:5, :3])]).replace(f"{VALUES[2, 1]:.4f}", "x"))
+    with pytest.raises(CompstiffError, match=r"a.lvm:21:3: error CS0203"):
+        read_lvm(path)
+
+
+def packets(rdt: np.ndarray, status: int = 0) -> np.ndarray:
+    records = np.zeros(len(rdt), RECORD)
+    records["rdt"], records["ft"], records["status"] = rdt % 2**32, 4 * rdt % 2**32, status
+    records["force"] = np.round(1e6 * VALUES[: len(rdt), :3])
+    records["moment"] = np.round(1e6 * VALUES[: len(rdt), 3:6])
+    return records
+
+
+def test_net_ft_counts(tmp_path: Path) -> None:
+    path = tmp_path / "a.rdt"
+    path.write_bytes(packets(np.arange(2**32 - 10, 2**32 + 30, dtype=np.int64)).tobytes())
+    log = read_net_ft(path)
+    assert log.force == pytest.approx(VALUES[:, :3])
+    assert log.moment == pytest.approx(VALUES[:, 3:6])
+    assert log.time == pytest.approx(4 * np.arange(40) / 7000)
+    assert not log.findings
+
+
+def test_net_ft_lost_late_and_faulty(tmp_path: Path) -> None:
+    path = tmp_path / "a.rdt"
+    records = packets(np.delete(np.arange(40), [5, 6]))
+    records["status"][3] = 1
+    swapped = records[[0, 1, 2, 4, 3, *range(5, 38)]]
+    path.write_bytes(swapped.tobytes())
+    log = read_net_ft(path)
+    assert np.all(np.diff(log.time) > 0)
+    assert [finding.message for finding in log.findings] == [
+        "2 packets of 40 lost on the way", "1 packet came out of order", "1 sample with a sensor status that is not zero"]
+    path.write_bytes(b"123")
+    with pytest.raises(CompstiffError, match="expected a multiple of 36"):
+        read_net_ft(path)
+
+
+def test_convert(tmp_path: Path) -> None:
+    (tmp_path / "a.rdt").write_bytes(packets(np.arange(40)).tobytes())
+    run = CliRunner().invoke(compstiff, ["convert", str(tmp_path / "a.rdt"), "--form", "net-ft", "-o", str(tmp_path / "a.csv")])
+    assert run.exit_code == 0, run.output
+    frame = pd.read_csv(tmp_path / "a.csv")
+    assert list(frame) == ["time_s", "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"]
+    assert frame["fy_n"].to_numpy() == pytest.approx(VALUES[:, 1])
+    scipy.io.savemat(tmp_path / "b.mat", {"x": 1})
+    run = CliRunner().invoke(compstiff, ["convert", str(tmp_path / "b.mat"), "--form", "kuka-kr300", "-o",
+                                         str(tmp_path / "b.csv")])
+    assert run.exit_code == 1
