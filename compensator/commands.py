@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from compensator.design import design
 from identification.console import READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
@@ -167,4 +168,4 @@ def demo(session: Session, folder: Path) -> Outcome:
     return run_demo(session, folder)
 
 
-COMMANDS = (predict, correct, demo)
+COMMANDS = (design, predict, correct, demo)

@@ -1,0 +1,134 @@
+"""The command `design`. It is made by a function, because what reads milling programs stands in the package compensator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from identification.console import READABLE, WRITABLE, Outcome, Session, command
+
+if TYPE_CHECKING:
+    from identification.cell import Cell
+    from identification.design.milling import MillingPoses
+    from identification.findings import Finding
+
+MillingReader = Callable[["Cell", Path, Path | None], "tuple[MillingPoses, tuple[Finding, ...]]"]
+
+
+class Axes(click.ParamType[str]):
+    """One to three of x, y, z."""
+
+    name = "XYZ"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        text = str(value).lower()
+        if not text or set(text) - set("xyz") or len(set(text)) != len(text):
+            self.fail(f"'{value}' is not one to three different letters of xyz", param, ctx)
+        return text
+
+
+def design_command(read_milling: Callable[[], MillingReader], templates: Callable[[], Path]) -> click.Command:
+    """The command; read_milling gives the reader of milling programs, templates the folder of the RAPID templates."""
+
+    @command("design", writes=True)
+    @click.argument("cell_file", metavar="CELL", type=READABLE)
+    @click.option("-o", "--output", required=True, type=WRITABLE, help="The plan to write: a measurement file to fill in.")
+    @click.option("--measurements", type=click.IntRange(1, 60), help="Runs: poses, each with its loads.  [default: 8]")
+    @click.option("--criterion", type=click.Choice(["D", "A", "E", "I"]),
+                  help="What the plan is best for.  [default: I with --toolpath, else D]")
+    @click.option("--toolpath", type=READABLE, help="The milling program whose predicted deflection shall be sure.")
+    @click.option("--forces", "forces_file", type=READABLE, help="Its force log; without it all directions count alike.")
+    @click.option("--protocol", type=click.Choice(["cycle", "single"]), default="cycle", show_default=True,
+                  help="Loads at a pose: up, back to zero and the other way, or zero and one load.")
+    @click.option("--axes", type=Axes(), default="xyz", show_default=True, help="Base axes the cylinder can push along.")
+    @click.option("--every-axis", is_flag=True, help="At each pose load along every axis in turn.")
+    @click.option("--max-force", type=click.FloatRange(1, 20000), default=300.0, show_default=True, help="Largest force [N].")
+    @click.option("--position", "positions", type=float, nargs=3, multiple=True, metavar="X Y Z",
+                  help="Where the TCP stands in the base frame [mm]; several: any of them.")
+    @click.option("--box", type=float, nargs=6, metavar="X Y Z X Y Z", help="Or anywhere between these corners [mm].")
+    @click.option("--phi", type=click.FloatRange(5, 180), default=80.0, show_default=True,
+                  help="Window of the tool's orientation [deg]; 180: none.")
+    @click.option("--replicates", type=click.IntRange(1, 10), default=1, show_default=True, help="Visits to each pose.")
+    @click.option("--preset", type=click.Choice(["paper", "outlook"]),
+                  help="The paper's plan (4 orientations, 5 loads); or its outlook, all three axes at each pose.")
+    @click.option("--add", type=(click.IntRange(1, 60), READABLE), metavar="N MEASUREMENTS",
+                  help="The next N runs, given what was measured.")
+    @click.option("--rapid", type=WRITABLE, help="Also write a RAPID program that drives through the poses.")
+    @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+    @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random starts.")
+    def design(
+        session: Session, cell_file: Path, output: Path, measurements: int | None, criterion: str | None, toolpath: Path | None,
+        forces_file: Path | None, protocol: str, axes: str, every_axis: bool, max_force: float,
+        positions: tuple[tuple[float, float, float], ...], box: tuple[float, ...] | None, phi: float, replicates: int,
+        preset: str | None, add: tuple[int, Path] | None, rapid: Path | None, report: Path | None, seed: int,
+    ) -> Outcome:
+        """Plan the poses and loads that tell most, and certify how good the plan is.
+
+        CELL is cell.yaml. The plan is a measurement file: fill in its deflections, then identify and diagnose it.
+        """
+        _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
+        import json
+
+        import numpy as np
+
+        from identification.cell import read_cell
+        from identification.design.forecast import forecast
+        from identification.design.order import run_order
+        from identification.design.procedure import design as search
+        from identification.design.program import program_text
+        from identification.design.record import comments, record, summary
+        from identification.design.request import Request, prepare
+        from identification.design.sheet import sheet, sheet_text
+        from identification.files import check_writable, write_whole
+
+        session.inputs += [path for path in (cell_file, toolpath, forces_file, add[1] if add else None) if path]
+        check_writable([path for path in (output, rapid, report) if path], overwrite=session.overwrite)
+        cell = read_cell(cell_file)
+        milling, said = (None, ()) if toolpath is None else read_milling()(cell, toolpath, forces_file)
+        prepared = prepare(cell, Request(
+            measurements=add[0] if add else measurements, criterion=criterion, protocol=protocol, axes=axes,
+            every_axis=every_axis, force_n=max_force, positions_mm=positions, box_mm=box, phi_deg=phi, replicates=replicates,
+            preset=preset, measured=add[1] if add else None), milling)
+        rng = np.random.default_rng(seed)
+        session.say(f"searching {len(prepared.task.demand)} runs ...")
+        found = search(prepared.task, rng)
+        order = run_order(found.runs.theta, found.runs.slot, cell.robot.speed, rng)
+        rows = sheet(found.runs, prepared.task.domain.slots, order, replicates)
+        expected = forecast(found, rows, rng)
+        content = record(prepared, found, rows, expected, seed)
+        head = comments(prepared, found)
+        files = {output: sheet_text(rows, head).encode()}
+        findings = [*said, *prepared.findings]
+        if rapid:
+            text, more = program_text(prepared.task.domain, rows, templates(), rapid.stem, head)
+            files[rapid] = text.encode("ascii")
+            findings += more
+        if report:
+            from identification.design.pages import design_report
+
+            files[report] = design_report(prepared, found, rows, expected, findings, content).encode()
+        json.dumps(content, allow_nan=False)
+        write_whole(files)
+        return Outcome(content, tuple(findings), summary(prepared, found, rows, expected),
+                       next_step=f"measure it, fill in dx_um dy_um dz_um, then compstiff identify {cell_file} {output} "
+                       "-o stiffness.json")
+
+    return design
+
+
+def _check_call(
+    measurements: int | None, preset: str | None, add: tuple[int, Path] | None, positions: tuple[Any, ...],
+    box: tuple[float, ...] | None, forces: Path | None, toolpath: Path | None,
+) -> None:
+    """Raises click.UsageError for options that exclude each other."""
+    if positions and box:
+        raise click.UsageError("--position and --box exclude each other")
+    if add and (measurements or preset):
+        raise click.UsageError("--add says how many runs; it takes neither --measurements nor --preset")
+    if preset == "paper" and measurements:
+        raise click.UsageError("--preset paper has five measurements; leave --measurements out")
+    if forces and not toolpath:
+        raise click.UsageError("--forces belongs to --toolpath")

@@ -1,0 +1,131 @@
+"""The report of `design`: the plan, what it is worth, what it will tell, and what more runs would bring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.domain import Domain
+from identification.design.forecast import Forecast
+from identification.design.information import run_information
+from identification.design.procedure import Design
+from identification.design.record import spread, summary
+from identification.design.request import Prepared
+from identification.design.sheet import Sheet
+from identification.findings import Finding
+from identification.model.kinematics import chain
+from identification.report import AXIS_COLOURS, Figure, ReportTable, render
+
+Array = NDArray[np.float64]
+GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
+PLAN, POSSIBLE = "#c0392b", "#b8c4d0"
+MOST_POINTS = 1500
+
+
+def design_report(
+    prepared: Prepared, found: Design, rows: Sheet, expected: Forecast, findings: Sequence[Finding], content: dict[str, Any]
+) -> str:
+    """The report of `design`."""
+    lead = [line for line in summary(prepared, found, rows, expected) if not line.startswith(("pose", "P"))]
+    figures = [_arms(prepared.task.domain, rows), _shares(found, rows), _certificate(found)]
+    if expected.runs:
+        figures.append(_by_length(expected))
+    return render(f"Measurement plan: {len(found.task.demand)} runs, criterion {found.task.criterion.name}", lead,
+                  [_visits(rows), _joints(expected), _causes(expected)], figures, findings, content)
+
+
+def _visits(rows: Sheet) -> ReportTable:
+    table = []
+    for number, (label, axes, theta) in enumerate(zip(rows.label, rows.axes, np.degrees(rows.theta), strict=True)):
+        forces = rows.force[rows.visit == number]
+        loads = ", ".join(f"{f[np.argmax(np.abs(f))]:g}" for f in forces)
+        table.append([label, axes, *(f"{angle:.3f}" for angle in theta), loads])
+    header = ["pose", "along", *(f"q{i} [deg]" for i in range(1, 7)), "loads [N]"]
+    return ReportTable("The plan, in the order of the runs", header, table, numbers=tuple(range(2, 8)))
+
+
+def _joints(expected: Forecast) -> ReportTable:
+    header = ["stiffness", "before", "after (1 sigma)", "grade", "trades off with"]
+    return ReportTable("What it will tell of the joints", header, [
+        [f"k{one.joint}", spread(one.before), spread(one.after), one.grade,
+         f"k{one.partner} ({one.correlation:+.2f})" if one.partner else ""] for one in expected.joints])
+
+
+def _causes(expected: Forecast) -> ReportTable:
+    def size(value: float) -> str:
+        return f"{value:.2g}" if value < 1e3 else "never"
+
+    ranked = sorted(expected.causes, key=lambda one: one.identifiable)
+    return ReportTable("What it will tell of causes beyond the springs (1: the typical size)",
+                       ["cause", "found from", "named from", "at its typical size", "not told from", "typical size"],
+                       [[one.entry.label, size(one.detectable), size(one.identifiable), one.grade, ", ".join(one.alike[:4]),
+                         one.typical] for one in ranked], numbers=(1, 2))
+
+
+def _arms(domain: Domain, rows: Sheet) -> Figure:
+    """The arm at each pose as lines through its joints, the load's axis at the TCP."""
+    robot = domain.rig.cell.robot
+    frames = chain(robot, np.ascontiguousarray(robot.serial_angles(rows.theta).T))
+    tcp = domain.look(rows.theta).tcp
+    data: list[dict[str, Any]] = []
+    for i, label in enumerate(rows.label):
+        # Axis 2 after its lateral offset, axis 3, wrist centre, flange, TCP.
+        points = np.vstack([[0, 0, 0], frames.origins[0, :, i], frames.origins[1, :, i], frames.origins[2, :, i],
+                            frames.origins[3, :, i], frames.origins[5, :, i], tcp[i]])
+        colour = AXIS_COLOURS["xyz".index(rows.axes[i][0])]
+        data.append({"type": "scatter3d", "mode": "lines+markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
+                     "name": f"{label} ({rows.axes[i]})", "line": {"color": colour, "width": 5}, "marker": {"size": 2.5}})
+    return Figure("The poses", "The arm from its base to the TCP; colour: the load's axis (x blue, y orange, z green).", data,
+                  {"scene": {"aspectmode": "data", "xaxis": {"title": {"text": "x [m]"}}, "yaxis": {"title": {"text": "y [m]"}},
+                             "zaxis": {"title": {"text": "z [m]"}}}}, height=620)
+
+
+def _shares(found: Design, rows: Sheet) -> Figure:
+    """What each run adds to what is known of each stiffness: the precision of ln k with the others known."""
+    task = found.task
+    slots = {one.name: i for i, one in enumerate(task.domain.slots)}
+    columns = task.domain.look(rows.theta).columns
+    gains = np.array([np.diag(run_information(task.domain.rig, columns[i:i + 1], task.domain.slots[slots[axes]])[0])
+                      for i, axes in enumerate(rows.axes)])
+    share = 100 * gains / (np.diag(task.prior) + gains.sum(axis=0))
+    data = [{"type": "bar", "x": [f"k{i}" for i in range(1, 7)], "y": share[n], "name": f"{label} ({rows.axes[n]})"}
+            for n, label in enumerate(rows.label)]
+    return Figure("Which run tells of which joint", "Each run's share of the information on a stiffness, the others held.",
+                  data, {
+        "barmode": "stack", "yaxis": {"title": {"text": "share [%]"}, **GRID}})
+
+
+def _certificate(found: Design) -> Figure:
+    """The sensitivity function over all runs looked at: nothing may rise above 1 at the optimum."""
+    certificate = found.certificate
+    support = certificate.support
+    counts = found.task.demand.counts[found.task.demand.groups[support.slot]]
+    share = found.task.replicates * certificate.weights * counts
+    measure = found.task.prior + np.einsum("n,nij->ij", share, support.information)
+    slope = found.task.criterion.slope(measure)
+    pool = certificate.pool
+    gain = np.einsum("ij,nij->n", slope, pool.information)
+    level = float(np.average(np.einsum("ij,nij->n", slope, support.information), weights=certificate.weights))
+    order = np.argsort(-gain)
+    rows = order[np.unique(np.geomspace(1, len(order), min(MOST_POINTS, len(order))).astype(int) - 1)]
+    plan = np.einsum("ij,nij->n", slope, found.runs.information) / level
+    return Figure("The certificate", "Worth of every run that was looked at, the best first, in units of the runs of the "
+                  "continuous optimum. No run above 1 means that no plan is better than that optimum (equivalence theorem).", [
+                      {"type": "scatter", "mode": "lines", "x": 1 + np.searchsorted(-gain[order], -gain[rows]),
+                       "y": gain[rows] / level, "name": "possible runs", "line": {"color": POSSIBLE, "width": 3}},
+                      {"type": "scatter", "mode": "markers", "x": 1 + np.searchsorted(-gain[order], -plan * level), "y": plan,
+                       "name": "this plan's runs", "marker": {"color": PLAN, "size": 9}}], {
+                      "xaxis": {"type": "log", "title": {"text": "rank of the run"}, **GRID},
+                      "yaxis": {"title": {"text": "worth of a run"}, "rangemode": "tozero", **GRID}})
+
+
+def _by_length(expected: Forecast) -> Figure:
+    return Figure("More or fewer runs", "Largest uncertainty of a stiffness after plans of other lengths, from the same search "
+                  "without refinement.", [
+                      {"type": "scatter", "mode": "lines+markers", "x": list(expected.runs),
+                       "y": [100 * std for std in expected.stds], "line": {"color": PLAN}}], {
+                      "xaxis": {"title": {"text": "runs"}, **GRID},
+                      "yaxis": {"type": "log", "title": {"text": "1 sigma of ln k [%]"}, **GRID}})

@@ -1,0 +1,102 @@
+"""The RAPID program that drives the robot through a plan and waits for the operator at every load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.cell import Cell
+from identification.design.domain import Domain
+from identification.design.sheet import Sheet
+from identification.findings import Finding
+from identification.model.inverse import inverse, nearest_solution
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame, matrix_to_quaternion
+
+Array = NDArray[np.float64]
+TEMPLATE = "design_program.mod.j2"
+# Where the robot comes from and leaves to: the TCP this far outwards and up; the first that the arm reaches.
+RETREATS_M = ((0.0, 0.15), (-0.1, 0.1), (-0.15, 0.0), (0.0, 0.05), (-0.05, 0.0))
+# No joint turns farther than this on the last stretch: the retreat is in the same configuration.
+LARGEST_TURN = np.radians(45.0)
+
+
+def approaches(domain: Domain, theta: Array) -> Array:
+    """Angles (V, 6) [rad] above or behind each visit's pose (V, 6), the tool not turned; NaN where none fits."""
+    cell = domain.rig.cell
+    flange = forward(cell.robot, theta, Frame.identity())
+    tcp = forward(cell.robot, theta, cell.flange_from_tcp).position
+    outwards = tcp * np.array([1.0, 1.0, 0.0]) / np.maximum(np.linalg.norm(tcp[:, :2], axis=1, keepdims=True), 1e-9)
+    result = np.full_like(theta, np.nan)
+    for out, up in RETREATS_M:
+        missing = np.isnan(result[:, 0])
+        moved = Frame(flange.rotation, flange.position + out * outwards + np.array([0.0, 0.0, up]))
+        angles, branch = nearest_solution(cell.robot, inverse(cell.robot, moved), theta)
+        fits = (branch >= 0) & (np.abs(angles - theta).max(axis=1) < LARGEST_TURN)
+        fits[fits] &= (cell.robot.limit_excess(angles[fits]) <= 0).all(axis=1)
+        result[missing & fits] = angles[missing & fits]
+    return result
+
+
+def program_text(domain: Domain, rows: Sheet, templates: Path, name: str, comments: list[str]) -> tuple[str, list[Finding]]:
+    """The module as text, and what there is to say about it; templates: the folder of the RAPID templates."""
+    import jinja2
+
+    cell = domain.rig.cell
+    behind = approaches(domain, rows.theta)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(templates), trim_blocks=True, lstrip_blocks=True,
+                                     undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    findings = []
+    tool = _tool(cell)
+    if "data" not in tool:
+        findings.append(Finding(
+            "CS1603", "note", "the program moves with tool0: cell.yaml states no mass and centre of mass of the tool",
+            file=str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or put your own tooldata in the "
+            "program: the controller needs the load to move and stand well"))
+    lost = [rows.label[i] for i in np.flatnonzero(np.isnan(behind[:, 0]))]
+    if lost:
+        findings.append(Finding(
+            "CS1604", "warning", f"no retreat within the joint limits for {', '.join(lost)}: the robot drives there and away "
+            "by a direct joint move", hint="check the way in manual mode"))
+    text = environment.get_template(TEMPLATE).render(
+        module=_identifier(name), header=True, comments=[_ascii(line) for line in comments], tool=tool, fast="v200", slow="v20",
+        visits=[_visit(rows, number, behind[number]) for number in range(len(rows.label))])
+    return text, findings
+
+
+def _visit(rows: Sheet, number: int, behind: Array) -> dict[str, Any]:
+    label = rows.label[number]
+    prompts = []
+    for row in np.flatnonzero(rows.visit == number):
+        force = rows.force[row]
+        axis = int(np.argmax(np.abs(force)))
+        load = f"F{'xyz'[axis]} = {force[axis]:+g} N" if force.any() else "no load"
+        prompts.append({"ask": f"{label}: {load}. Then hold {rows.dwell[row]:g} s", "wait_s": f"{rows.dwell[row]:g}",
+                        "then": f"{label}, row {row + 1}, {load}: write down dx dy dz and the time"})
+    visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(rows.label),
+                             "joints": np.degrees(rows.theta[number]).tolist(), "prompts": prompts}
+    if np.isfinite(behind).all():
+        visit["approach"] = np.degrees(behind).tolist()
+    return visit
+
+
+def _tool(cell: Cell) -> dict[str, Any]:
+    if cell.tool_mass is None or cell.tool_centre is None:
+        return {"name": "tool0"}
+    return {"name": "tMeasure", "data": {
+        "position": (1e3 * cell.flange_from_tcp.position).tolist(),
+        "quaternion": matrix_to_quaternion(cell.flange_from_tcp.rotation).tolist(),
+        "mass": f"{cell.tool_mass:g}", "cog": (1e3 * cell.tool_centre).tolist()}}
+
+
+def _ascii(text: str) -> str:
+    return text.encode("ascii", "replace").decode()
+
+
+def _identifier(name: str) -> str:
+    """A RAPID identifier: a letter, then letters, digits and _, at most 32."""
+    kept = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in name)
+    return (kept if kept[:1].isalpha() else "M" + kept)[:32]

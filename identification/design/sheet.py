@@ -1,0 +1,89 @@
+"""design.csv: the plan as a measurement file whose deflection columns are still empty (FORMATS.md, measurements.csv).
+
+The sensors are set to zero anew at each pose, so each visit has its own `reference`; `time_s` runs on from the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.domain import Pool
+from identification.design.loads import Slot
+from identification.measurements import DEFLECTIONS, FORCES, JOINTS, Measurements
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+# The schedule a plan is written with: a pose change with its new zero of the sensors, a load change, how long loads are held.
+POSE_CHANGE_S, LOAD_CHANGE_S = 120, 10
+DWELL_S = (5, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The rows of a plan in the order they are taken. theta (V, 6) [rad] and label of each visit; visit (L,) of each row;
+    force (L, 3) [N]; time (L,) [s] as planned, dwell (L,) [s]. axes: what each visit loads."""
+
+    theta: Array
+    label: tuple[str, ...]
+    axes: tuple[str, ...]
+    visit: Indices
+    force: Array
+    time: Array
+    dwell: Array
+
+
+def sheet(runs: Pool, slots: tuple[Slot, ...], order: Indices, replicates: int = 1) -> Sheet:
+    """The plan's rows: visits in `order`, later passes backwards, each axis' load cycles with alternating sign."""
+    passes = [order if k % 2 == 0 else order[::-1] for k in range(replicates)]
+    seen: dict[int, int] = {}
+    visits, forces, times, dwells, labels = [], [], [], [], []
+    clock, number = 0, 0
+    name = {int(run): f"P{i + 1:02d}" for i, run in enumerate(order)}
+    for k, sequence in enumerate(passes):
+        for run in sequence:
+            kind = int(runs.slot[run])
+            sign = -1.0 if seen.get(kind, 0) % 2 else 1.0
+            seen[kind] = seen.get(kind, 0) + 1
+            clock += POSE_CHANGE_S if number else 0
+            for i, force in enumerate(slots[kind].forces):
+                held = DWELL_S[i % len(DWELL_S)]
+                clock += LOAD_CHANGE_S + held
+                visits.append(number)
+                forces.append(sign * force + 0.0)
+                times.append(clock)
+                dwells.append(held)
+            labels.append(name[int(run)] + (f"/{k + 1}" if k else ""))
+            number += 1
+    runs_in_order = np.concatenate(passes)
+    theta = np.radians(np.round(np.degrees(runs.theta[runs_in_order]), 6))
+    axes = tuple(slots[int(s)].name for s in runs.slot[runs_in_order])
+    return Sheet(theta, tuple(labels), axes, np.array(visits, dtype=np.intp), np.array(forces), np.array(times, dtype=float),
+                 np.array(dwells, dtype=float))
+
+
+def sheet_text(rows: Sheet, comments: list[str]) -> str:
+    """The CSV file."""
+    lines = [*(f"# {line}" for line in comments),
+             ",".join([*JOINTS, *FORCES, *DEFLECTIONS, "time_s", "dwell_s", "reference", "pose", "purpose"])]
+    angles = np.degrees(rows.theta)
+    for visit, force, time, dwell in zip(rows.visit, rows.force, rows.time, rows.dwell, strict=True):
+        numbers = [f"{angle + 0.0:.6f}" for angle in np.round(angles[visit], 6)] + [f"{component:g}" for component in force]
+        label = rows.label[visit]
+        lines.append(",".join([*numbers, "", "", "", f"{time:g}", f"{dwell:g}", label, label, "identify"]))
+    return "\n".join(lines) + "\n"
+
+
+def as_measurements(rows: Sheet) -> Measurements:
+    """The rows as planned measurements, deflections not yet measured."""
+    count = len(rows.visit)
+    label = np.array(rows.label, dtype=object)[rows.visit]
+    nothing = np.full((count, 3), np.nan)
+    return Measurements(
+        source="design", theta=rows.theta[rows.visit], wrench=np.column_stack([rows.force, np.zeros((count, 3))]),
+        deflection=nothing, sigma=nothing.copy(), time=rows.time, dwell=rows.dwell, visit=rows.visit,
+        reference=rows.visit, validate=np.zeros(count, dtype=bool),
+        machined_pass=np.full(count, "", dtype=object), pose=label, row=np.arange(1, count + 1), line=np.arange(2, count + 2),
+        findings=())

@@ -1,0 +1,122 @@
+"""The certificate is never more than true, the search is as good as exhaustive, and every plan is admissible."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+from identification.design.certificate import certify
+from identification.design.criteria import a_criterion, d_criterion, e_criterion
+from identification.design.domain import Domain, random_pool
+from identification.design.exchange import Demand, exchange, free_demand, many_exchanges
+from identification.design.loads import slot
+from identification.design.procedure import Effort, Task, design
+from identification.design.refine import climb, refine
+
+SMALL = Effort(poses=800, exchanges=30, refinements=4, climbs=24)
+CRITERIA = {"D": d_criterion(), "A": a_criterion(), "E": e_criterion()}
+
+
+@pytest.fixture(scope="module", params=CRITERIA)
+def plan(request, domain, prior):
+    return design(Task(domain, CRITERIA[request.param], prior, free_demand(3, 3)), np.random.default_rng(0), SMALL)
+
+
+def test_no_plan_beats_the_bound(plan, domain, prior):
+    """Plans that the certificate has not seen: other pools, other starts, refined without mercy."""
+    task, bound = plan.task, plan.certificate.bound
+    rng = np.random.default_rng(77)
+    other = random_pool(domain, 3000, rng)
+    found = many_exchanges(other, task.criterion, prior, task.demand, rng, 25)
+    best = max(float(task.criterion.value(prior + other.take(rows).information.sum(axis=0))) for rows, _ in found)
+    refined = [refine(domain, task.criterion, prior, other.take(rows)) for rows, _ in found[:6]]
+    best = max([best, *(one.value for one in refined if one.feasible)])
+    assert best <= bound * (1 + 1e-6)
+    assert plan.certificate.value >= 0.97 * best
+    assert 0.5 < plan.certificate.efficiency <= 1
+
+
+def test_the_plan_is_admissible_and_its_value_true(plan, domain, prior):
+    runs = plan.runs
+    assert domain.excess(runs.theta, runs.slot, runs.place).max() <= 1e-6
+    seen = domain.look(runs.theta)
+    assert np.abs(seen.tcp - domain.positions[0]).max() < 1e-6
+    value = plan.task.criterion.value(prior + runs.information.sum(axis=0))
+    assert plan.certificate.value == pytest.approx(float(value), rel=1e-9)
+
+
+def test_a_certificate_over_a_pool_alone_is_false_comfort(domain, prior):
+    """Best on forty poses, so certified against them; but a robot can stand elsewhere."""
+    few = random_pool(domain, 40, np.random.default_rng(3)).take(np.arange(40))
+    demand = free_demand(3, 12)
+    rng = np.random.default_rng(0)
+    rows = max(many_exchanges(few, d_criterion(), prior, demand, rng, 10), key=lambda one: one[1])[0]
+    found = certify(domain, d_criterion(), prior, demand, few.take(rows), few, rng, starts=24)
+    assert found.pool_efficiency > 0.95
+    assert found.efficiency < found.pool_efficiency - 0.1
+    better = design(Task(domain, d_criterion(), prior, demand), rng, SMALL)
+    assert better.certificate.value > 1.1 * found.value
+    assert better.certificate.efficiency > 0.95
+
+
+def test_exchange_finds_what_exhaustive_search_finds(pool, prior):
+    rng = np.random.default_rng(5)
+    for criterion in CRITERIA.values():
+        few = pool.take(rng.choice(len(pool), 25, replace=False))
+        best = max(float(criterion.value(prior + few.information[list(rows)].sum(axis=0)))
+                   for rows in combinations_with_replacement(range(25), 3))
+        found = max(float(criterion.value(prior + few.information[rows].sum(axis=0)))
+                    for rows, _ in many_exchanges(few, criterion, prior, free_demand(3, 3), rng, 20))
+        assert found >= 0.98 * best
+        assert found <= best * (1 + 1e-12)
+
+
+def test_refinement_and_climbing_never_lose_and_stay_admissible(domain, pool, prior):
+    rng = np.random.default_rng(6)
+    ended = 0
+    for _ in range(6):
+        start = pool.take(rng.choice(len(pool), 4, replace=False))
+        before = float(d_criterion().value(prior + start.information.sum(axis=0)))
+        after = refine(domain, d_criterion(), prior, start)
+        runs = after.runs
+        assert after.feasible == (domain.excess(runs.theta, runs.slot, runs.place).max() <= 1e-6)
+        if after.feasible:
+            ended += 1
+            assert after.value >= before
+        weight = d_criterion().slope(prior + start.information.sum(axis=0))
+        top = climb(domain, weight, start.take(np.array([0])))
+        assert top.feasible
+        assert top.value >= np.sum(weight * start.information[0]) * (1 - 1e-6)
+    assert ended >= 4
+
+
+def test_the_papers_demand_is_kept(cell, domain, prior):
+    """Three loads along y, two along x, four orientations: one of them is loaded along both."""
+    slots = tuple(slot(axes, "single", 300.0) for axes in ("yx", "y", "x"))
+    place = Domain(domain.rig, slots, domain.positions)
+    demand = Demand(np.arange(3), np.array([0, 1, 1, 2]))
+    found = design(Task(place, a_criterion(cell.prior.stiffness), prior, demand), np.random.default_rng(1), SMALL)
+    assert sorted(slots[s].name for s in found.runs.slot) == ["x", "y", "y", "yx"]
+    rows = [exchange(found.pool, found.task.criterion, prior, demand, np.random.default_rng(k))[0] for k in range(4)]
+    values = [float(found.task.criterion.value(prior + found.pool.take(r).information.sum(axis=0))) for r in rows]
+    assert max(values) <= found.certificate.bound
+    assert found.certificate.efficiency > 0.8
+
+
+def test_better_than_random_plans(plan, prior):
+    """The measured gain: three runs drawn at random from the admissible ones have half of it in the median, or less."""
+    rng = np.random.default_rng(8)
+    drawn = [plan.pool.take(rng.choice(len(plan.pool), 3)).information.sum(axis=0) for _ in range(200)]
+    random = plan.task.criterion.value(prior + np.array(drawn))
+    assert np.median(random) < 0.7 * plan.certificate.value
+    assert random.max() <= plan.certificate.bound
+
+
+def test_the_same_seed_gives_the_same_plan(domain, prior):
+    task = Task(domain, d_criterion(), prior, free_demand(3, 2))
+    effort = Effort(poses=300, exchanges=5, refinements=2, climbs=8)
+    one, two = (design(task, np.random.default_rng(9), effort) for _ in range(2))
+    np.testing.assert_array_equal(one.runs.theta, two.runs.theta)
+    assert one.certificate.efficiency == two.certificate.efficiency

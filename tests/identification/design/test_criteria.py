@@ -1,0 +1,123 @@
+"""Laws of the criteria: information functions, and what a run tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
+from identification.design.information import instrument, run_information
+from identification.design.loads import slot
+from identification.design.milling import MillingPoses, prediction_weight
+from identification.measurements import Measurements
+from identification.model.compliance import compliance_matrix, signature
+from identification.model.rotations import Frame
+from identification.noise import NoiseSize, noise_model
+from tests.support import random_poses
+
+STIFFNESS = np.array([2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6])
+WEIGHT = np.diag([1.0, 2, 3, 4, 5, 6]) + 0.5
+
+
+@pytest.fixture(params=["D", "A", "raw", "E", "I"])
+def criterion(request):
+    return {"D": d_criterion(), "A": a_criterion(), "raw": a_criterion(STIFFNESS), "E": e_criterion(),
+            "I": i_criterion(WEIGHT)}[request.param]
+
+
+def positive(rng, count):
+    root = rng.normal(size=(count, 6, 6)) * 10.0 ** rng.uniform(-1, 2, (count, 1, 6))
+    return root @ np.swapaxes(root, 1, 2) + 0.1 * np.eye(6)
+
+
+def test_homogeneous_concave_and_bounded_by_its_tangent(criterion):
+    rng = np.random.default_rng(1)
+    one, other = positive(rng, 60), positive(rng, 60)
+    np.testing.assert_allclose(criterion.value(7 * one), 7 * criterion.value(one), rtol=1e-9)
+    between = criterion.value(0.3 * one + 0.7 * other)
+    assert (between >= (0.3 * criterion.value(one) + 0.7 * criterion.value(other)) * (1 - 1e-9)).all()
+    for a in one[:20]:
+        tangent = criterion.tangent(a)
+        assert np.linalg.eigvalsh(tangent).min() > -1e-9 * np.trace(tangent)
+        assert (criterion.value(other) <= np.einsum("ij,nij->n", tangent, other) * (1 + 1e-7)).all()
+        if criterion.kind != "E":
+            assert np.sum(tangent * a) == pytest.approx(float(criterion.value(a)), rel=1e-6)
+
+
+def test_slope_is_the_derivative_of_the_logarithm(criterion):
+    rng = np.random.default_rng(2)
+    for information in positive(rng, 10):
+        direction = rng.normal(size=(6, 6))
+        direction = (direction + direction.T) * np.linalg.eigvalsh(information)[0] * 1e-6
+        high, low = (np.log(criterion.smooth(information + sign * direction)) for sign in (1, -1))
+        assert (high - low) / 2 == pytest.approx(np.sum(criterion.slope(information) * direction), rel=1e-3, abs=1e-11)
+        assert np.sum(criterion.slope(information) * information) == pytest.approx(1, rel=1e-6)
+
+
+def test_units_of_a_stiffness_do_not_change_what_d_prefers():
+    rng = np.random.default_rng(3)
+    one, other = positive(rng, 2)
+    scale = np.diag(10.0 ** rng.uniform(-3, 3, 6))
+    ratio = [d_criterion().value(turn @ one @ turn) / d_criterion().value(turn @ other @ turn) for turn in (np.eye(6), scale)]
+    assert ratio[0] == pytest.approx(ratio[1], rel=1e-6)
+
+
+def test_one_more_run_never_hurts(criterion, pool, prior):
+    rng = np.random.default_rng(4)
+    total = prior.copy()
+    for run in rng.integers(0, len(pool), 12):
+        more = total + pool.information[run]
+        assert criterion.value(more) >= criterion.value(total) * (1 - 1e-9)
+        total = more
+
+
+def rows_of(theta, forces):
+    count = len(forces)
+    nothing, none = np.full(count, np.nan), np.zeros(count, dtype=np.intp)
+    return Measurements("plan", np.repeat(theta[None], count, axis=0), np.column_stack([forces, np.zeros((count, 3))]),
+                        np.zeros((count, 3)), np.full((count, 3), np.nan), nothing, nothing, none, none, none > 0,
+                        np.full(count, "", dtype=object), np.full(count, "", dtype=object), none, none, ())
+
+
+@pytest.mark.parametrize("loads", [slot("x", "cycle", 300), slot("zy", "cycle", 200), slot("yx", "single", 300)])
+def test_a_run_tells_what_identify_would_make_of_its_rows(cell, domain, pool, loads):
+    """The closed form against the noise model of the fit, row by row."""
+    rig = domain.rig
+    for theta in pool.theta[::400]:
+        rows = rows_of(theta, loads.forces)
+        noise = noise_model(cell, rows, rig.compliance)
+        design = noise.rotation @ (signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] * rig.compliance)
+        expected = noise.weights(NoiseSize()).inner(design, design)
+        found = run_information(rig, domain.look(theta[None]).columns, loads)[0]
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_sign_of_the_cycle_and_repeats_of_it(domain, pool):
+    """Turning every load round tells the same; a cycle twice tells more than once and less than at two visits."""
+    columns = domain.look(pool.theta[:50]).columns
+    once = slot("y", "cycle", 300)
+    turned = type(once)("y", -once.forces)
+    twice = type(once)("y", np.concatenate([once.forces, once.forces]))
+    one, two = run_information(domain.rig, columns, once), run_information(domain.rig, columns, twice)
+    np.testing.assert_allclose(run_information(domain.rig, columns, turned), one, rtol=1e-9, atol=1e-6)
+    for difference in (two - one, 2 * one - two):
+        assert (np.linalg.eigvalsh(difference)[:, 0] >= -1e-8 * np.linalg.eigvalsh(one)[:, -1]).all()
+
+
+def test_the_weight_of_i_is_the_variance_of_the_predicted_deflection(cell):
+    """W against the spread of G f over draws of ln c and of the force."""
+    rng = np.random.default_rng(5)
+    rig = instrument(cell)
+    theta = random_poses(cell.robot, 4, rng, 0.6)
+    tools = Frame.from_quaternion(np.tile([0.1, 0.02, 0.3], (4, 1)), np.tile([1.0, 0, 0, 0], (4, 1)))
+    root = rng.normal(size=(3, 3)) * 50
+    weight = prediction_weight(rig, MillingPoses(theta, tools, np.zeros((4, 3)), "", 4, root @ root.T))
+    spread = 1e-3 * rng.normal(size=(6, 6))
+    tool = Frame.from_quaternion([0.1, 0.02, 0.3], [1.0, 0, 0, 0])
+    draws = []
+    for _ in range(4000):
+        changed = rig.compliance * np.exp(spread @ rng.normal(size=6))
+        force = root @ rng.normal(size=3)
+        moved = [compliance_matrix(cell.robot, theta, tool, c)[:, :3, :3] @ force for c in (changed, rig.compliance)]
+        draws.append(np.sum((moved[0] - moved[1]) ** 2, axis=1).mean())
+    assert np.mean(draws) == pytest.approx(np.sum(weight * (spread @ spread.T)), rel=0.15)
