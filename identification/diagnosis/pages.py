@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.diagnosis.gain import pose_names, poses
 from identification.diagnosis.procedure import Diagnosis
-from identification.diagnosis.record import expected_std, extended_residual, plain_residual, record, summary, value
+from identification.diagnosis.record import conflicts, expected_std, extended_residual, plain_residual, record, summary, value
 from identification.extension import added, situation_of
 from identification.findings import Finding
 from identification.measurements import Measurements
@@ -29,7 +29,7 @@ def diagnosis_report(cell: Cell, measurements: Measurements, found: Diagnosis, f
     content = record(cell, measurements, found)
     before, after = plain_residual(cell, found), extended_residual(cell, found)
     allowed = expected_std(cell, found)
-    tables = [table for table in (_causes(content), _ranking(found), _next(content)) if table is not None]
+    tables = [table for table in (_causes(content), _ranking(found), _next(content), _parts(cell, found)) if table is not None]
     named = found.verdict == "named"
     figures = [_in_order(found, before, after if named else None, allowed),
                _by_pose(found, before, after if named else None, allowed), _by_load(found, before)]
@@ -69,6 +69,13 @@ def _next(content: dict[str, Any]) -> ReportTable | None:
         else:
             rows.append([item["what"], item["about"]])
     return ReportTable("What to measure next", ["do", "it tells"], rows) if rows else None
+
+
+def _parts(cell: Cell, found: Diagnosis) -> ReportTable | None:
+    rows = [[one.part, one.rest, f"{one.distance:.1f}", f"{one.corrected:.2g}"]
+            for one in conflicts(cell, found) if one.is_conflict][:8]
+    header = ["rows", "against", "Mahalanobis distance", "p, corrected"]
+    return ReportTable("Parts of the data that want different springs", header, rows, numbers=(2, 3)) if rows else None
 
 
 def _thinned(count: int) -> NDArray[np.intp]:

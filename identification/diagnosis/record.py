@@ -15,6 +15,8 @@ from identification.inference import Posterior
 from identification.measurements import Measurements
 from identification.model.effects import effects
 from identification.noise import residual_std
+from identification.priors import PriorModel
+from identification.subsets import Conflict, subset_conflicts
 
 Array = NDArray[np.float64]
 FORMAT = "compstiff-diagnosis"
@@ -32,6 +34,7 @@ def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str
         "alternatives": [_named(cause) for cause in found.alternatives],
         "gain": None if found.gain is None else found.gain.as_dict(),
         "next_measurements": next_measurements(found),
+        "subset_conflicts": [conflict.as_dict() for conflict in conflicts(cell, found) if conflict.is_conflict],
         "adequacy_p_value": None if found.adequacy is None else found.adequacy.p_value,
         "patterns": list(found.patterns), "noise_beyond_stated": found.scatter or {}, "withdrawn": list(found.withdrawn),
         "law_differs": found.law_differs,
@@ -39,6 +42,11 @@ def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str
         "correction_difference_um": None if found.matters is None else 1e6 * found.matters,
         "not_offered": found.left_out or {},
     }
+
+
+def conflicts(cell: Cell, found: Diagnosis) -> tuple[Conflict, ...]:
+    """Parts of the data against the rest, under the plain model: what its misfit looks like before it has a name."""
+    return subset_conflicts(found.rows, found.plain, PriorModel(cell.prior))
 
 
 def rms(values: Array) -> float:
