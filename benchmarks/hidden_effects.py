@@ -143,15 +143,15 @@ def standardised(case: Case, found: Diagnosis) -> tuple[float, ...]:
     """Errors of the named effects' parameters in stated standard deviations, where the hidden law is the dictionary's."""
     errors, place = [], 6
     true = {label(truth["effect"], truth["joint"]): truth["parameters"] for truth in case.truth}
-    carried = found.carried or found.plain
-    for term in carried.terms:
+    model = found.extended
+    for term in model.terms:
         for k, parameter in enumerate(term.effect.parameters, start=place):
             values = true.get(label(term.effect.name, term.joint), {})
             if term.effect.name not in OTHER_LAW and parameter.name in values:
-                off = carried.mean[k] - values[parameter.name]
+                off = model.mean[k] - values[parameter.name]
                 if parameter.unit == "rad" and parameter.shape:
                     off = (off + np.pi) % (2 * np.pi) - np.pi
-                errors.append(float(off / np.sqrt(carried.covariance[k, k])))
+                errors.append(float(off / np.sqrt(model.covariance[k, k])))
         place += len(term.effect.parameters)
     return tuple(errors)
 

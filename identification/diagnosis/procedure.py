@@ -86,7 +86,7 @@ class Diagnosis:
     largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why. law_differs: the causes
     explain nearly all of the misfit, and what is left is still more than noise. bad_rows: not among `rows`.
     thinning: how the rows of machined passes were averaged. carried: the extended model with the laws of its effects free
-    within what real ones differ by, None where nothing is named: its numbers are the ones to use."""
+    within what real ones differ by, None where nothing is named: its springs are the ones to use."""
 
     verdict: Verdict
     rows: Measurements

@@ -91,7 +91,7 @@ def _named(cause: Cause) -> dict[str, Any]:
 
 
 def _cause(cell: Cell, found: Diagnosis, cause: Cause) -> dict[str, Any]:
-    model, place = found.carried or found.extended, 6
+    model, place = found.extended, 6
     where = situation_of(cell, found.rows, np.exp(model.map[:6]))
     for term, fitted in zip(model.terms, split(model.map, model.terms), strict=True):
         count = len(term.start)
