@@ -163,7 +163,7 @@ def judge(
         seen, best, extended = converged(cell, rows, prior, extended, catalogue, MOST_CAUSES)
         adequacy = test(cell, rows, extended, catalogue, rng, replicates)
     scattered = beyond_stated(cell, rows, extended, GRANTED_AFTER_NAMING)
-    slight = slight_terms(cell, rows, extended)
+    slight = slight_terms(cell, measurements, prior, extended, rng)
     if best is not None and slight and len(slight) < len(extended.terms):
         # They stand for what the others' laws do not give exactly; a cause is not that small beside another.
         kept = tuple(term for term in extended.terms if term.label not in slight)
@@ -201,9 +201,12 @@ def with_free_laws(cell: Cell, rows: Measurements, prior: PriorModel, extended: 
     return posterior(cell, rows, prior, (*terms, *free), extended.map[:6]) if free else extended
 
 
-def slight_terms(cell: Cell, rows: Measurements, extended: Posterior) -> set[str]:
+def slight_terms(
+    cell: Cell, measurements: Measurements, prior: PriorModel, extended: Posterior, rng: np.random.Generator
+) -> set[str]:
     """Labels of the terms that stand for what the others' laws do not give exactly: small against their typical size, or small
-    in these rows beside an effect whose law is uncertain."""
+    in these rows beside an effect whose law is uncertain and of no use on rows that were not fitted."""
+    rows = measurements.select(~measurements.validate)
     where = situation_of(cell, rows, np.exp(extended.map[:6]))
     at, found, strength = extended.at_map, set(), {}
     for term, values in zip(extended.terms, split(extended.map, extended.terms), strict=True):
@@ -212,8 +215,13 @@ def slight_terms(cell: Cell, rows: Measurements, extended: Posterior) -> set[str
         added = at.noise.rotation @ term.effect.contribution(where, term.joint, values)[:, :3, None]
         strength[term.label] = float(np.sqrt(at.weights.inner(added, added)[0, 0]))
     for term in extended.terms:
-        if uncertain(term.effect):
-            found |= {label for label, value in strength.items() if value < BESIDE * strength[term.label]}
+        if not uncertain(term.effect):
+            continue
+        for label in [label for label, value in strength.items() if value < BESIDE * strength[term.label]]:
+            others = tuple(one for one in extended.terms if one.label != label)
+            without = posterior(cell, rows, prior, others, extended.map[:6])
+            if gain(cell, measurements, without, extended, rng).support < -AGAINST:
+                found.add(label)
     return found
 
 
