@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.extension import Term
 from identification.model.effects import Effect, Signature
+from identification.model.extended import EffectInForce
 from identification.model.situation import Situation
 from identification.noise import NoiseModel
 
@@ -19,17 +20,10 @@ WIDEST = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Entry:
+class Entry(EffectInForce):
     """An effect at a joint (1-based, None where it belongs to none), with its signatures' places in the dictionary."""
 
-    effect: Effect
-    joint: int | None
     signatures: range
-
-    @property
-    def label(self) -> str:
-        """backlash[1], or the effect's name where it belongs to no joint."""
-        return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
 
 
 @dataclass(frozen=True, eq=False)

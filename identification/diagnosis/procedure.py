@@ -26,6 +26,7 @@ from identification.extension import Term, predicted_deflection, situation_of, s
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.effects import Effect, effects
+from identification.model.extended import EffectInForce
 from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
@@ -59,17 +60,10 @@ MAX_ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class Cause(EffectInForce):
     """One effect with its probability (of being at work, alone or with others)."""
 
-    effect: Effect
-    joint: int | None
     probability: float
-
-    @property
-    def label(self) -> str:
-        """backlash[1], or the effect's name where it belongs to no joint."""
-        return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
 
     @property
     def sentence(self) -> str:

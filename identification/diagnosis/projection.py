@@ -11,6 +11,7 @@ prior of a few typical sizes on the coefficients (half of it where the sign is k
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,15 +37,15 @@ class Base:
     precision: Array
     shift: Array
 
-    def __post_init__(self) -> None:
-        weighted = self.weights.apply(self.design)
-        object.__setattr__(self, "weighted_design", weighted)
-        flat = self.design.reshape(-1, self.design.shape[2])
-        information = flat.T @ weighted.reshape(flat.shape) + self.precision
-        object.__setattr__(self, "inverse", np.linalg.inv(information))
+    @cached_property
+    def weighted_design(self) -> Array:
+        """Sigma^-1 D (n, 3, q)."""
+        return self.weights.apply(self.design)
 
-    weighted_design: Array = None  # type: ignore[assignment]
-    inverse: Array = None  # type: ignore[assignment]
+    @cached_property
+    def inverse(self) -> Array:
+        """(D^T W D + P)^-1 (q, q)."""
+        return np.asarray(np.linalg.inv(_flat(self.design).T @ _flat(self.weighted_design) + self.precision), dtype=float)
 
     def extended(self, columns: Array) -> Base:
         """The model with further columns (n, 3, p), in typical sizes, whose coefficients are free within their prior."""
