@@ -35,11 +35,6 @@ class Detection:
     critical: float
 
     @property
-    def by_dictionary(self) -> float:
-        """The largest surprise of an entry."""
-        return float(self.entries.max(initial=0.0))
-
-    @property
     def seen_patterns(self) -> tuple[str, ...]:
         """The patterns that 5 % of the replicates would not show, the clearest first."""
         order = sorted(self.patterns, key=lambda name: -self.patterns[name])

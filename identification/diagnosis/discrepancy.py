@@ -27,6 +27,7 @@ class LawDiscrepancy(Effect):
     settles = ""
 
     def __init__(self, of: Effect, shapes: int) -> None:
+        # An effect of the dictionary is a class with a name and parameters of its own; these are one for each effect in force.
         self.of = of
         self.name = f"law_of_{of.name}"                                                     # type: ignore[misc]
         self.parameters = tuple(                                                            # type: ignore[misc]

@@ -69,7 +69,7 @@ def permuted(given: Answer, rename: Callable[[str], str]) -> Answer:
 
 @dataclass(frozen=True)
 class Targets:
-    """What a set of judged cases must reach (issue 5), as shares: least right, most wrong, most false alarms."""
+    """What a set of judged cases must reach, as shares: least right, most wrong, most false alarms."""
 
     right: float
     wrong: float

@@ -39,7 +39,7 @@ MEASUREMENT = (
 )
 # An effect that no deflection shows (EFFECTS.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
-# Effects that only logs taken in motion show: issue 7 hides them there.
+# Effects that only logs taken in motion show: tests/motion hides them there.
 IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia")
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)
 
