@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from compensator.data import shipped
 from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
+from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -40,7 +41,7 @@ def sample(folder: Path) -> Corrected:
     stiffness = folder / "stiffness.json"
     stiffness.write_text(json.dumps(fit.model.as_dict()))
     inputs = Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
-    return correct_program(predict_program(inputs, tare=(0, 2)))
+    return correct_program(predict_program(inputs, Settings(tare=(0, 2))))
 
 
 def accuracy(job: Corrected) -> None:

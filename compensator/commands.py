@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from compensator.design import design
+from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, Settings, with_settings
 from identification.console import READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
     from compensator.pipeline import Corrected, Inputs, Predicted
 
 
-class TargetRange(click.ParamType[tuple[int, int]]):
-    """Two target numbers, FIRST:LAST."""
-
-    name = "FIRST:LAST"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):
-            return value[0], value[1]
-        first, colon, last = str(value).partition(":")
-        if not (colon and first.isdigit() and last.isdigit() and int(first) <= int(last)):
-            self.fail(f"'{value}' is not a range of targets such as 0:3", param, ctx)
-        return int(first), int(last)
-
-
 _CELL = click.argument("cell_file", metavar="CELL", type=READABLE)
 _TOOLPATH = click.argument("toolpath_file", metavar="TOOLPATH", type=READABLE)
 _STIFFNESS = click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
 _FORCES = click.option("--forces", "forces_file", required=True, type=READABLE, help="The force log of this program.")
-_TARE = click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias.")
 _REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 
 
@@ -42,11 +28,11 @@ _REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML repor
 @_STIFFNESS
 @_FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@_TARE
+@with_settings(*FORCE_OPTIONS)
 @_REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
-    tare: tuple[int, int] | None, report: Path | None,
+    report: Path | None, settings: Settings,
 ) -> Outcome:
     """Predict how far the tool is pushed off its path.
 
@@ -61,7 +47,7 @@ def predict(
     outputs = [output, *([report] if report else [])]
     check_distinct(inputs, outputs)
     check_writable(outputs, overwrite=session.overwrite)
-    predicted = predict_program(inputs, tare=tare)
+    predicted = predict_program(inputs, settings)
     files = {output: deviation_csv(predicted)}
     if report:
         from compensator.report import path_report
@@ -80,11 +66,11 @@ def predict(
 @_FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The corrected program to write.")
 @click.option("--offsets", type=WRITABLE, help="Also write the offsets, one row a target (CSV).")
-@_TARE
+@with_settings(*FORCE_OPTIONS, *CORRECTION_OPTIONS)
 @_REPORT
 def correct(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
-    offsets: Path | None, tare: tuple[int, int] | None, report: Path | None,
+    offsets: Path | None, report: Path | None, settings: Settings,
 ) -> Outcome:
     """Correct a milling program for the deflection under its logged forces.
 
@@ -95,13 +81,13 @@ def correct(
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
-    corrected = run_correction(inputs, output, offsets, report, tare=tare, overwrite=session.overwrite)
+    corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
     step = f"open {report} in a browser" if report else f"compare {toolpath_file} with {output}, then load it into the robot"
     return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
 
 
 def run_correction(
-    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, *, tare: tuple[int, int] | None, overwrite: bool
+    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, settings: Settings, *, overwrite: bool
 ) -> Corrected:
     """Corrects one program and writes all its files, or none."""
     import json
@@ -116,7 +102,7 @@ def run_correction(
     check_writable(outputs, overwrite=overwrite)
     if not overwrite:
         check_not_corrected(inputs.toolpath)
-    corrected = correct_program(predict_program(inputs, tare=tare))
+    corrected = correct_program(predict_program(inputs, settings))
     files = {output: corrected.content,
              record_file: (json.dumps(record(corrected, output), indent=1, allow_nan=False) + "\n").encode()}
     if offsets:

@@ -9,6 +9,7 @@ from pathlib import Path
 from compensator.commands import correction_lines, run_correction
 from compensator.data import shipped
 from compensator.pipeline import Inputs, summary
+from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.commands import stiffness_lines
 from identification.console import Outcome, Session
@@ -40,8 +41,8 @@ def run_demo(session: Session, folder: Path) -> Outcome:
         at["identify.html"]: identification_report(cell, measurements, fit).encode(),
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
-    corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"], tare=TARE,
-                               overwrite=True)
+    corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"],
+                               Settings(tare=TARE), overwrite=True)
     session.inputs += [at[name] for name in SAMPLES]
     lines = [
         f"$ compstiff identify cell.yaml measurements.csv -o stiffness.json --report identify.html   (in {folder})",

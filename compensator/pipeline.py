@@ -16,6 +16,7 @@ from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
+from compensator.settings import DEFAULTS, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
@@ -47,6 +48,7 @@ class Predicted:
     """One program with the deviation predicted for its targets with force."""
 
     inputs: Inputs
+    settings: Settings
     cell: Cell
     model: IdentifiedModel
     program: RapidProgram
@@ -79,7 +81,7 @@ def read_toolpath(path: Path) -> RapidProgram:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
 
 
-def predict_program(inputs: Inputs, *, tare: tuple[int, int] | None = None) -> Predicted:
+def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
     cell = read_cell(inputs.cell)
     model = read_stiffness(inputs.stiffness, cell)
@@ -93,14 +95,14 @@ def predict_program(inputs: Inputs, *, tare: tuple[int, int] | None = None) -> P
         # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             plan = plan_path(program.toolpath, cell)
-            forces = place_forces(log, plan, cell, tare=tare)
+            forces = place_forces(log, plan, cell, tare=settings.tare)
             said = (*program.toolpath.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
             targets, left = targets_to_correct(plan, forces)
             prediction = predict_path(plan, forces, model, targets)
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings))
+    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings))
 
 
 def correct_program(predicted: Predicted) -> Corrected:

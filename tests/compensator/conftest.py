@@ -9,6 +9,7 @@ import pytest
 
 from compensator.data import shipped
 from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
+from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -30,4 +31,4 @@ def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 @pytest.fixture(scope="session")
 def sample(sample_inputs: Inputs) -> Corrected:
     """The corrected sample program."""
-    return correct_program(predict_program(sample_inputs, tare=TARE))
+    return correct_program(predict_program(sample_inputs, Settings(tare=TARE)))

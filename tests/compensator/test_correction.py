@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from compensator.correction import correct_path, predict_path, targets_to_correct
 from compensator.pipeline import Corrected, correct_program, summary
 from compensator.rapid import read_rapid
+from compensator.settings import Settings
 from identification.findings import CompstiffError, Refused
 from identification.model.compliance import loaded_pose
 from identification.model.rotations import Frame, quaternion_to_matrix, rotation_vector
@@ -125,7 +126,7 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
     program = tmp_path / "insert.mod"
     program.write_bytes(text.replace(old, new))
     again = correct_program(predict_program(
-        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), tare=(0, 2)))
+        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings(tare=(0, 2))))
     # A sample on the border between two targets may fall to the other one by the last digit: a few nanometres there.
     assert_allclose(again.correction.offset, sample.correction.offset, atol=2e-8)
 
