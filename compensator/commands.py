@@ -80,7 +80,9 @@ def correct(
     from compensator.pipeline import Inputs, summary
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
-    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
+    if settings.first_forces and not settings.logged_with:
+        raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
     step = f"open {report} in a browser" if report else f"compare {toolpath_file} with {output}, then load it into the robot"
     return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
@@ -137,8 +139,10 @@ def correction_lines(corrected: Corrected) -> list[str]:
         *_predicted_lines(corrected.predicted),
         f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
         f"{figures['turn_deg']['largest']:.4f} deg",
-        f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um "
-        "(the rounding of the written numbers)",
+        f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
+        + (f"{figures['held_back']} corrections held back, else the rounding of the written numbers)" if figures["held_back"]
+           else "the rounding of the written numbers)"),
+        f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
     ]
 
 

@@ -16,15 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces import TargetForces
-from compensator.loading import StateChange, at, each_tool, loaded_path, program, resting_angles, state_changes
+from compensator.loading import at, each_tool, loaded_path, resting_angles
+from compensator.placement import arc_length
 from compensator.planning import Plan
+from compensator.prediction import Prediction
+from compensator.restraint import chance_of_harm, confident_share, limited_steps
 from identification.findings import CompstiffError, Finding, Refused
-from identification.model.compliance import compliance_matrix, displacement, joint_torque, loaded_angles
-from identification.model.inverse import configuration, wrist_distance
+from identification.model.compliance import displacement, joint_torque, loaded_angles
+from identification.model.inverse import configuration, inverse, nearest_solution, wrist_distance
 from identification.model.kinematics import forward
-from identification.model.rotations import Frame, rotation_vector
+from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 from identification.model.stiffness import IdentifiedModel
-from identification.model.stiffness_file import same_tool
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,28 +36,8 @@ RESIDUAL_LIMIT = 1e-8
 # Axis 5 closer than this to the wrist singularity [rad]: micrometres of correction become degrees of axes 4 and 6.
 SINGULAR = np.radians(0.1)
 NEARLY_SINGULAR = np.radians(2.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
-
-    position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
-    the stiffnesses and effects, plus the scatter of the mean force where the log gives one. notes (M,): the effects whose state
-    changes before the target, "" where none does.
-    """
-
-    targets: Indices
-    position: Array
-    rotation: Array
-    covariance: Array
-    notes: NDArray[np.object_]
-    findings: tuple[Finding, ...]
-
-    @property
-    def std(self) -> Array:
-        """1 sigma of each component (M, 3) [m]."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+# A correction that differs by less from the full one is the full one [m]: a tenth of what is written.
+HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +46,9 @@ class Correction:
 
     object_from_tcp (M): position [m], rotation. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
     object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
-    residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model.
+    residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
+    full correction is made, below 1 where it is held back. harm (M,): probability that the point is farther from the plan
+    than without correction; NaN where no restraint was asked for.
     """
 
     targets: Indices
@@ -74,7 +58,19 @@ class Correction:
     theta: Array
     confdata: NDArray[np.int64]
     residual: Array
+    share: Array
+    harm: Array
     findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Restraint:
+    """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, the probability
+    with which it must make a point better, and the steepest change of the offset along the path [m/m]."""
+
+    prediction: Prediction
+    confidence: float
+    slope: float
 
 
 def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[Finding]]:
@@ -140,71 +136,14 @@ def _refuse_outside(plan: Plan, targets: Indices, theta: Array, when: str) -> No
     raise Refused(*findings)
 
 
-def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Prediction:
-    """Deviation of the uncorrected targets under their force, with its covariance.
+def correct_path(
+    plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, restraint: Restraint | None = None
+) -> Correction:
+    """The commanded poses: those whose loaded pose is the plan, held back where the restraint asks for it.
 
-    The scatter of the force is carried through the springs alone, effects left out. Raises CompstiffError: CS1101 no
-    equilibrium, CS1202 another tool than the one an effect in force was identified with.
+    Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
+    CompstiffError: CS4108 the forward model does not confirm the full correction.
     """
-    _check_tools(plan, model, targets)
-    count = len(targets)
-    loaded = loaded_path(plan, forces, model, targets, plan.theta[targets])
-    of_effects = None
-    if model.effects and count:
-        of_effects = model.slopes(program(plan, forces, model, targets, plan.theta[targets]))[targets]
-    position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    for tool, places in each_tool(plan, targets):
-        theta, wrench = plan.theta[targets[places]], forces.wrench[targets[places]]
-        position[places], rotation[places] = displacement(
-            Frame(loaded.rotation[places], loaded.position[places]), forward(model.robot, theta, tool))
-        covariance[places] = model.deviation_covariance(
-            theta, wrench, tool, None if of_effects is None else of_effects[places])[:, :3, :3]
-        scatter = np.nan_to_num(forces.standard_error[targets[places]]) ** 2
-        if scatter.any():
-            carried = compliance_matrix(model.robot, theta, tool, model.compliance)[:, :3, :3]
-            covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
-    notes, findings = _state_notes(plan, targets, state_changes(plan, forces, model, targets) if model.effects else [])
-    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *findings))
-
-
-def _check_tools(plan: Plan, model: IdentifiedModel, targets: Indices) -> None:
-    """CompstiffError (CS1202) where a move with force uses another tool than the one an effect was identified with."""
-    of_tool = ", ".join(one.label for one in model.effects if one.effect.of_tool)
-    others = [int(targets[places[0]]) for tool, places in each_tool(plan, targets)
-              if of_tool and not same_tool(tool, model.flange_from_tcp)]
-    if others:
-        raise CompstiffError(*(at(plan, target, "CS1202", "error", f"{of_tool} was identified with the cell's tool; this move "
-                                  f"with force uses {plan.toolpath.tools[plan.toolpath.tool[target]].name}, whose TCP is "
-                                  "another", "identify with this tool, or use a stiffness file without that effect")
-                               for target in others))
-
-
-def _unknown_gravity(model: IdentifiedModel) -> list[Finding]:
-    """A note (CS1404) where gravity enters an effect and the robot file does not tell it."""
-    upright = bool(np.all(np.abs(model.fall[:2]) < 1e-6))
-    asking = [one.label for one in model.effects if one.effect.of_gravity and not (upright and one.joint == 1)]
-    if not asking or model.robot.link_mass is not None:
-        return []
-    return [Finding("CS1404", "note", f"the robot file has no links: gravity torques are taken as zero in {', '.join(asking)}",
-                    file=str(model.robot.source), hint="add links (mass and centre) to a robot file of your own")]
-
-
-def _state_notes(plan: Plan, targets: Indices, changes: list[StateChange]) -> tuple[NDArray[np.object_], list[Finding]]:
-    """A note (M,) for each target before which the state of an effect changes, and one finding (CS4111) for each effect."""
-    notes, findings = np.full(len(targets), "", dtype=object), []
-    for change in changes:
-        words = f"{change.of.label} {change.of.effect.turning} before"
-        notes[change.places] = [f"{note}{'; ' if note else ''}{words} this target" for note in notes[change.places]]
-        largest = int(np.argmax(change.step))
-        findings.append(at(plan, int(targets[change.places[largest]]), "CS4111", "note", f"{words} {len(change.places)} of "
-                           f"{len(targets)} targets with force: deviation and correction step there, by up to "
-                           f"{1e6 * change.step[largest]:.1f} um", "the column note of the offsets names the targets"))
-    return notes, findings
-
-
-def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Correction:
-    """The commanded poses. Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over
-    the cell's limits; CompstiffError: CS4108 the forward model does not confirm the correction."""
     robot, cell, path = model.robot, plan.cell, plan.toolpath
     count = len(targets)
     planned = plan.theta[targets]
@@ -224,17 +163,74 @@ def correct_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
         raise CompstiffError(at(plan, int(targets[worst]), "CS4108", "error", "the correction did not converge: the loaded "
                                 f"tool stays {1e6 * residual.max():.3g} um and {twist.max():.3g} rad off the plan",
                                 "check the units of the forces"))
+    findings: list[Finding] = []
+    share, harm = np.ones(count), np.full(count, np.nan)
+    if restraint is not None and count:
+        full = tcp.position - goal.position
+        offset, findings = _restrained(plan, forces, targets, full, restraint)
+        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.covariance, offset)
+        held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
+        if len(held):
+            share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
+            turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(goal.rotation[held], 1, 2))
+            tcp.rotation[held] = rotation_matrix(np.minimum(share[held], 1.0)[:, None] * turn) @ goal.rotation[held]
+            tcp.position[held] = goal.position[held] + offset[held]
+            tool = Frame(plan.flange_from_tcp.rotation[targets[held]], plan.flange_from_tcp.position[targets[held]])
+            flange = Frame(tcp.rotation[held], tcp.position[held]) @ tool.inverse()
+            theta[held], _ = nearest_solution(robot, inverse(robot, flange, theta[held]), theta[held])
+            loaded = loaded_path(plan, forces, model, targets, theta)
+            residual = np.linalg.norm(loaded.position - goal.position, axis=1)
     object_from_base = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets]).inverse()
     commanded, wanted = object_from_base @ tcp, object_from_base @ goal
     offset = commanded.position - wanted.position
     turn = rotation_vector(commanded.rotation @ np.swapaxes(wanted.rotation, 1, 2))
     _refuse_outside(plan, targets, theta, "after correction")
-    findings = [*_singularity(plan, targets, planned, theta), *_check_size(plan, targets, offset, turn, cell.max_offset,
-                                                                           cell.max_tilt)]
+    findings += [*_singularity(plan, targets, planned, theta), *_check_size(plan, targets, offset, turn, cell.max_offset,
+                                                                            cell.max_tilt)]
     step = configuration(robot, theta)[:, :3] - configuration(robot, planned)[:, :3]
     confdata = path.confdata[targets].copy()
     confdata[:, :3] += step
-    return Correction(targets, commanded, offset, turn, theta, confdata, residual, tuple(findings))
+    return Correction(targets, commanded, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+
+
+def _restrained(
+    plan: Plan, forces: TargetForces, targets: Indices, full: Array, restraint: Restraint
+) -> tuple[Array, list[Finding]]:
+    """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113)."""
+    predicted = restraint.prediction
+    share = confident_share(predicted.position, predicted.covariance, restraint.confidence)
+    sure = share[:, None] * full
+    findings = []
+    unsure = np.flatnonzero((share < 1) & (np.linalg.norm(full - sure, axis=1) > HELD))
+    if len(unsure):
+        left = np.linalg.norm((full - sure)[unsure], axis=1)
+        findings.append(at(plan, int(targets[unsure[np.argmax(left)]]), "CS4112", "note",
+                           f"{len(unsure)} corrections are small against their own uncertainty: "
+                           f"{int((share[unsure] == 0).sum())} are left out, the others reduced; up to "
+                           f"{1e6 * left.max():.1f} um of expected deviation stay",
+                           f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
+                           "(--confidence)"))
+    if not np.isfinite(restraint.slope):
+        return sure, findings
+    length = arc_length(plan.world_position, plan.toolpath.move)
+    air = (forces.samples > 0) & ~forces.forced
+    row = np.full(len(length), -1)
+    row[targets] = np.arange(len(targets))
+    where = np.flatnonzero(~np.isnan(length) & (air | (row >= 0)))
+    offsets = np.zeros((len(where), 3))
+    corrected = row[where] >= 0
+    offsets[corrected] = sure[row[where[corrected]]]
+    limited = limited_steps(offsets, length[where], air[where] & ~corrected, restraint.slope)
+    result = sure.copy()
+    result[row[where[corrected]]] = limited[corrected]
+    changed = np.linalg.norm(result - sure, axis=1)
+    steep = np.flatnonzero(changed > HELD)
+    if len(steep):
+        findings.append(at(plan, int(targets[steep[np.argmax(changed[steep])]]), "CS4113", "warning",
+                           f"the correction would change by more than {1e3 * restraint.slope:g} um a millimetre: it is "
+                           f"blended at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
+                           "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
+    return result, findings
 
 
 def _check_size(plan: Plan, targets: Indices, offset: Array, turn: Array, max_offset: float, max_tilt: float) -> list[Finding]:

@@ -50,7 +50,8 @@ class TargetForces:
     """One wrench a target: wrench (N, 6) [N, N m] on the tool at the TCP, base frame; samples (N,) behind each.
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
-    forced (N,): the force is told apart from zero. tare (6,): what was subtracted, log frame, None without tare.
+    forced (N,): the force is told apart from zero. tare (6,): what was subtracted, log frame, None without tare. named: the log
+    gave the target of each sample.
     """
 
     wrench: Array
@@ -59,6 +60,7 @@ class TargetForces:
     forced: NDArray[np.bool_]
     tare: Array | None
     findings: tuple[Finding, ...]
+    named: bool = False
 
 
 def read_force_log(path: str | Path) -> ForceLog:
@@ -154,7 +156,7 @@ def place_forces(
     wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
-    return TargetForces(wrench, samples, standard_error, forced, subtracted, (*log.findings, *findings))
+    return TargetForces(wrench, samples, standard_error, forced, subtracted, (*log.findings, *findings), log.key == "target")
 
 
 def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:

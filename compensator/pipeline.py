@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction import Correction, Prediction, correct_path, predict_path, targets_to_correct
+from compensator.correction import Correction, Restraint, correct_path, targets_to_correct
+from compensator.engagement import engaged, read_offsets, two_passes
 from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
+from compensator.prediction import Prediction, predict_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
-from compensator.settings import DEFAULTS, Settings
+from compensator.settings import DEFAULTS, SLOPE, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
@@ -45,7 +47,7 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One program with the deviation predicted for its targets with force."""
+    """One program with the deviation predicted for its targets with force. model: scaled as the settings say."""
 
     inputs: Inputs
     settings: Settings
@@ -85,38 +87,72 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
     cell = read_cell(inputs.cell)
     model = read_stiffness(inputs.stiffness, cell)
+    if settings.scale != DEFAULTS.scale:
+        model = model.scaled(*settings.scale)
     program = read_toolpath(inputs.toolpath)
-    log = read_force_log(inputs.forces)
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
                     hint="name the module that holds the moves")
-    said: tuple[Finding, ...] = (*program.toolpath.findings, *log.findings)
+    # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        plan = plan_path(program.toolpath, cell)
+        return _predicted(inputs, settings, cell, model, program, plan)
+
+
+def _predicted(
+    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, plan: Plan
+) -> Predicted:
+    """The program with the forces of one log."""
+    source = program.toolpath
+    log = read_force_log(inputs.forces)
+    said: tuple[Finding, ...] = (*source.findings, *log.findings)
     try:
-        # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            plan = plan_path(program.toolpath, cell)
-            forces = place_forces(log, plan, cell, tare=settings.tare)
-            said = (*program.toolpath.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
-            targets, left = targets_to_correct(plan, forces)
-            prediction = predict_path(plan, forces, model, targets)
+        forces = place_forces(log, plan, cell, tare=settings.tare)
+        said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
+        targets, left = targets_to_correct(plan, forces)
+        prediction = predict_path(plan, forces, model, targets)
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings))
+    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction,
+                     (*said, *left, *prediction.findings))
 
 
 def correct_program(predicted: Predicted) -> Corrected:
     """The corrected program. Raises what `correct_path` raises, and CS4203 where the written text does not read back."""
-    targets = predicted.prediction.targets
-    correction = correct_path(predicted.plan, predicted.forces, predicted.model, targets)
+    settings, targets = predicted.settings, predicted.prediction.targets
+    forces, prediction, told = _forces_of_the_cut(predicted)
+    slope = settings.slope or (np.inf if forces.named else SLOPE)
+    restraint = Restraint(prediction, settings.confidence, slope)
+    correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
     written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
-    residual = _read_back(predicted, correction, written.content)
-    findings = (*predicted.findings, *correction.findings, *written.findings)
+    residual = _read_back(predicted, forces, correction, written.content)
+    findings = (*predicted.findings, *told, *correction.findings, *written.findings)
     return Corrected(predicted, correction, written.content, residual, findings)
 
 
-def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> Array:
+def _forces_of_the_cut(predicted: Predicted) -> tuple[TargetForces, Prediction, tuple[Finding, ...]]:
+    """The forces that the corrected pass will meet, and the deviation under them (engagement.py); as logged where no cutting
+    stiffness is known."""
+    settings, plan = predicted.settings, predicted.plan
+    logged = predicted.forces, predicted.prediction
+    offsets = read_offsets(settings.logged_with, plan) if settings.logged_with else None
+    stiffness = settings.cutting_stiffness
+    found: tuple[Finding, ...] = ()
+    if stiffness is None and settings.first_forces is not None and offsets is not None:
+        first = _predicted(replace(predicted.inputs, forces=settings.first_forces), settings, predicted.cell, predicted.model,
+                           predicted.program, plan)
+        stiffness = two_passes(plan, first.forces, first.prediction, *logged, offsets)
+        found = (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * stiffness.value:.3g} N/mm, "
+                         f"standard error {1e-3 * stiffness.std:.2g}", file=str(predicted.inputs.forces)),)
+    if stiffness is None:
+        return *logged, ()
+    forces, told = engaged(plan, *logged, stiffness, offsets)
+    return forces, predict_path(plan, forces, predicted.model, predicted.prediction.targets), (*found, *told)
+
+
+def _read_back(predicted: Predicted, forces: TargetForces, correction: Correction, content: bytes) -> Array:
     """Reads the written program again: every corrected number there, every other target as it was. Returns the residual
     (M,) [m] of the loaded tool with the numbers as written."""
     before, targets = predicted.program.toolpath, correction.targets
@@ -142,7 +178,7 @@ def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> 
     base_from_flange = base_from_object @ object_from_tcp @ flange_from_tcp.inverse()
     theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
                                 correction.theta)
-    loaded = loaded_path(plan, predicted.forces, predicted.model, targets, theta)
+    loaded = loaded_path(plan, forces, predicted.model, targets, theta)
     return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
 
 
@@ -202,6 +238,8 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
             "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),
             "residual_um": _figures(1e6 * corrected.residual),
+            "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
+            "expected_worse": round(float(corrected.correction.harm.sum()), 2),
         }
     return figures
 
@@ -216,13 +254,14 @@ def record(corrected: Corrected, output: Path) -> dict[str, Any]:
     """OUT.mod.json: what was made from what (FORMATS.md, correct)."""
     import hashlib
 
-    inputs = corrected.predicted.inputs
+    inputs, settings = corrected.predicted.inputs, corrected.predicted.settings
     return {
         "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
         "input": {"file": inputs.toolpath.name, "sha256": sha256(inputs.toolpath)},
         "output": {"file": output.name, "sha256": hashlib.sha256(corrected.content).hexdigest()},
         **{name: {"file": path.name, "sha256": sha256(path)} for name, path in (
-            ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces))},
+            ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces), *settings.files())},
+        "settings": settings.as_dict(),
         "robot": {"name": corrected.predicted.cell.robot.name, "sha256": corrected.predicted.cell.robot.sha256},
         "summary": summary(corrected.predicted, corrected),
         "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}

@@ -3,21 +3,60 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import click
+
+from identification.console import READABLE
+
+
+class Estimate(NamedTuple):
+    """A number and its standard error, in one unit."""
+
+    value: float
+    std: float = 0.0
+
+
+ONE = Estimate(1.0)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """tare: first and last target of an air move, whose mean force is the sensor's bias."""
+    """tare: first and last target of an air move, whose mean force is the sensor's bias.
+
+    confidence: probability with which a correction must make its point better; at 0.69 those larger than their own standard
+    deviation are made in full, those below half of it left out. slope [m/m]: the steepest change of the offset along the
+    path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
+    cutting_stiffness [N/m]: how the force grows with the depth of cut. logged_with: the offsets.csv that the program had
+    while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
+    compliances, from a measured pass.
+    """
 
     tare: tuple[int, int] | None = None
+    confidence: float = 0.69
+    slope: float | None = None
+    cutting_stiffness: Estimate | None = None
+    logged_with: Path | None = None
+    first_forces: Path | None = None
+    scale: Estimate = ONE
+
+    def files(self) -> list[tuple[str, Path]]:
+        """The input files among them, by name."""
+        return [(item.name, value) for item in fields(self) if isinstance(value := getattr(self, item.name), Path)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values in SI, files by their name."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value.name if isinstance(value, Path) else value for name, value in values.items()}
 
 
 DEFAULTS = Settings()
+# Where a ball mill enters the shipped sample the offset changes by 140 um/mm at most.
+SLOPE = 0.5
 
 
 class TargetRange(click.ParamType[tuple[int, int]]):
@@ -34,14 +73,62 @@ class TargetRange(click.ParamType[tuple[int, int]]):
         return int(first), int(last)
 
 
+class Scaled(click.ParamType[float]):
+    """A finite number of at least `low` in the unit of the help text, times `factor` in SI."""
+
+    name = "NUMBER"
+
+    def __init__(self, factor: float, low: float = 0.0) -> None:
+        self.factor, self.low = factor, low
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not (math.isfinite(number) and number >= self.low):
+            self.fail(f"'{value}' is not a number of at least {self.low:g}", param, ctx)
+        return self.factor * number
+
+
+class ScaledEstimate(click.ParamType[Estimate]):
+    """A positive number, with its standard error behind a colon where it is known: VALUE[:STD]."""
+
+    name = "VALUE[:STD]"
+
+    def __init__(self, factor: float) -> None:
+        self.factor = factor
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Estimate:
+        if isinstance(value, Estimate):
+            return value
+        number = Scaled(self.factor)
+        size, _, std = str(value).partition(":")
+        estimate = Estimate(number.convert(size, param, ctx), number.convert(std or 0, param, ctx))
+        if not estimate.value > 0:
+            self.fail(f"'{value}' is not positive", param, ctx)
+        return estimate
+
+
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # How the force log is read and placed: `predict` and `correct`.
 FORCE_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias."),
+    click.option("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.scale, metavar="VALUE[:STD]",
+                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
 )
 # How the program is corrected: `correct` alone.
-CORRECTION_OPTIONS: tuple[Decorator, ...] = ()
+CORRECTION_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.confidence, show_default=True,
+                 help="Probability with which a correction must make its point better, else it is reduced or left out."),
+    click.option("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
+                 f"[um/mm]; steeper steps are blended.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
+    click.option("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
+    click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
+    click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
+                 "give the cutting stiffness."),
+)
 
 
 def with_settings(*options: Decorator) -> Decorator:

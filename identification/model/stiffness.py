@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,13 @@ class IdentifiedModel:
     def _average_stiffness(self) -> Array:
         """E[k] (6,) [N m/rad]."""
         return np.exp(-self.mean[:6] + 0.5 * np.diag(self.covariance)[:6])
+
+    def scaled(self, factor: float, std: float = 0.0) -> IdentifiedModel:
+        """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are."""
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        mean[:6] += np.log(factor)
+        covariance[:6, :6] += (std / factor) ** 2
+        return replace(self, mean=mean, covariance=covariance)
 
     def situation(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Situation:
         """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench

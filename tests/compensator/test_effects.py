@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from compensator import correction, pipeline
-from compensator.correction import correct_path, predict_path
+from compensator import correction, pipeline, prediction
+from compensator.correction import correct_path
 from compensator.loading import loaded_path, resting_angles, state_changes
 from compensator.offsets import deviation_csv, offsets_csv
 from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
+from compensator.prediction import predict_path
 from compensator.rapid import read_rapid
 from identification.findings import CompstiffError
 from identification.model.rotations import Frame
@@ -274,7 +275,7 @@ def test_without_effects_none_of_it_runs(sample: Corrected, monkeypatch: pytest.
     def never(*arguments: object) -> None:
         raise AssertionError("effects evaluated")
 
-    for module, name in ((correction, "resting_angles"), (correction, "program"), (correction, "state_changes")):
+    for module, name in ((correction, "resting_angles"), (prediction, "program"), (prediction, "state_changes")):
         monkeypatch.setattr(module, name, never)
     assert pipeline.correct_program(sample.predicted).content == sample.content
 
