@@ -135,8 +135,9 @@ def correction_lines(corrected: Corrected) -> list[str]:
 
     figures = summary(corrected.predicted, corrected)
     offset, residual = figures["offset_mm"], figures["residual_um"]
+    added = [f"intermediate targets added: {figures['added_targets']}"] if figures["added_targets"] else []
     return [
-        *_predicted_lines(corrected.predicted),
+        *_predicted_lines(corrected.planned), *added,
         f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
         f"{figures['turn_deg']['largest']:.4f} deg",
         f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("

@@ -13,13 +13,18 @@ Array = NDArray[np.float64]
 
 
 def offsets_csv(corrected: Corrected) -> bytes:
-    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note."""
-    predicted = corrected.predicted
-    targets = predicted.prediction.targets
-    offset, turn = np.zeros((len(predicted.plan.toolpath), 3)), np.zeros((len(predicted.plan.toolpath), 3))
+    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note.
+
+    One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
+    which a target may have intermediate ones beside it and so a narrower share of the log.
+    """
+    targets = corrected.correction.targets
+    count = len(corrected.predicted.plan.toolpath)
+    offset, turn = np.zeros((count, 3)), np.zeros((count, 3))
     offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
-    columns = {**_columns(offset, "ox_mm oy_mm oz_mm", 6), **_columns(turn, "orx_deg ory_deg orz_deg", 8)}
-    return _csv(predicted, columns)
+    kept = corrected.kept
+    columns = {**_columns(offset[kept], "ox_mm oy_mm oz_mm", 6), **_columns(turn[kept], "orx_deg ory_deg orz_deg", 8)}
+    return _csv(corrected.planned, columns)
 
 
 def deviation_csv(predicted: Predicted) -> bytes:

@@ -11,14 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.corners import corners, with_tighter_zones
 from compensator.correction import Correction, Restraint, correct_path, targets_to_correct
+from compensator.densify import densified
 from compensator.engagement import engaged, read_offsets, two_passes
-from compensator.forces import TargetForces, place_forces, read_force_log
+from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
 from compensator.prediction import Prediction, predict_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
-from compensator.settings import DEFAULTS, SLOPE, Settings
+from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
@@ -28,6 +30,7 @@ from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import read_stiffness
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 RECORD = "compstiff-correction"
 RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
 # Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
@@ -47,7 +50,7 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One program with the deviation predicted for its targets with force. model: scaled as the settings say."""
+    """One program with the deviation predicted for its targets with force. model: scaled as the settings say. log: as read."""
 
     inputs: Inputs
     settings: Settings
@@ -55,6 +58,7 @@ class Predicted:
     model: IdentifiedModel
     program: RapidProgram
     plan: Plan
+    log: ForceLog
     forces: TargetForces
     prediction: Prediction
     findings: tuple[Finding, ...]
@@ -62,10 +66,14 @@ class Predicted:
 
 @dataclass(frozen=True, eq=False)
 class Corrected:
-    """One program, corrected. content: the bytes to write. residual (M,) [m]: distance of the loaded tool from the plan
-    with the numbers as written; from_plan (M,) [m]: without correction."""
+    """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
+    it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
+    loaded tool from the plan with the numbers as written.
+    """
 
+    planned: Predicted
     predicted: Predicted
+    kept: Indices
     correction: Correction
     content: bytes
     residual: Array
@@ -114,14 +122,26 @@ def _predicted(
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction,
+    return Predicted(inputs, settings, cell, model, program, plan, log, forces, prediction,
                      (*said, *left, *prediction.findings))
 
 
-def correct_program(predicted: Predicted) -> Corrected:
+def correct_program(planned: Predicted) -> Corrected:
     """The corrected program. Raises what `correct_path` raises, and CS4203 where the written text does not read back."""
-    settings, targets = predicted.settings, predicted.prediction.targets
-    forces, prediction, told = _forces_of_the_cut(predicted)
+    settings = planned.settings
+    offsets = read_offsets(settings.logged_with, planned.plan) if settings.logged_with else None
+    stiffness, told = _cutting_stiffness(planned, offsets)
+    given = planned
+    planned, cut_off = _cornered(planned)
+    predicted, kept = _densified(planned)
+    told = (*told, *cut_off)
+    forces, prediction, targets = predicted.forces, predicted.prediction, predicted.prediction.targets
+    if stiffness is not None:
+        if offsets is not None:
+            offsets = np.column_stack([np.interp(np.arange(len(predicted.plan.toolpath)), kept, axis) for axis in offsets.T])
+        forces, more = engaged(predicted.plan, forces, prediction, stiffness, offsets)
+        prediction = predict_path(predicted.plan, forces, predicted.model, targets)
+        told = (*told, *more)
     slope = settings.slope or (np.inf if forces.named else SLOPE)
     restraint = Restraint(prediction, settings.confidence, slope)
     correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
@@ -129,27 +149,45 @@ def correct_program(predicted: Predicted) -> Corrected:
                       correction.object_from_tcp.quaternion, correction.confdata)
     residual = _read_back(predicted, forces, correction, written.content)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings)
-    return Corrected(predicted, correction, written.content, residual, findings)
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings)
 
 
-def _forces_of_the_cut(predicted: Predicted) -> tuple[TargetForces, Prediction, tuple[Finding, ...]]:
-    """The forces that the corrected pass will meet, and the deviation under them (engagement.py); as logged where no cutting
-    stiffness is known."""
-    settings, plan = predicted.settings, predicted.plan
-    logged = predicted.forces, predicted.prediction
-    offsets = read_offsets(settings.logged_with, plan) if settings.logged_with else None
-    stiffness = settings.cutting_stiffness
-    found: tuple[Finding, ...] = ()
-    if stiffness is None and settings.first_forces is not None and offsets is not None:
-        first = _predicted(replace(predicted.inputs, forces=settings.first_forces), settings, predicted.cell, predicted.model,
-                           predicted.program, plan)
-        stiffness = two_passes(plan, first.forces, first.prediction, *logged, offsets)
-        found = (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * stiffness.value:.3g} N/mm, "
-                         f"standard error {1e-3 * stiffness.std:.2g}", file=str(predicted.inputs.forces)),)
-    if stiffness is None:
-        return *logged, ()
-    forces, told = engaged(plan, *logged, stiffness, offsets)
-    return forces, predict_path(plan, forces, predicted.model, predicted.prediction.targets), (*found, *told)
+def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
+    """The program with smaller zones where they were asked for, and what zones cut off the corners."""
+    settings, targets = planned.settings, planned.prediction.targets
+    told: list[Finding] = []
+    if settings.tighten_zones:
+        content, told = with_tighter_zones(planned.program, planned.plan, targets, settings.tolerance)
+        program = read_rapid(content, planned.program.source.name)
+        planned = replace(planned, program=program, plan=replace(planned.plan, toolpath=program.toolpath))
+    return planned, [*told, *corners(planned.plan, targets, settings.tolerance, tightened=settings.tighten_zones)]
+
+
+def _densified(planned: Predicted) -> tuple[Predicted, Indices]:
+    """The program with the intermediate targets it needs, and where the given targets stand in it."""
+    same = np.arange(len(planned.plan.toolpath))
+    if planned.settings.keep_targets or not len(planned.prediction.targets):
+        return planned, same
+    with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+        dense = densified(planned.program, planned.plan, planned.log, planned.forces, planned.model, planned.settings)
+        if dense is None:
+            return planned, same
+    targets, _ = targets_to_correct(dense.plan, dense.forces)
+    prediction = predict_path(dense.plan, dense.forces, planned.model, targets)
+    return replace(planned, program=dense.program, plan=dense.plan, forces=dense.forces, prediction=prediction,
+                   findings=(*planned.findings, *dense.findings)), dense.kept
+
+
+def _cutting_stiffness(predicted: Predicted, offsets: Array | None) -> tuple[Estimate | None, tuple[Finding, ...]]:
+    """The stated cutting stiffness, or that of two passes; None where neither is known: then the forces are taken as logged."""
+    settings = predicted.settings
+    if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
+        return settings.cutting_stiffness, ()
+    first = _predicted(replace(predicted.inputs, forces=settings.first_forces), settings, predicted.cell, predicted.model,
+                       predicted.program, predicted.plan)
+    found = two_passes(predicted.plan, first.forces, first.prediction, predicted.forces, predicted.prediction, offsets)
+    return found, (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * found.value:.3g} N/mm, standard "
+                           f"error {1e-3 * found.std:.2g}", file=str(predicted.inputs.forces)),)
 
 
 def _read_back(predicted: Predicted, forces: TargetForces, correction: Correction, content: bytes) -> Array:
@@ -221,11 +259,11 @@ def planned_time(predicted: Predicted) -> Array:
 
 
 def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[str, Any]:
-    """The figures of one job, JSON values."""
+    """The figures of one job, JSON values; those of a corrected program count its intermediate targets too."""
     size = np.linalg.norm(predicted.prediction.position, axis=1)
     std = np.sqrt(np.trace(predicted.prediction.covariance, axis1=1, axis2=2))
     figures: dict[str, Any] = {
-        "targets": len(predicted.plan.toolpath),
+        "targets": len(predicted.plan.toolpath if corrected is None else corrected.kept),
         "with_force": int(predicted.forces.forced.sum()),
         "without_sample": int((predicted.forces.samples == 0).sum()),
         "predicted": len(size),
@@ -234,6 +272,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
     }
     if corrected is not None:
         figures |= {
+            "added_targets": len(predicted.plan.toolpath) - len(corrected.kept),
             "corrected": len(size),
             "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
             "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),

@@ -40,14 +40,14 @@ def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
 
 def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
     """Lengths (n,) of both parts of the circular arcs through three points (n, 3); the chord where they are in line."""
-    straight, centre, axis = _circle(start, via, end)
+    straight, centre, axis = circle(start, via, end)
     radius = np.linalg.norm(start - centre, axis=1)
     first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * _turned(axis, start - centre, via - centre))
     second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * _turned(axis, via - centre, end - centre))
     return first, second
 
 
-def _circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+def circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     """Of the circles through three points (n, 3): whether they are in line (n,), centre and axis (n, 3); the arc from start
     over via to end turns in the positive sense about the axis."""
     to_via, to_end = via - start, end - start
@@ -76,7 +76,7 @@ def polyline(position: Array, move: NDArray[np.uint8]) -> tuple[Array, Array]:
     via = np.flatnonzero((kind[1:-1] == Move.ARC_VIA) & (kind[2:] == Move.ARC_END))
     if not len(via):
         return points, s
-    straight, centre, axis = _circle(points[via], points[via + 1], points[via + 2])
+    straight, centre, axis = circle(points[via], points[via + 1], points[via + 2])
     extra_points, extra_s = [points], [s]
     for arc in np.flatnonzero(~straight):
         for first in (via[arc], via[arc] + 1):

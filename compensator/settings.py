@@ -33,7 +33,9 @@ class Settings:
     path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
     cutting_stiffness [N/m]: how the force grows with the depth of cut. logged_with: the offsets.csv that the program had
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
-    compliances, from a measured pass.
+    compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
+    for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
+    tighten_zones: zones that cut corners by more than the tolerance are made smaller.
     """
 
     tare: tuple[int, int] | None = None
@@ -43,6 +45,10 @@ class Settings:
     logged_with: Path | None = None
     first_forces: Path | None = None
     scale: Estimate = ONE
+    tolerance: float = 5e-6
+    long_move: float = 0.03
+    keep_targets: bool = False
+    tighten_zones: bool = False
 
     def files(self) -> list[tuple[str, Path]]:
         """The input files among them, by name."""
@@ -124,6 +130,14 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
                  help="Probability with which a correction must make its point better, else it is reduced or left out."),
     click.option("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
                  f"[um/mm]; steeper steps are blended.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
+    click.option("--tolerance", type=Scaled(1e-6, low=0.1), default=1e6 * DEFAULTS.tolerance, show_default=True,
+                 help="Along a long MoveL or a MoveC the correction may be off what its place asks for by so much [um]; "
+                      "beyond, "
+                 "intermediate targets are added."),
+    click.option("--long-move", type=Scaled(1e-3, low=1.0), default=1e3 * DEFAULTS.long_move, show_default=True,
+                 help="A MoveL of this length [mm] may get intermediate targets."),
+    click.option("--keep-targets", is_flag=True, help="Add no intermediate targets."),
+    click.option("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
     click.option("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
     click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "

@@ -68,7 +68,7 @@ def rewrite(
     for number in np.unique(row[~in_move]).tolist():
         first, last = np.searchsorted(sorted_rows, [number, number + 1])
         _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
-    return Rewritten(_apply(program.source.data, job.edits), _findings(job, which, confdata), job.numbers, job.declarations)
+    return Rewritten(apply(program.source.data, job.edits), _findings(job, which, confdata), job.numbers, job.declarations)
 
 
 def _poses(
@@ -174,7 +174,7 @@ def _note(job: _Job, written: Written, target: int) -> None:
         job.symbols.append(target)
 
 
-def _apply(data: bytes, edits: list[Edit]) -> bytes:
+def apply(data: bytes, edits: list[Edit]) -> bytes:
     """The text with all edits made; those at one place in the order they were entered."""
     pieces: list[bytes] = []
     at = 0

@@ -1,0 +1,138 @@
+"""Further moves in the text of a program: intermediate targets of a long MoveL, an arc in several parts, a smaller zone.
+
+Only moves that stand by themselves are touched: the instruction, its targets and its tail, with nothing but blanks and comments
+between them and the move before, so that they are driven one after the other whenever the second is driven.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from compensator.rapid.expressions import Cursor
+from compensator.rapid.lexer import TRIVIA, tokens
+from compensator.rapid.literals import Pose, fresh
+from compensator.rapid.moves import parse_tail
+from compensator.rapid.program import RapidProgram
+from compensator.rapid.writer import Edit, apply
+from compensator.toolpath import Move
+
+_HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC]\s*\Z")
+_TAIL = re.compile(rb"[^;!\"]*+;")
+# Arguments with which a further move would not be the same: a time for the whole, synchronised robots, path corrections.
+_OWN = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")
+_BETWEEN = re.compile(TRIVIA)
+_LINE_END = re.compile(rb"(?:\r*\n|\r)\Z")
+_LONGEST_HEAD = 80
+_FLYBY = b"z0"
+
+
+@dataclass(frozen=True, slots=True)
+class MoveText:
+    """Offsets of one MoveL or MoveC: the instruction, the end of its last target, the zone argument with its \\Z or \\Inpos,
+    behind the semicolon."""
+
+    start: int
+    targets_end: int
+    zone_start: int
+    zone_end: int
+    end: int
+    stops: bool
+
+
+def move_text(program: RapidProgram, first: int) -> MoveText | None:
+    """The text of the move whose first target is `first`; None where it is not one that can be repeated."""
+    source, scan = program.source, program.scan
+    last = first + (program.toolpath.move[first] == Move.ARC_VIA)
+    begin, targets_end = scan.start[first], scan.end[last]
+    low = max(begin - _LONGEST_HEAD, 0)
+    head = _HEAD.search(source.data[low:begin])
+    tail = _TAIL.match(source.data, targets_end)
+    if head is None or tail is None or _OWN.search(tail.group()):
+        return None
+    comma = source.data.index(b",", targets_end) + 1
+    parsed = parse_tail(Cursor(source, tokens(source, comma, tail.end())))
+    zone_end = source.data.rindex(b",", parsed.zone.end, parsed.tool.start)
+    return MoveText(low + head.start(), targets_end, parsed.zone.start, zone_end, tail.end(),
+                    program.toolpath.zone[last] == 0)
+
+
+def follows_directly(program: RapidProgram, first: int) -> bool:
+    """Whether nothing but blanks and comments stands between the move to target `first` and the move before it."""
+    if first == 0:
+        return False
+    data, scan = program.source.data, program.scan
+    before, here = _TAIL.match(data, scan.end[first - 1]), move_text(program, first)
+    return before is not None and here is not None and _BETWEEN.fullmatch(data, before.end(), here.start) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class MoreMoves:
+    """What one move becomes: the poses of further linear targets before it, or, of an arc, those of both its halves: circle
+    points and ends in turn, each half with one pose fewer than targets, for its last target is the program's own."""
+
+    first: int
+    linear: Sequence[Pose] = ()
+    halves: tuple[Sequence[Pose], Sequence[Pose]] = ((), ())
+
+
+def with_more_moves(program: RapidProgram, more: Sequence[MoreMoves]) -> bytes:
+    """The program with these moves added; whoever asks has made sure by `move_text` that they can be."""
+    edits: list[Edit] = []
+    for one in more:
+        text = move_text(program, one.first)
+        assert text is not None
+        edits += _arc(program, one, text) if one.halves[0] else _line(program, one, text)
+    return apply(program.source.data, edits)
+
+
+def _line(program: RapidProgram, one: MoreMoves, text: MoveText) -> list[Edit]:
+    row = program.rows.values[program.rows.row[one.first]]
+    tail, gap = _repeated_tail(program, text), _gap(program.source.data, text.start)
+    return [(text.start, text.start, b"".join(b"MoveL " + fresh(row, pose) + tail + gap for pose in one.linear))]
+
+
+def _arc(program: RapidProgram, one: MoreMoves, text: MoveText) -> list[Edit]:
+    data, scan, rows = program.source.data, program.scan, program.rows
+    via, end = one.first, one.first + 1
+    tail, gap = _repeated_tail(program, text), _gap(data, text.start)
+    row_of = [rows.values[rows.row[target]] for target in (via, end)]
+    spelled = [[fresh(row, pose) for pose in half] for row, half in zip(row_of, one.halves, strict=True)]
+    first, second = spelled
+    own = data[scan.start[via]:scan.end[via]]
+    before = [*zip(first[0::2], [*first[1::2], own], strict=True), *zip(second[0:-1:2], second[1:-1:2], strict=True)]
+    added = b"".join(b"MoveC " + a + b"," + b + tail + gap for a, b in before)
+    return [(text.start, text.start, added), (scan.start[via], scan.end[via], second[-1])]
+
+
+def _repeated_tail(program: RapidProgram, text: MoveText) -> bytes:
+    """Everything behind the targets; a stop point becomes a fly-by point, for only the last target of the move is to stop
+    at."""
+    data = program.source.data
+    if not text.stops:
+        return data[text.targets_end:text.end]
+    return data[text.targets_end:text.zone_start] + _FLYBY + data[text.zone_end:text.end]
+
+
+def _gap(data: bytes, start: int) -> bytes:
+    """What separates a move from the next: line end and indent where it stands on a line of its own, else a blank."""
+    line = max(data.rfind(b"\n", 0, start), data.rfind(b"\r", 0, start)) + 1
+    indent = data[line:start]
+    if indent.strip() or line == 0:
+        return b" "
+    newline = _LINE_END.search(data, max(line - 3, 0), line)
+    assert newline is not None
+    return newline.group() + indent
+
+
+def with_zones(program: RapidProgram, targets: Sequence[int], radius_mm: Sequence[float]) -> bytes:
+    """The program with \\Z of the given radius in the moves to these targets, in place of an earlier \\Z."""
+    edits: list[Edit] = []
+    for target, radius in zip(targets, radius_mm, strict=True):
+        text = move_text(program, target - int(program.toolpath.move[target] == Move.ARC_END))
+        assert text is not None
+        zone = program.source.data[text.zone_start:text.zone_end]
+        name = re.split(rb"\s*\\", zone)[0].rstrip()
+        edits.append((text.zone_start, text.zone_end, name + b"\\Z:=" + (b"%.3f" % radius).rstrip(b"0").rstrip(b".")))
+    return apply(program.source.data, edits)
