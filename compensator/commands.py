@@ -144,6 +144,7 @@ def correction_lines(corrected: Corrected) -> list[str]:
         + (f"{figures['held_back']} corrections held back, else the rounding of the written numbers)" if figures["held_back"]
            else "the rounding of the written numbers)"),
         f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
+        *(corrected.advice.words() if corrected.advice else []),
     ]
 
 

@@ -99,4 +99,4 @@ def with_tighter_zones(
     findings.append(at(plan, possible[0], "CS4321", "note", f"{len(possible)} zones were made smaller, to "
                        f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
                        f"{1e6 * tolerance:g} um off the corner"))
-    return with_zones(program, possible, np.floor(1e6 * radius) / 1e3), findings
+    return with_zones(program, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.advice import Advice, advise
 from compensator.corners import corners, with_tighter_zones
 from compensator.correction import Correction, Restraint, correct_path, targets_to_correct
 from compensator.densify import densified
@@ -68,7 +69,7 @@ class Predicted:
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written.
+    loaded tool from the plan with the numbers as written. advice: on the posture, where it was asked for.
     """
 
     planned: Predicted
@@ -78,6 +79,7 @@ class Corrected:
     content: bytes
     residual: Array
     findings: tuple[Finding, ...]
+    advice: Advice | None = None
 
 
 def read_toolpath(path: Path) -> RapidProgram:
@@ -149,7 +151,8 @@ def correct_program(planned: Predicted) -> Corrected:
                       correction.object_from_tcp.quaternion, correction.confdata)
     residual = _read_back(predicted, forces, correction, written.content)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings)
-    return Corrected(given, predicted, kept, correction, written.content, residual, findings)
+    advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.advise else None
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings, advice)
 
 
 def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
@@ -280,6 +283,8 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
             "expected_worse": round(float(corrected.correction.harm.sum()), 2),
         }
+        if corrected.advice is not None:
+            figures["posture"] = corrected.advice.as_dict()
     return figures
 
 

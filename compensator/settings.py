@@ -35,7 +35,8 @@ class Settings:
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
     compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
     for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
-    tighten_zones: zones that cut corners by more than the tolerance are made smaller.
+    tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
+    axis would lower the deviation.
     """
 
     tare: tuple[int, int] | None = None
@@ -49,6 +50,7 @@ class Settings:
     long_move: float = 0.03
     keep_targets: bool = False
     tighten_zones: bool = False
+    advise: bool = False
 
     def files(self) -> list[tuple[str, Path]]:
         """The input files among them, by name."""
@@ -138,6 +140,7 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
                  help="A MoveL of this length [mm] may get intermediate targets."),
     click.option("--keep-targets", is_flag=True, help="Add no intermediate targets."),
     click.option("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
+    click.option("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
     click.option("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
     click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
