@@ -68,8 +68,8 @@ class Advice:
         span = (f"turns from {low:g} deg ({self.stopped[0]}) to {high:g} deg ({self.stopped[1]}) can be driven; {self.targets} "
                 "targets looked at")
         if told["turn_deg"] == 0:
-            return [f"posture: no turn about the tool's axis lowers the deviation; {span}"]
-        return [f"posture: turned by {told['turn_deg']:g} deg about the tool's axis the deviation would be "
+            return [f"Posture: no turn about the tool's axis lowers the deviation; {span}"]
+        return [f"Posture: turned by {told['turn_deg']:g} deg about the tool's axis the deviation would be "
                 f"{told['rms_um'][1]:g} in "
                 f"place of {told['rms_um'][0]:g} um RMS ({100 * told['gain']:.0f} % less), {told['largest_um'][1]:g} in place "
                 "of "

@@ -69,7 +69,8 @@ class Predicted:
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written. advice: on the posture, where it was asked for.
+    loaded tool from the plan with the numbers as written. cutting: the force was made to follow the cut. advice: on
+    the posture, where it was asked for.
     """
 
     planned: Predicted
@@ -79,6 +80,7 @@ class Corrected:
     content: bytes
     residual: Array
     findings: tuple[Finding, ...]
+    cutting: bool = False
     advice: Advice | None = None
 
 
@@ -152,7 +154,7 @@ def correct_program(planned: Predicted) -> Corrected:
     residual = _read_back(predicted, forces, correction, written.content)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings)
     advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.advise else None
-    return Corrected(given, predicted, kept, correction, written.content, residual, findings, advice)
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings, stiffness is not None, advice)
 
 
 def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:

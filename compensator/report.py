@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.pipeline import Corrected, Predicted, summary
 from compensator.placement import arc_length
+from compensator.settings import DEFAULTS
 from identification.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
 
 Array = NDArray[np.float64]
@@ -36,8 +37,19 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
         lead.append(
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
             f"same model leaves {residual['largest']:.2f} um at most; what the stiffnesses' uncertainty leaves is the 1 sigma "
-            "above. The forces are taken as logged: a corrected path cuts a little more, so the force changes with it.")
-        rows += [["largest correction [mm]", f"{offset['largest']:.4f}"],
+            f"above. {figures['expected_worse']:.1f} of them are expected to end up farther off than uncorrected. "
+            + ("The force follows the cut with the stated cutting stiffness." if corrected.cutting else
+               "The forces are taken as logged: a corrected path cuts a little more, so the force changes with it "
+               "(--cutting-stiffness)."))
+        if predicted.settings.scale == DEFAULTS.scale:
+            lead.append("The stiffnesses come from load tests at rest. In motion robots have been measured to give way more: "
+                        "measure "
+                        "a corrected pass, and let verify set --scale.")
+        if corrected.advice is not None:
+            lead += corrected.advice.words()
+        rows += [["intermediate targets", f"{figures['added_targets']}"],
+                 ["corrections held back", f"{figures['held_back']}"],
+                 ["largest correction [mm]", f"{offset['largest']:.4f}"],
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
                  ["left by the same model, largest / RMS [um]", f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
     along = _along(predicted, corrected)

@@ -41,7 +41,7 @@ def test_the_gain_is_what_the_turned_tool_gets(tmp_path: Path) -> None:
     assert told["gain"] == pytest.approx(1 - told["rms_um"][1] / told["rms_um"][0], abs=1e-3)
     for other in np.linspace(max(low, told["turn_deg"] - 10), min(high, told["turn_deg"] + 10), 3):
         assert rms(other) >= told["rms_um"][1] - 0.1
-    assert "posture:" in job.correct("--force", "--advise").out
+    assert "Posture:" in job.correct("--force", "--advise").out
 
 
 def test_turns_end_where_a_joint_does(tmp_path: Path) -> None:
