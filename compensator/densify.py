@@ -67,7 +67,7 @@ def densified(
 ) -> Dense | None:
     """The program with the targets that the tolerance needs; None where it needs none.
 
-    Raises CompstiffError (CS4303) where the written text does not read back as it was meant.
+    Raises CompstiffError (CS4332) where the written text does not read back as it was meant.
     """
     grid = _grid(program, plan, forces, settings)
     if grid is None:
@@ -329,7 +329,7 @@ def _rewritten(
     if len(got) != len(path) + added.sum() or not all(
             np.array_equal(getattr(got, name)[kept], getattr(path, name), equal_nan=True)
             for name in ("position", "quaternion", "joints")):
-        raise error("CS4303", "the program with intermediate targets does not read back as it was meant; nothing was written",
+        raise error("CS4332", "the program with intermediate targets does not read back as it was meant; nothing was written",
                     file=path.source, hint="a defect in compstiff: please report it; --keep-targets does without them")
     # What is said of a target is said of the move in the program as it was given.
     owner = np.searchsorted(kept, np.arange(len(got)))
@@ -352,12 +352,12 @@ def _said(path: Toolpath, added: Indices, parts: dict[int, int], settings: Setti
     lines = np.flatnonzero((added > 0) & (path.move == Move.LINEAR))
     where = f"the correction varies along them by more than {1e6 * settings.tolerance:g} um (--tolerance)"
     if len(lines):
-        findings.append(Finding("CS4301", "note", f"{counted(int(added[lines].sum()), 'intermediate target')} in "
+        findings.append(Finding("CS4330", "note", f"{counted(int(added[lines].sum()), 'intermediate target')} in "
                                 f"{len(lines)} long MoveL: {where}", file=path.source, line=int(path.line[lines[0]]),
                                 target=int(lines[0])))
     if parts:
         first = min(parts)
         arcs = sum(2 * count for count in parts.values())
-        findings.append(Finding("CS4302", "note", f"{len(parts)} MoveC cut into {arcs} arcs: {where}", file=path.source,
+        findings.append(Finding("CS4331", "note", f"{len(parts)} MoveC cut into {arcs} arcs: {where}", file=path.source,
                                 line=int(path.line[first]), target=first))
     return findings

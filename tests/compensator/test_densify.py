@@ -71,7 +71,7 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     job = Job(tmp_path, program=path.program(), forces=log(160))
     result = job.correct("--json")
     assert result.code == 0
-    assert "CS4301" in kit.codes(result)
+    assert "CS4330" in kit.codes(result)
     assert worst_off_the_line(job, path) < 10e-6
     added = result.json["result"]["added_targets"]
     assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
@@ -193,7 +193,7 @@ def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: flo
     job = Job(tmp_path, program=kit.module(moves), forces=text)
     result = job.correct("--json")
     assert result.code == 0
-    assert ("CS4302" in kit.codes(result)) == cut
+    assert ("CS4331" in kit.codes(result)) == cut
     out = job.out.read_text()
     assert out.count("MoveC") == (4 if cut else 1)
     written, centre = kit.targets_of(out), path.at(ARC[1] + [0, RADIUS, 0])[0] / 1e3
