@@ -70,11 +70,18 @@ class Corrected:
     findings: tuple[Finding, ...]
 
 
-def read_toolpath(path: Path) -> RapidProgram:
-    """Reads a toolpath by its suffix. Raises CompstiffError (CS4201) for formats that are not read."""
-    if path.suffix.lower() not in RAPID_SUFFIXES:
-        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(RAPID_SUFFIXES)}",
-                    file=str(path), hint="post the toolpath as RAPID; APT and CSV are not supported yet")
+def read_toolpath(path: Path, cell: Cell, settings: Settings = DEFAULTS) -> RapidProgram:
+    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Raises CompstiffError: CS4201 for
+    formats that are not read, and what the readers and `post` raise."""
+    from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
+
+    suffix = path.suffix.lower()
+    if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
+        return post(read_cam_path(path, settings), cell, settings, f"{path} (posted)").program
+    if suffix not in RAPID_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of "
+                    f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
+                    file=str(path), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
     try:
         return read_rapid(path.read_bytes(), str(path))
     except OSError as reason:
@@ -85,7 +92,7 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
     cell = read_cell(inputs.cell)
     model = read_stiffness(inputs.stiffness, cell)
-    program = read_toolpath(inputs.toolpath)
+    program = read_toolpath(inputs.toolpath, cell, settings)
     log = read_force_log(inputs.forces)
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
@@ -153,16 +160,17 @@ def check_not_corrected(toolpath: Path) -> None:
         names = _recorded(path)
         if names is None:
             continue
-        (source, source_digest), (output, output_digest) = names
+        (source, source_digest), *outputs = names
         # A record of a program that came out as it went in forbids nothing.
-        if source_digest != output_digest and (output_digest == digest or output == toolpath.name):
+        if any(source_digest != output_digest and (output_digest == digest or output == toolpath.name)
+               for output, output_digest in outputs):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
                                   hint=f"correct the CAM system's program {source}; --force if this really is one"))
 
 
-def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
-    """Name and SHA-256 of input and output of a correction record; None where the file is no such record."""
+def _recorded(path: Path) -> list[tuple[str, str]] | None:
+    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
     try:
         if path.stat().st_size > 64 << 20:
             return None
@@ -174,8 +182,9 @@ def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
     source, output = record.get("input"), record.get("output")
     if not (isinstance(source, dict) and isinstance(output, dict)):
         return None
-    return (str(source.get("file", "")), str(source.get("sha256", ""))), (str(output.get("file", "")),
-                                                                          str(output.get("sha256", "")))
+    parts = record.get("parts")
+    items = [source, output, *(part for part in (parts if isinstance(parts, list) else []) if isinstance(part, dict))]
+    return [(str(item.get("file", "")), str(item.get("sha256", ""))) for item in items]
 
 
 def planned_time(predicted: Predicted) -> Array:
@@ -212,15 +221,22 @@ def _figures(values: Array) -> dict[str, float]:
     return {"largest": float(values.max()), "rms": float(np.sqrt(np.mean(values**2)))}
 
 
-def record(corrected: Corrected, output: Path) -> dict[str, Any]:
-    """OUT.mod.json: what was made from what (FORMATS.md, correct)."""
+def rapid_suffix(toolpath: Path) -> str:
+    """The suffix of the RAPID program made from a toolpath."""
+    return toolpath.suffix if toolpath.suffix.lower() in RAPID_SUFFIXES else ".mod"
+
+
+def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
+    """OUT.mod.json: what was made from what (FORMATS.md, correct). files: the program, and its parts where it was split."""
     import hashlib
 
     inputs = corrected.predicted.inputs
+    outputs = [{"file": path.name, "sha256": hashlib.sha256(content).hexdigest()} for path, content in files.items()]
     return {
         "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
         "input": {"file": inputs.toolpath.name, "sha256": sha256(inputs.toolpath)},
-        "output": {"file": output.name, "sha256": hashlib.sha256(corrected.content).hexdigest()},
+        "output": outputs[0],
+        "parts": outputs[1:],
         **{name: {"file": path.name, "sha256": sha256(path)} for name, path in (
             ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces))},
         "robot": {"name": corrected.predicted.cell.robot.name, "sha256": corrected.predicted.cell.robot.sha256},
