@@ -21,7 +21,7 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     """Post an APT or CSV toolpath as the planned RAPID program.
 
     Mill it once, log the forces, and give it to correct. Beside OUTPUT stands OUTPUT.json, the record of what was assumed. With
-    --split OUTPUT calls parts OUTPUT_001 ...; the pass is logged with the parts, and correct takes the program without --split.
+    --split OUTPUT calls parts OUTPUT_001 ...; correct then takes TOOLPATH again, with the same options.
     """
     import hashlib
     import json
@@ -61,10 +61,11 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
              f"speeds: {', '.join(_speeds(posted))} mm/s"]
     if sizes:
         lines.append(f"parts: {len(sizes)}, of {min(sizes)} to {max(sizes)} targets")
-    return Outcome(result, findings, lines, next_step=f"mill it once in this form with the forces logged, then compstiff "
-                                                      "correct "
-                   f"{cell_file} {output} --stiffness stiffness.json --forces {output.stem}.forces.csv "
-                   f"-o {output.stem}_corrected{output.suffix}")
+    # The parts are not read again: the same toolpath with the same options gives the same targets.
+    again = toolpath_file if sizes else output
+    return Outcome(result, findings, lines, next_step=f"mill it once with the forces logged, then compstiff correct {cell_file} "
+                   f"{again} --stiffness stiffness.json --forces {output.stem}.forces.csv -o {output.stem}_corrected"
+                   f"{output.suffix}" + (", with the options given here" if sizes else ""))
 
 
 def _speeds(posted: object) -> list[str]:

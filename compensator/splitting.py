@@ -43,6 +43,7 @@ def split_program(content: bytes, air: NDArray[np.bool_], most: int, output: Pat
     """Splits a program into parts of at most `most` targets. air (N,): at these targets the tool cuts nothing.
 
     A part ends at a target in the air and holds every byte of its moves, and of what stands between them. load: parts are
+    loaded and unloaded one after the other (`Load \\Dynamic`), else all are loaded beside the main module. Raises
     CompstiffError: CS4310 (not one plain procedure), CS4312 (no target in the air to split at), CS4313 (does not read back).
     """
     program = read_rapid(content, output.name)
@@ -76,7 +77,8 @@ def split_program(content: bytes, air: NDArray[np.bool_], most: int, output: Pat
 def _calls(name: str, file: str, load: bool) -> list[str]:
     if not load:
         return [f"{name}_moves;"]
-    return [f'Load \\Dynamic,"HOME:/{file}";', f'%"{name}_moves"%;', f'UnLoad "HOME:/{file}";']
+    # A module must not be unloaded while the robot still moves along it, and a part may end in a fly-by point.
+    return [f'Load \\Dynamic,"HOME:/{file}";', f'%"{name}_moves"%;', "WaitRob \\InPos;", f'UnLoad "HOME:/{file}";']
 
 
 def _plain(program: RapidProgram) -> _Moves:
