@@ -107,7 +107,8 @@ def run_correction(
     if not overwrite:
         check_not_corrected(inputs.toolpath)
     corrected = correct_program(predict_program(inputs, settings))
-    files, _, said = split_files(corrected.content, ~corrected.predicted.forces.forced, settings, output, overwrite=overwrite)
+    air = ~corrected.predicted.forces.forced | corrected.predicted.rapid
+    files, _, said = split_files(corrected.content, air, settings, output, overwrite=overwrite)
     corrected = replace(corrected, findings=(*corrected.findings, *said))
     files[record_file] = (json.dumps(record(corrected, files), indent=1, allow_nan=False) + "\n").encode()
     if offsets:

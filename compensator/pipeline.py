@@ -45,7 +45,7 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One program with the deviation predicted for its targets with force."""
+    """One program with the deviation predicted for its targets with force. rapid (N,): known to be reached in the air."""
 
     inputs: Inputs
     settings: Settings
@@ -56,6 +56,7 @@ class Predicted:
     forces: TargetForces
     prediction: Prediction
     findings: tuple[Finding, ...]
+    rapid: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,29 +71,34 @@ class Corrected:
     findings: tuple[Finding, ...]
 
 
-def read_toolpath(path: Path, cell: Cell, settings: Settings = DEFAULTS) -> RapidProgram:
-    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Raises CompstiffError: CS4201 for
-    formats that are not read, and what the readers and `post` raise."""
+def read_toolpath(
+    path: Path, cell: Cell, settings: Settings = DEFAULTS
+) -> tuple[RapidProgram, NDArray[np.bool_]]:
+    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Also returns which targets (N,)
+    are known to be reached in the air. Raises CompstiffError: CS4201 for formats that are not read, and what the readers and
+    `post` raise."""
     from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 
     suffix = path.suffix.lower()
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
-        return post(read_cam_path(path, settings), cell, settings, f"{path} (posted)").program
+        posted = post(read_cam_path(path, settings), cell, settings, f"{path} (posted)")
+        return posted.program, posted.rapid
     if suffix not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of "
                     f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
                     file=str(path), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
     try:
-        return read_rapid(path.read_bytes(), str(path))
+        program = read_rapid(path.read_bytes(), str(path))
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+    return program, np.zeros(len(program.toolpath), dtype=bool)
 
 
 def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
     cell = read_cell(inputs.cell)
     model = read_stiffness(inputs.stiffness, cell)
-    program = read_toolpath(inputs.toolpath, cell, settings)
+    program, rapid = read_toolpath(inputs.toolpath, cell, settings)
     log = read_force_log(inputs.forces)
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
@@ -109,7 +115,8 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings))
+    return Predicted(inputs, settings, cell, model, program, plan, forces, prediction, (*said, *left, *prediction.findings),
+                     rapid)
 
 
 def correct_program(predicted: Predicted) -> Corrected:

@@ -63,8 +63,8 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
         lines.append(f"parts: {len(sizes)}, of {min(sizes)} to {max(sizes)} targets")
     # The parts are not read again: the same toolpath with the same options gives the same targets.
     again = toolpath_file if sizes else output
-    return Outcome(result, findings, lines, next_step=f"mill it once with the forces logged, then compstiff correct {cell_file} "
-                   f"{again} --stiffness stiffness.json --forces {output.stem}.forces.csv -o {output.stem}_corrected"
+    return Outcome(result, findings, lines, next_step=f"mill it once with the forces logged, then compstiff correct "
+                   f"{cell_file} {again} --stiffness stiffness.json --forces {output.stem}.forces.csv -o {output.stem}_corrected"
                    f"{output.suffix}" + (", with the options given here" if sizes else ""))
 
 

@@ -56,6 +56,10 @@ FINI
 """
 
 
+def planned(path, cell, settings=DEFAULTS):
+    return read_toolpath(path, cell, settings)[0]
+
+
 @pytest.fixture
 def cell(tmp_path):
     return read_cell(write_cell(tmp_path, CELL))
@@ -135,7 +139,7 @@ def test_a_chosen_direction_leaves_at_least_the_reserve_of_every_other(tmp_path,
 def test_out_of_reach_is_refused_with_the_line(tmp_path, cell):
     (tmp_path / "far.apt").write_text("UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/5000,0,0\n")
     with pytest.raises(CompstiffError, match="CS4303") as caught:
-        read_toolpath(tmp_path / "far.apt", cell)
+        planned(tmp_path / "far.apt", cell)
     assert caught.value.findings[0].line == 4
 
 
@@ -167,36 +171,36 @@ def test_a_table_with_its_feeds(tmp_path, cell):
     feed = np.linspace(10, 25, 20)
     rapid = np.zeros(20)
     rapid[[0, 19]] = 1
-    read = read_toolpath(table(tmp_path, cell, feed_mm_s=feed, rapid=rapid), cell).toolpath
+    read = planned(table(tmp_path, cell, feed_mm_s=feed, rapid=rapid), cell).toolpath
     np.testing.assert_allclose(1e3 * read.feed, [200, *feed[1:-1], 200], rtol=1e-8)
     np.testing.assert_allclose(1e3 * read.position[:, 0], np.linspace(-30, 30, 20), atol=0.5001e-4)
     assert plan_path(read, cell).reached.all()
 
 
 def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
-    read = read_toolpath(table(tmp_path, cell), cell, Settings(feed_mm_s=12.5)).toolpath
+    read = planned(table(tmp_path, cell), cell, Settings(feed_mm_s=12.5)).toolpath
     assert set(read.feed) == {0.0125}
     assert "12.5 mm/s" in next(finding.message for finding in read.findings if finding.code == "CS2150")
 
 
 def test_joint_angles_of_a_table_give_the_configuration(tmp_path, cell):
     theta = reference(cell)
-    free = plan_path(read_toolpath(table(tmp_path, cell), cell).toolpath, cell)
-    told = plan_path(read_toolpath(table(tmp_path, cell, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(6)}),
+    free = plan_path(planned(table(tmp_path, cell), cell).toolpath, cell)
+    told = plan_path(planned(table(tmp_path, cell, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(6)}),
                                    cell).toolpath,
                      cell)
     np.testing.assert_allclose(told.theta, theta, atol=1e-6)
     assert np.abs(free.theta - theta).max() > 0.5
     off = np.degrees(theta[:, 0]) + 0.2
     with pytest.raises(CompstiffError, match=r"CS2153: .* mm and 0\.200 degrees"):
-        read_toolpath(table(tmp_path, cell, q1_deg=off, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(1, 6)}),
+        planned(table(tmp_path, cell, q1_deg=off, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(1, 6)}),
                       cell)
 
 
 def test_confdata_of_a_table_are_kept(tmp_path, cell):
     theta = reference(cell)
     quadrants = np.floor(theta[:, [0, 3, 5]] / (np.pi / 2))
-    read = read_toolpath(table(tmp_path, cell, **dict(zip(("cf1", "cf4", "cf6"), quadrants.T, strict=True)), cfx=np.ones(20)),
+    read = planned(table(tmp_path, cell, **dict(zip(("cf1", "cf4", "cf6"), quadrants.T, strict=True)), cfx=np.ones(20)),
                          cell).toolpath
     np.testing.assert_array_equal(read.confdata, np.column_stack([quadrants, np.ones(20)]))
     np.testing.assert_allclose(plan_path(read, cell).theta, theta, atol=1e-6)
@@ -223,7 +227,7 @@ def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
 
 def test_a_tool_without_load_is_said(tmp_path):
     cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", "")))
-    read = read_toolpath(table(tmp_path, cell), cell).toolpath
+    read = planned(table(tmp_path, cell), cell).toolpath
     assert "CS4301" in {finding.code for finding in read.findings}
 
 

@@ -200,7 +200,8 @@ def test_home_is_where_from_said(read):
 
 
 def test_line_ends_encoding_and_sequence_numbers(read, tmp_path):
-    (tmp_path / "b.cl").write_bytes("PPRINT ÄÖ\r\nunits/mm\r\nN10 fedrat/600,mmpm\r\n0020  GOTO/1.,+2.0,-.5E1\r\n".encode("latin-1"))
+    text = "PPRINT ÄÖ\r\nunits/mm\r\nN10 fedrat/600,mmpm\r\n0020  GOTO/1.,+2.0,-.5E1\r\n"
+    (tmp_path / "b.cl").write_bytes(text.encode("latin-1"))
     path = read_apt(tmp_path / "b.cl")
     np.testing.assert_allclose(1e3 * path.position, [[1, 2, -5]])
     assert path.line.tolist() == [4]

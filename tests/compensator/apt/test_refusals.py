@@ -70,7 +70,8 @@ def test_files_without_a_path(tmp_path, data, code):
     assert caught.value.findings[0].line is not None
 
 
-@pytest.mark.parametrize("harmless", ["CUTCOM/OFF", "CYCLE/OFF", "TRACUT/NOMORE", "ORIGIN/0.0,0,0", "CUTCOM/ADJUST,1", "LOADTL/2"])
+@pytest.mark.parametrize("harmless", ["CUTCOM/OFF", "CYCLE/OFF", "TRACUT/NOMORE", "ORIGIN/0.0,0,0", "CUTCOM/ADJUST,1",
+                                      "LOADTL/2"])
 def test_words_that_change_nothing_are_taken(tmp_path, harmless):
     file = tmp_path / "part.apt"
     file.write_text(f"{HEAD}{harmless}\nGOTO/1,2,3\n")
