@@ -64,8 +64,8 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     # The parts are not read again: the same toolpath with the same options gives the same targets.
     again = toolpath_file if sizes else output
     return Outcome(result, findings, lines, next_step=f"mill it once with the forces logged, then compstiff correct "
-                   f"{cell_file} {again} --stiffness stiffness.json --forces {output.stem}.forces.csv -o {output.stem}_corrected"
-                   f"{output.suffix}" + (", with the options given here" if sizes else ""))
+                   f"{cell_file} {again} --stiffness stiffness.json --forces {output.stem}.forces.csv "
+                   f"-o {output.stem}_corrected{output.suffix}" + (", with the options given here" if sizes else ""))
 
 
 def _speeds(posted: object) -> list[str]:
