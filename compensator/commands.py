@@ -109,6 +109,7 @@ def run_correction(
     corrected = correct_program(predict_program(inputs, settings))
     air = ~corrected.predicted.forces.forced | corrected.predicted.rapid
     files, _, said = split_files(corrected.content, air, settings, output, overwrite=overwrite)
+    check_distinct(inputs, list(files))
     corrected = replace(corrected, findings=(*corrected.findings, *said))
     files[record_file] = (json.dumps(record(corrected, files), indent=1, allow_nan=False) + "\n").encode()
     if offsets:

@@ -44,6 +44,7 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     cell = read_cell(cell_file)
     posted = posting.post(posting.read_cam_path(toolpath_file, settings), cell, settings, str(output))
     files, sizes, more = split_files(posted.content, posted.rapid, settings, output, overwrite=session.overwrite)
+    check_outputs([cell_file, toolpath_file], files)
     toolpath = posted.program.toolpath
     findings = (*toolpath.findings, *more)
     result = {"targets": len(toolpath), "in_the_air": int(posted.rapid.sum()), "assumed": posted.assumed, "parts": sizes}

@@ -64,14 +64,12 @@ def post(path: CamPath, cell: Cell, settings: Settings, name: str) -> Posted:
                "work_object": "cell.yaml", "tool": "cell.yaml", **chosen}
     findings = [*path.findings, Finding(
         "CS4300", "note", f"assumed: coordinates in the work object of cell.yaml, its tool, zone {settings.zone_mm:g} mm with "
-                          "stop "
-        f"points at both ends only, {settings.rapid_mm_s:g} mm/s in the air", path.source,
+        f"stop points at both ends only, {settings.rapid_mm_s:g} mm/s in the air", path.source,
         hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *said]
     if cell.tool_mass is None or cell.tool_centre is None:
         findings.append(Finding(
             "CS4301", "warning", "cell.yaml states no mass and centre of mass of the tool: the tooldata declares almost none",
-            str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller before "
-                                   "running"))
+            str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     content = _text(path, cell, settings, quaternion, confdata).encode("ascii")
     program = read_rapid(content, name)
     _check(path, program, quaternion, confdata, settings)
@@ -89,16 +87,13 @@ def _oriented(
         assert path.axis is not None
         towards = _direction(path, cell, settings)
         quaternion = tool_frames(path.axis, towards)
-        chosen = {"tool_x_towards": [round(float(x), 9) + 0.0 for x in towards], "tool_axis": "tip to spindle; tool z against "
-                                                                                              "it"}
-        shown = ", ".join(f"{x + 0.0:.4g}" for x in np.round(towards, 9))
+        direction = (np.round(towards, 9) + 0.0).tolist()          # + 0.0: no -0
+        chosen = {"tool_x_towards": direction, "tool_axis": "tip to spindle; tool z against it"}
+        shown = ",".join(f"{x:.6g}" for x in direction)
         findings.append(Finding(
-            "CS4302", "note", "tool z points against the APT axis (tip to spindle); the free turn about it puts tool x as "
-                              "near as "
-            f"possible to ({shown}) of the work object" + ("" if settings.tool_x else ", which leaves most room"), path.source,
-            hint="" if settings.tool_x else f"--tool-x {','.join(f'{x + 0.0:.6g}' for x in np.round(towards, 9))} keeps it so "
-                                            "when "
-            "the path changes"))
+            "CS4302", "note", "tool z points against the APT axis (tip to spindle); the free turn about it puts tool x as near "
+            f"as possible to {shown} of the work object" + ("" if settings.tool_x else ", which leaves most room"),
+            path.source, hint="" if settings.tool_x else f"--tool-x {shown} keeps it so when the path changes"))
     else:
         quaternion = path.quaternion
     flange = base_from_flange(cell, path.position, quaternion)
@@ -111,15 +106,13 @@ def _oriented(
         held = hold(cell.robot, flange)
         if held.failed_at >= 0:
             raise error("CS4303", "no configuration of the robot goes all along the path: the one that gets farthest ends at "
-                                  "target "
-                        f"{held.failed_at} of {len(path)} (out of reach, beyond a joint limit, or a jump)", file=path.source,
-                        line=int(path.line[held.failed_at]), target=held.failed_at,
+                        f"target {held.failed_at} of {len(path)} (out of reach, beyond a joint limit, or a jump)",
+                        file=path.source, line=int(path.line[held.failed_at]), target=held.failed_at,
                         hint="check workobject and tool in cell.yaml; turn the tool with --tool-x, or move the part")
         if held.reserve < LITTLE:
             findings.append(Finding(
                 "CS4305", "warning", f"{np.degrees(held.reserve):.1f} degrees from {held.where} at target {held.at}",
-                path.source,
-                int(path.line[held.at]), target=held.at, hint="try another --tool-x, or move the part"))
+                path.source, int(path.line[held.at]), target=held.at, hint="try another --tool-x, or move the part"))
         chosen["smallest_reserve_deg"] = round(float(np.degrees(held.reserve)), 3)
     # An axis that stands on the border of two quadrants must not flicker between them with the last digit.
     return quaternion, configuration(cell.robot, held.theta + 1e-9), findings, chosen
@@ -131,8 +124,7 @@ def _direction(path: CamPath, cell: Cell, settings: Settings) -> Array:
     if settings.tool_x is None:
         best = best_direction(cell, path.position, path.axis)
         if best is None:
-            raise error("CS4304", "the tool axis comes near every horizontal direction along this path, so tool x cannot keep "
-                                  "one",
+            raise error("CS4304", "the tool axis comes near every horizontal direction along this path: tool x can keep none",
                         file=path.source, hint="give a direction with --tool-x, or split the path")
         return best[0]
     towards = np.array(settings.tool_x) / np.linalg.norm(settings.tool_x)
@@ -140,9 +132,8 @@ def _direction(path: CamPath, cell: Cell, settings: Settings) -> Array:
     at = int(np.argmin(near))
     if near[at] < LEAST_ANGLE:
         raise error("CS4304", f"the tool axis comes within {np.degrees(near[at]):.1f} degrees of the direction --tool-x, at "
-                              "least "
-                    f"{np.degrees(LEAST_ANGLE):.0f} are needed: the tool would spin about its axis there", file=path.source,
-                    line=int(path.line[at]), target=at, hint="give a direction that the tool axis never comes near")
+                    f"least {np.degrees(LEAST_ANGLE):.0f} are needed: the tool would spin about its axis there",
+                    file=path.source, line=int(path.line[at]), target=at, hint="give a direction that the tool axis never comes near")
     return np.asarray(towards)
 
 
@@ -156,8 +147,8 @@ def _check_joints(path: CamPath, cell: Cell, flange: Frame) -> None:
     if len(wrong):
         at = int(wrong[0])
         raise error("CS2153", f"the joint angles put the flange {1e3 * apart[at]:.3f} mm and {np.degrees(turned[at]):.3f} "
-                              "degrees off "
-                    f"this row's pose, at most {1e3 * POSE_APART:g} mm and {np.degrees(TURN_APART):g} degrees are expected",
+                    f"degrees off this row's pose, at most {1e3 * POSE_APART:g} mm and {np.degrees(TURN_APART):g} degrees are "
+                    "expected",
                     file=path.source, line=int(path.line[at]), target=at,
                     hint="check robot, tool and workobject in cell.yaml, or leave q1_deg ... q6_deg out")
 
@@ -222,19 +213,15 @@ def _check(path: CamPath, program: RapidProgram, quaternion: Array, confdata: ND
             and np.array_equal(read.confdata, confdata)
             and np.abs(read.position - path.position).max() <= 0.5001e-7
             and np.abs(read.quaternion - quaternion).max() <= 2e-8
-            and np.allclose(read.feed, feed, rtol=1e-12, atol=0))
+            and np.allclose(read.feed, feed, rtol=1e-11, atol=0))
     if not good:
         raise error("CS4306", "the posted program does not read back as it was meant; nothing was written", file=path.source,
                     hint="a defect in compstiff: please report it with this toolpath")
 
 
 def _millimetres(feed: float) -> str:
-    """A feed [m/s] as mm/s: the shortest number that reads back as the same feed."""
-    for digits in range(1, 18):
-        text = f"{1e3 * feed:.{digits}g}"
-        if float(text) / 1e3 == feed:
-            return repr(float(text))
-    return repr(1e3 * float(feed))
+    """A feed [m/s] as mm/s to 12 digits, so that 900 mm/min is 15 and not what is left of it in binary."""
+    return repr(float(f"{1e3 * feed:.12g}"))
 
 
 def _plain(text: str) -> str:

@@ -153,8 +153,7 @@ def _cuts(
     if longest > most:
         findings.append(Finding(
             "CS4311", "warning", f"a cut is longer than a part shall be: {longest} targets in one part, {most} asked for; "
-                                 "nothing "
-            "is split inside a cut", str(output), int(program.toolpath.line[at]), target=at,
+            "nothing is split inside a cut", str(output), int(program.toolpath.line[at]), target=at,
             hint="lift the tool in the CAM system, or allow larger parts"))
     return cuts, findings
 

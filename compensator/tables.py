@@ -60,7 +60,8 @@ def _feeds(table: Table, rapid: NDArray[np.bool_], assumed: float, findings: lis
     feed = table.numbers["feed_mm_s"]
     wrong = np.flatnonzero(~rapid & ~(feed > 0))
     if len(wrong):
-        raise _at(table, "CS2150", int(wrong[0]), "feed_mm_s", f"found {feed[wrong[0]]:g}, expected a feed above zero",
+        raise _at(table, "CS2150", int(wrong[0]), "feed_mm_s", "found "
+                  + ("an empty cell" if np.isnan(feed[wrong[0]]) else f"{feed[wrong[0]]:g}") + ", expected a feed above zero",
                   "only rows with rapid = 1 may leave the feed empty")
     return np.where(rapid, np.nan, 1e-3 * feed)
 

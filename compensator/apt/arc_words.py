@@ -45,8 +45,7 @@ class Announced:
             off = float(np.linalg.norm(across)) - self.radius
             if abs(off) > OFF_CIRCLE:
                 raise self.fail(f"the {what} is {1e3 * off:+.4f} mm off the circle of radius {1e3 * self.radius:.4f} mm, at "
-                                "most "
-                                f"{1e3 * OFF_CIRCLE:.2f} mm is expected")
+                                f"most {1e3 * OFF_CIRCLE:.2f} mm is expected")
         axis = self.axis
         if self.heading is not None:
             forwards = float(np.cross(axis, start - self.centre) @ self.heading) / self.radius
@@ -70,8 +69,7 @@ class Announced:
     def fail(self, message: str) -> ValueError:
         """CS2108 at the statement, to be raised."""
         return self.statement.fail("CS2108", message, hint="check the arc output of the CAM system (format, plane, decimals), "
-                                                           "or "
-                                   "write straight moves in place of arcs")
+                                   "or write straight moves in place of arcs")
 
 
 def circle(statement: Statement, scale: float, heading: Array | None) -> Announced:
@@ -85,8 +83,7 @@ def circle(statement: Statement, scale: float, heading: Array | None) -> Announc
         count -= 2
     if count not in (7, 11) or turns < 1:
         raise statement.fail("CS2108", f"CIRCLE: found {count} numbers, expected 7 (centre, axis, radius) or the 11 of NX, and "
-                             "TIMES,n behind them", hint="let the CAM system write arcs as CIRCLE with axis vector, or "
-                                                         "straight moves")
+                             "TIMES,n behind them", hint="let the CAM system write CIRCLE with axis vector, or straight moves")
     values = statement.numbers(0, count)
     axis = _unit(statement, values[3:6], 3)
     clockwise = count == 11
@@ -99,9 +96,12 @@ def movarc(statement: Statement, scale: float) -> Announced:
     arguments = statement.arguments
     if len(arguments) != 9 or arguments[7] != "ANGLE":
         raise statement.fail("CS2108", f"MOVARC: found {len(arguments)} arguments, expected 9: centre, axis, radius, ANGLE, "
-                                       "degrees")
+                             "degrees")
     values = statement.numbers(0, 7)
-    sweep = float(np.radians(abs(statement.numbers(8)[0])))
+    degrees = statement.numbers(8)[0]
+    if degrees <= 0:
+        raise statement.fail("CS2108", f"MOVARC: found an angle of {degrees:g} degrees, expected one above zero", 8)
+    sweep = float(np.radians(degrees))
     return Announced(statement, scale * np.array(values[:3]), _unit(statement, values[3:6], 3), scale * values[6], sweep=sweep)
 
 

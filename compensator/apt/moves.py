@@ -99,13 +99,11 @@ class Moves:
         said = []
         if self.backwards:
             said.append(Finding("CS2109", "warning", f"{counted(self.backwards, 'arc')} of {self.arcs + self.chords} start "
-                                                     "against "
-                                "the move before them", file, self.back_at, hint="look at these arcs before cutting"))
+                                "against the move before them", file, self.back_at, hint="look at these arcs before cutting"))
         if self.arcs:
             said.append(Finding("CS2115", "note", f"{counted(self.arcs, 'arc')} became MoveC of up to 120 degrees, at most "
                                 f"{1e3 * self.longest:.1f} mm long; each has a target in its middle and at its end", file))
         if self.chords:
             said.append(Finding("CS2115", "note", f"{counted(self.chords, 'arc')} became chords within 0.002 mm: a helix, a "
-                                                  "turning "
-                                "tool axis, or too small for MoveC", file))
+                                "turning tool axis, or too small for MoveC", file))
         return said

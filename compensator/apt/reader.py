@@ -12,6 +12,7 @@ import numpy as np
 from compensator.apt import words
 from compensator.apt.arc_words import Announced, along_circle, circle, movarc
 from compensator.apt.moves import Moves, Point
+from compensator.apt.setup import Setup
 from compensator.apt.statements import COMMENT, Statement, read_text, statements
 from compensator.campath import Array, CamPath
 from identification.findings import CompstiffError, Finding, counted, error
@@ -51,14 +52,12 @@ class _Reader:
         self.multax: bool | None = None
         self.axis = UPRIGHT
         self.here: Point | None = None
-        self.start: Point | None = None    # of FROM
+        self.start: Point | None = None                     # of FROM
         self.arc: Announced | None = None
         self.heading: Array | None = None                   # of INDIRV
         self.compensated: Statement | None = None           # CUTCOM in force
-        self.trouble: CompstiffError | None = None          # raised when the next motion comes
-        self.frames: dict[str, tuple[float, ...]] = {}
-        self.tools: dict[str, str] = {}
-        self.matrix: list[float] | None = None              # of a $$*CATIA0 block that is being read
+        self.homeless: CompstiffError | None = None         # of a GOHOME to nowhere: raised when a motion follows
+        self.setup = Setup()
         self.behind = 0
         self.moves = Moves()
         self.remarks: dict[int, list[str]] = {}
@@ -125,8 +124,9 @@ class _Reader:
 
     def _begin(self, statement: Statement) -> tuple[bool, float]:
         """What every motion needs: nothing against it, and its speed. Returns rapid and the feed [m/s]."""
-        if self.trouble is not None:
-            raise self.trouble
+        for trouble in (self.homeless, self.setup.trouble):
+            if trouble is not None:
+                raise trouble
         if self.compensated is not None:
             raise statement.fail("CS2103", f"found a motion while {_spelled(self.compensated)} (line {self.compensated.line}) "
                                  "is in force: the tool centre then runs beside the points written here",
@@ -213,7 +213,7 @@ class _Reader:
             self.findings.append(Finding(
                 "CS2114", "warning", "GOHOME is left out: the file does not say where home is", self.file, *statement.place(),
                 hint="drive the robot away from the part with your own program behind this one"))
-            self.trouble = statement.fail("CS2102", "found a motion behind GOHOME, and the file does not say where home is",
+            self.homeless = statement.fail("CS2102", "found a motion behind GOHOME, and the file does not say where home is",
                                           hint="let the CAM system write GOHOME/x,y,z or FROM, or a GOTO in its place")
 
     # State
@@ -221,8 +221,7 @@ class _Reader:
     def rapid_on(self, statement: Statement) -> None:
         if statement.arguments:
             raise statement.fail("CS2102", f"RAPID: found '{statement.text.strip()}', expected RAPID alone, which holds for "
-                                           "the "
-                                 "next motion", 0)
+                                 "the next motion", 0)
         self.rapid = True
 
     def units(self, statement: Statement) -> None:
@@ -273,53 +272,18 @@ class _Reader:
     def cycle(self, statement: Statement) -> None:
         if statement.arguments not in (["OFF"], ["NOMORE"]):
             raise statement.fail("CS2102", f"found {_spelled(statement)}: a drilling cycle, which every control drives in its "
-                                 "own way",
-                                 hint="let the CAM system write the cycle as single moves (GOTO)")
+                                 "own way", hint="let the CAM system write the cycle as single moves (GOTO)")
 
     def tool(self, statement: Statement) -> None:
-        """One program has one TCP: a motion with another tool is refused."""
-        arguments = statement.arguments
-        if statement.word == "TOOL PATH":
-            kind, name = "tool name", arguments[2] if arguments[1:2] == ["TOOL"] and len(arguments) > 2 else ""
-        else:
-            numeric = [argument for argument in arguments if argument[:1].isdigit()]
-            kind, name = "tool", numeric[0] if numeric else ""
-        if not name:
-            return
-        before = self.tools.setdefault(kind, name)
-        if before != name:
-            self.trouble = statement.fail("CS2110", f"found {kind} {name} behind {kind} {before}: a program is posted for the "
-                                          "one tool of cell.yaml", hint="let the CAM system write one file a tool")
-        elif self.trouble is not None and self.trouble.findings[0].code == "CS2110":
-            self.trouble = None
+        self.setup.tool(statement)
 
     def coordinates(self, statement: Statement) -> None:
-        """MSYS, MCS, OFSTNO: the coordinate system of what follows. The first is the work object; another one is refused."""
-        self._frame(tuple(statement.numbers()), statement)
-
-    def _frame(self, values: tuple[float, ...], statement: Statement) -> None:
-        before = self.frames.setdefault(statement.word, values)
-        if len(values) != len(before) or math.dist(values, before) > 1e-6:
-            raise statement.fail("CS2110", "found a second coordinate system; a program is posted in one work object",
-                                 hint="let the CAM system write all operations in one machining coordinate system, or one "
-                                 "file each")
+        self.setup.coordinates(statement)
 
     def comment(self, statement: Statement) -> None:
-        """A comment line: the name of an operation is kept, CATIA's matrix is a coordinate system."""
-        text = statement.text
-        if text.upper().startswith("*CATIA0"):
-            self.matrix = []
-        elif self.matrix is not None:
-            try:
-                self.matrix += [float(word) for word in text.split()]
-            except ValueError:
-                if self.matrix:
-                    self.matrix = None
-            if self.matrix is not None and len(self.matrix) >= 12:
-                self._frame(tuple(self.matrix), statement)
-                self.matrix = None
-        elif text.upper().startswith("OPERATION NAME"):
-            self._remark(text)
+        """The name of an operation is kept."""
+        if not self.setup.comment(statement) and statement.text.upper().startswith("OPERATION NAME"):
+            self._remark(statement.text)
 
     def fini(self, statement: Statement) -> None:
         self.finished = True
@@ -354,8 +318,7 @@ class _Reader:
         if self.commands:
             at = self.first["commands"]
             said.append(Finding("CS2111", "warning", f"{counted(self.commands, 'machine command')} (from {_spelled(at)} on) "
-                                                     "are "
-                                "comments in the program: your outputs are not known here", self.file, *at.place(),
+                                "are comments in the program: your outputs are not known here", self.file, *at.place(),
                                 hint="switch spindle and coolant in your own program round this one"))
         for word, number in self.unknown.items():
             at = self.first[word]
