@@ -133,7 +133,8 @@ def _direction(path: CamPath, cell: Cell, settings: Settings) -> Array:
     if near[at] < LEAST_ANGLE:
         raise error("CS4304", f"the tool axis comes within {np.degrees(near[at]):.1f} degrees of the direction --tool-x, at "
                     f"least {np.degrees(LEAST_ANGLE):.0f} are needed: the tool would spin about its axis there",
-                    file=path.source, line=int(path.line[at]), target=at, hint="give a direction that the tool axis never comes near")
+                    file=path.source, line=int(path.line[at]), target=at,
+                    hint="give a direction that the tool axis never comes near")
     return np.asarray(towards)
 
 

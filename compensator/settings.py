@@ -79,8 +79,7 @@ POSTING_OPTIONS: tuple[Decorator, ...] = (
 )
 # One module or several: `post` and `correct`.
 SPLITTING_OPTIONS: tuple[Decorator, ...] = (
-    click.option("--split", type=click.IntRange(min=1), metavar="N", help="Write parts of at most N targets, split in the "
-                                                                          "air."),
+    click.option("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
     click.option("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
 )
 # How the program is corrected: `correct` alone.

@@ -82,12 +82,10 @@ class Moves:
             raise error("CS2113", "no GOTO in this file moves the tool", file=file, line=1,
                         hint="name the cutter location file that the CAM system wrote (APT, CLS)")
         if self.backwards > self.ahead:
-            raise error("CS2109", f"{self.backwards} of {self.backwards + self.ahead} arcs start against the move before "
-                                  "them, so "
-                        "their sense of turning is not the one read here", file=file, line=self.back_at,
+            raise error("CS2109", f"{self.backwards} of {self.backwards + self.ahead} arcs start against the move before them: "
+                        "the file means the other sense of turning", file=file, line=self.back_at,
                         hint="CIRCLE with 7 numbers is read by the right-hand rule, with the 11 of NX as clockwise; let the "
-                             "CAM "
-                        "system write straight moves")
+                        "CAM system write straight moves")
         said = [*findings, *self._said(file)]
         return CamPath(
             source=file, form="APT", move=np.frombuffer(bytes(self.move), dtype=np.uint8), line=np.array(self.line),

@@ -44,6 +44,7 @@ class _Reader:
         if inch and metric and not self.stated_units:
             raise error("CS2105", "FEDRAT is in inches and in millimetres, and no UNITS says what the coordinates are in",
                         file=file, line=1, hint="let the CAM system write UNITS/MM or UNITS/INCHES")
+        self.metric = metric
         self.unit = words.INCH if inch and not self.stated_units else 1.0
         self.feed: tuple[float, str] | None = None          # [m], per "minute" or "turn"
         self.feed_assumed = False
@@ -130,8 +131,7 @@ class _Reader:
         if self.compensated is not None:
             raise statement.fail("CS2103", f"found a motion while {_spelled(self.compensated)} (line {self.compensated.line}) "
                                  "is in force: the tool centre then runs beside the points written here",
-                                 hint="let the CAM system write the path of the tool centre, without compensation at the "
-                                      "control")
+                                 hint="let the CAM system write the path of the tool centre, uncompensated")
         rapid, self.rapid = self.rapid, False
         if rapid:
             return True, math.nan
@@ -310,8 +310,10 @@ class _Reader:
             raise self.arc.fail("no GOTO behind this arc says where it ends")
         said = self.findings
         if not self.stated_units:
-            said.append(Finding("CS2106", "note", "no UNITS statement: coordinates are read as "
-                                + ("inches, as FEDRAT is" if self.unit == words.INCH else "millimetres"), self.file, 1))
+            read = "inches, as FEDRAT is" if self.unit == words.INCH else "millimetres" + ", as FEDRAT is" * self.metric
+            said.append(Finding("CS2106", "note" if "FEDRAT" in read else "warning",
+                                f"no UNITS statement: coordinates are read as {read}", self.file, 1,
+                                hint="" if "FEDRAT" in read else "compare the size of the path with the part"))
         if self.feed_assumed:
             said.append(Finding("CS2106", "note", "FEDRAT without a unit is read as the file's unit of length a minute",
                                 self.file))

@@ -40,8 +40,7 @@ class Setup:
         before = self._frames.setdefault(statement.word, values)
         if len(values) != len(before) or math.dist(values, before) > 1e-6:
             raise statement.fail("CS2110", "found a second coordinate system; a program is posted in one work object",
-                                 hint="let the CAM system write all operations in one machining coordinate system, or one "
-                                 "file each")
+                                 hint="let the CAM system write all operations in one coordinate system, or one file each")
 
     def comment(self, statement: Statement) -> bool:
         """Whether a comment line belongs to CATIA's axis system: *CATIA0, a name, three rows of four numbers."""

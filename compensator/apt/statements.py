@@ -42,8 +42,7 @@ class Statement:
             if not math.isfinite(value) or "_" in word:
                 shown = f"'{word.strip()}'" if word.strip() else "nothing"
                 raise self.fail("CS2101", f"{self.word}: found {shown}, expected a number", index,
-                                "cutter location data hold numbers only; geometry and names must be worked out by the CAM "
-                                "system before")
+                                "cutter location data hold numbers only; the CAM system must work out names and geometry")
             found.append(value)
         return found
 

@@ -66,6 +66,8 @@ def test_units_come_from_the_file_the_feed_or_are_said_to_be_assumed(read):
     metric = read("FEDRAT/MMPM,60\nGOTO/1,0,0\n")
     assert metric.position[0, 0] == pytest.approx(1e-3)
     assert "CS2106" in codes(metric)
+    bare = read("SPINDL/6000,RPM\nFEDRAT/0.1,PERREV\nGOTO/1,0,0\n")
+    assert [(one.level, one.code) for one in bare.findings if one.code == "CS2106"] == [("warning", "CS2106")]
     assert codes(read(HEAD + "GOTO/1,0,0\n")) == []
 
 
