@@ -28,6 +28,12 @@ APT_SUFFIXES, TABLE_SUFFIXES = (".apt", ".cls", ".cl"), (".csv", ".parquet", ".p
 POSE_APART, TURN_APART = 5e-4, np.radians(0.1)
 # Less than this between a joint and its limit, or axis 5 and zero, is worth a warning [rad].
 LITTLE = np.radians(5.0)
+# Names the module cannot have: RAPID's words, its own procedure and data.
+_TAKEN = frozenset((
+    "alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord endtest "
+    "endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or pers proc raise readonly "
+    "record retry return step sysmodule task test then to trap true trynext undo var viewonly while with xor main tmill wpart vair "
+    "zpath").split())
 _KINDS = {Move.LINEAR: "MoveL", Move.ARC_VIA: "", Move.ARC_END: "MoveC"}
 
 
@@ -233,4 +239,5 @@ def _plain(text: str) -> str:
 def module_name(name: str) -> str:
     """A RAPID identifier: a letter, then letters, digits and _, at most 32."""
     kept = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in name)
-    return (kept if kept[:1].isalpha() else "M" + kept)[:32]
+    name = (kept if kept[:1].isalpha() else "M" + kept)[:32]
+    return f"{name}_part" if name.lower() in _TAKEN else name

@@ -12,7 +12,7 @@ from compensator.apt import read_apt
 from compensator.configurations import hold, tool_frames
 from compensator.pipeline import read_toolpath
 from compensator.planning import plan_path
-from compensator.posting import post, read_cam_path
+from compensator.posting import module_name, post, read_cam_path
 from compensator.rapid import read_rapid
 from compensator.settings import DEFAULTS, Settings
 from compensator.toolpath import Move
@@ -229,6 +229,12 @@ def test_a_tool_without_load_is_said(tmp_path):
     cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", "")))
     read = planned(table(tmp_path, cell), cell).toolpath
     assert "CS4301" in {finding.code for finding in read.findings}
+
+
+@pytest.mark.parametrize(("stem", "name"), [("Part 1-b", "Part_1_b"), ("12", "M12"), ("main", "main_part"), ("x" * 40, "x" * 32),
+                                            ("Test", "Test_part"), ("Größe", "Gr__e")])
+def test_the_modules_name_is_one_the_controller_takes(stem, name):
+    assert module_name(stem) == name
 
 
 def accepted(folder, content: bytes) -> bool:
