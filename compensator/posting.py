@@ -30,10 +30,12 @@ POSE_APART, TURN_APART = 5e-4, np.radians(0.1)
 LITTLE = np.radians(5.0)
 # Names the module cannot have: RAPID's words, its own procedure and data.
 _TAKEN = frozenset((
-    "alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord endtest "
-    "endtrap endwhile error exit false for from func goto if inout local mod module nostepin not noview or pers proc raise readonly "
-    "record retry return step sysmodule task test then to trap true trynext undo var viewonly while with xor main tmill wpart vair "
-    "zpath").split())
+    "alias", "and", "backward", "case", "connect", "const", "default", "div", "do", "else", "elseif", "endfor", "endfunc",
+    "endif", "endmodule", "endproc", "endrecord", "endtest", "endtrap", "endwhile", "error", "exit", "false", "for", "from",
+    "func", "goto", "if", "inout", "local", "mod", "module", "nostepin", "not", "noview", "or", "pers", "proc", "raise",
+    "readonly", "record", "retry", "return", "step", "sysmodule", "task", "test", "then", "to", "trap", "true", "trynext",
+    "undo", "var", "viewonly", "while", "with", "xor", "main", "tmill", "wpart", "vair", "zpath",
+))
 _KINDS = {Move.LINEAR: "MoveL", Move.ARC_VIA: "", Move.ARC_END: "MoveC"}
 
 

@@ -231,8 +231,8 @@ def test_a_tool_without_load_is_said(tmp_path):
     assert "CS4301" in {finding.code for finding in read.findings}
 
 
-@pytest.mark.parametrize(("stem", "name"), [("Part 1-b", "Part_1_b"), ("12", "M12"), ("main", "main_part"), ("x" * 40, "x" * 32),
-                                            ("Test", "Test_part"), ("Größe", "Gr__e")])
+@pytest.mark.parametrize(("stem", "name"), [("Part 1-b", "Part_1_b"), ("12", "M12"), ("main", "main_part"),
+                                            ("x" * 40, "x" * 32), ("Test", "Test_part"), ("Größe", "Gr__e")])
 def test_the_modules_name_is_one_the_controller_takes(stem, name):
     assert module_name(stem) == name
 
