@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from compensator.design import design
-from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, Settings, with_settings
+from compensator.post_command import post
+from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, Settings, with_settings
 from identification.console import READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ _REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML repor
 @_STIFFNESS
 @_FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*FORCE_OPTIONS)
+@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS)
 @_REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
@@ -36,10 +37,11 @@ def predict(
 ) -> Outcome:
     """Predict how far the tool is pushed off its path.
 
-    CELL is cell.yaml, TOOLPATH a RAPID program; the deviation and its standard deviation are written target by target.
+    CELL is cell.yaml, TOOLPATH a RAPID program, APT or CSV; the deviation and its standard deviation are written target by
+    target.
     """
     from compensator.offsets import deviation_csv
-    from compensator.pipeline import Inputs, check_distinct, predict_program, summary
+    from compensator.pipeline import Inputs, check_distinct, predict_program, rapid_suffix, summary
     from identification.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
@@ -56,7 +58,7 @@ def predict(
     write_whole(files)
     return Outcome(summary(predicted), predicted.findings, _predicted_lines(predicted),
                    next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
-                   f"{forces_file} -o {toolpath_file.stem}_corrected{toolpath_file.suffix}")
+                   f"{forces_file} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")
 
 
 @command("correct", writes=True)
@@ -66,7 +68,7 @@ def predict(
 @_FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The corrected program to write.")
 @click.option("--offsets", type=WRITABLE, help="Also write the offsets, one row a target (CSV).")
-@with_settings(*FORCE_OPTIONS, *CORRECTION_OPTIONS)
+@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS)
 @_REPORT
 def correct(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
@@ -74,8 +76,8 @@ def correct(
 ) -> Outcome:
     """Correct a milling program for the deflection under its logged forces.
 
-    CELL is cell.yaml, TOOLPATH a RAPID program. Only the numbers of corrected targets change; beside OUTPUT stands
-    OUTPUT.json, the record of what it was made from.
+    CELL is cell.yaml, TOOLPATH a RAPID program; APT and CSV are posted as RAPID first (see post). Only the numbers of corrected
+    targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
     """
     from compensator.pipeline import Inputs, summary
 
@@ -93,9 +95,11 @@ def run_correction(
 ) -> Corrected:
     """Corrects one program and writes all its files, or none."""
     import json
+    from dataclasses import replace
 
     from compensator.offsets import offsets_csv
     from compensator.pipeline import check_distinct, check_not_corrected, correct_program, predict_program, record
+    from compensator.split_files import split_files
     from identification.files import check_writable, write_whole
 
     record_file = output.with_name(output.name + ".json")
@@ -105,8 +109,11 @@ def run_correction(
     if not overwrite:
         check_not_corrected(inputs.toolpath)
     corrected = correct_program(predict_program(inputs, settings))
-    files = {output: corrected.content,
-             record_file: (json.dumps(record(corrected, output), indent=1, allow_nan=False) + "\n").encode()}
+    air = ~corrected.predicted.forces.forced | corrected.predicted.rapid
+    files, _, said = split_files(corrected.content, air, settings, output, overwrite=overwrite)
+    check_distinct(inputs, list(files))
+    corrected = replace(corrected, findings=(*corrected.findings, *said))
+    files[record_file] = (json.dumps(record(corrected, files), indent=1, allow_nan=False) + "\n").encode()
     if offsets:
         files[offsets] = offsets_csv(corrected)
     if report:
@@ -160,4 +167,4 @@ def demo(session: Session, folder: Path) -> Outcome:
     return run_demo(session, folder)
 
 
-COMMANDS = (design, predict, correct, demo)
+COMMANDS = (design, post, predict, correct, demo)

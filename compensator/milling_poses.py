@@ -23,7 +23,7 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> tuple[Mill
 
     Raises what the readers raise, and CompstiffError (CS1602) where the robot reaches none of them.
     """
-    plan = plan_path(read_toolpath(toolpath).toolpath, cell)
+    plan = plan_path(read_toolpath(toolpath, cell)[0].toolpath, cell)
     wanted = plan.reached.copy()
     findings = [*plan.toolpath.findings, *plan.findings]
     wrench = None

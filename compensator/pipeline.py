@@ -51,7 +51,10 @@ class Inputs:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One program with the deviation predicted for its targets with force. model: scaled as the settings say. log: as read."""
+    """One program with the deviation predicted for its targets with force.
+
+    model: scaled as the settings say. log: as read. rapid (N,): known to be reached in the air.
+    """
 
     inputs: Inputs
     settings: Settings
@@ -63,6 +66,7 @@ class Predicted:
     forces: TargetForces
     prediction: Prediction
     findings: tuple[Finding, ...]
+    rapid: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +88,27 @@ class Corrected:
     advice: Advice | None = None
 
 
-def read_toolpath(path: Path) -> RapidProgram:
-    """Reads a toolpath by its suffix. Raises CompstiffError (CS4201) for formats that are not read."""
-    if path.suffix.lower() not in RAPID_SUFFIXES:
-        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(RAPID_SUFFIXES)}",
-                    file=str(path), hint="post the toolpath as RAPID; APT and CSV are not supported yet")
+def read_toolpath(
+    path: Path, cell: Cell, settings: Settings = DEFAULTS
+) -> tuple[RapidProgram, NDArray[np.bool_]]:
+    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Also returns which targets (N,)
+    are known to be reached in the air. Raises CompstiffError: CS4201 for formats that are not read, and what the readers and
+    `post` raise."""
+    from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
+
+    suffix = path.suffix.lower()
+    if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
+        posted = post(read_cam_path(path, settings), cell, settings, f"{path} (posted)")
+        return posted.program, posted.rapid
+    if suffix not in RAPID_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of "
+                    f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
+                    file=str(path), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
     try:
-        return read_rapid(path.read_bytes(), str(path))
+        program = read_rapid(path.read_bytes(), str(path))
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+    return program, np.zeros(len(program.toolpath), dtype=bool)
 
 
 def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
@@ -101,18 +117,19 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     model = read_stiffness(inputs.stiffness, cell)
     if settings.scale != DEFAULTS.scale:
         model = model.scaled(*settings.scale)
-    program = read_toolpath(inputs.toolpath)
+    program, rapid = read_toolpath(inputs.toolpath, cell, settings)
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
                     hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         plan = plan_path(program.toolpath, cell)
-        return _predicted(inputs, settings, cell, model, program, plan)
+        return _predicted(inputs, settings, cell, model, program, plan, rapid)
 
 
 def _predicted(
-    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, plan: Plan
+    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, plan: Plan,
+    rapid: NDArray[np.bool_],
 ) -> Predicted:
     """The program with the forces of one log."""
     source = program.toolpath
@@ -127,7 +144,7 @@ def _predicted(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
     return Predicted(inputs, settings, cell, model, program, plan, log, forces, prediction,
-                     (*said, *left, *prediction.findings))
+                     (*said, *left, *prediction.findings), rapid)
 
 
 def correct_program(planned: Predicted) -> Corrected:
@@ -179,7 +196,9 @@ def _densified(planned: Predicted) -> tuple[Predicted, Indices]:
             return planned, same
     targets, _ = targets_to_correct(dense.plan, dense.forces)
     prediction = predict_path(dense.plan, dense.forces, planned.model, targets)
-    return replace(planned, program=dense.program, plan=dense.plan, forces=dense.forces, prediction=prediction,
+    rapid = np.zeros(len(dense.plan.toolpath), dtype=bool)
+    rapid[dense.kept] = planned.rapid
+    return replace(planned, program=dense.program, plan=dense.plan, forces=dense.forces, prediction=prediction, rapid=rapid,
                    findings=(*planned.findings, *dense.findings)), dense.kept
 
 
@@ -189,7 +208,7 @@ def _cutting_stiffness(predicted: Predicted, offsets: Array | None) -> tuple[Est
     if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
         return settings.cutting_stiffness, ()
     first = _predicted(replace(predicted.inputs, forces=settings.first_forces), settings, predicted.cell, predicted.model,
-                       predicted.program, predicted.plan)
+                       predicted.program, predicted.plan, predicted.rapid)
     found = two_passes(predicted.plan, first.forces, first.prediction, predicted.forces, predicted.prediction, offsets)
     return found, (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * found.value:.3g} N/mm, standard "
                            f"error {1e-3 * found.std:.2g}", file=str(predicted.inputs.forces)),)
@@ -232,16 +251,17 @@ def check_not_corrected(toolpath: Path) -> None:
         names = _recorded(path)
         if names is None:
             continue
-        (source, source_digest), (output, output_digest) = names
+        (source, source_digest), *outputs = names
         # A record of a program that came out as it went in forbids nothing.
-        if source_digest != output_digest and (output_digest == digest or output == toolpath.name):
+        if any(source_digest != output_digest and (output_digest == digest or output == toolpath.name)
+               for output, output_digest in outputs):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
                                   hint=f"correct the CAM system's program {source}; --force if this really is one"))
 
 
-def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
-    """Name and SHA-256 of input and output of a correction record; None where the file is no such record."""
+def _recorded(path: Path) -> list[tuple[str, str]] | None:
+    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
     try:
         if path.stat().st_size > 64 << 20:
             return None
@@ -253,8 +273,9 @@ def _recorded(path: Path) -> tuple[tuple[str, str], tuple[str, str]] | None:
     source, output = record.get("input"), record.get("output")
     if not (isinstance(source, dict) and isinstance(output, dict)):
         return None
-    return (str(source.get("file", "")), str(source.get("sha256", ""))), (str(output.get("file", "")),
-                                                                          str(output.get("sha256", "")))
+    parts = record.get("parts")
+    items = [source, output, *(part for part in (parts if isinstance(parts, list) else []) if isinstance(part, dict))]
+    return [(str(item.get("file", "")), str(item.get("sha256", ""))) for item in items]
 
 
 def planned_time(predicted: Predicted) -> Array:
@@ -296,15 +317,22 @@ def _figures(values: Array) -> dict[str, float]:
     return {"largest": float(values.max()), "rms": float(np.sqrt(np.mean(values**2)))}
 
 
-def record(corrected: Corrected, output: Path) -> dict[str, Any]:
-    """OUT.mod.json: what was made from what (FORMATS.md, correct)."""
+def rapid_suffix(toolpath: Path) -> str:
+    """The suffix of the RAPID program made from a toolpath."""
+    return toolpath.suffix if toolpath.suffix.lower() in RAPID_SUFFIXES else ".mod"
+
+
+def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
+    """OUT.mod.json: what was made from what (FORMATS.md, correct). files: the program, and its parts where it was split."""
     import hashlib
 
     inputs, settings = corrected.predicted.inputs, corrected.predicted.settings
+    outputs = [{"file": path.name, "sha256": hashlib.sha256(content).hexdigest()} for path, content in files.items()]
     return {
         "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
         "input": {"file": inputs.toolpath.name, "sha256": sha256(inputs.toolpath)},
-        "output": {"file": output.name, "sha256": hashlib.sha256(corrected.content).hexdigest()},
+        "output": outputs[0],
+        "parts": outputs[1:],
         **{name: {"file": path.name, "sha256": sha256(path)} for name, path in (
             ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces), *settings.files())},
         "settings": settings.as_dict(),

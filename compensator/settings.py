@@ -37,6 +37,10 @@ class Settings:
     for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
     tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
     axis would lower the deviation.
+
+    APT and CSV toolpaths: zone_mm of every move, rapid_mm_s in the air, feed_mm_s where a table has none, tool_x the direction
+    of the work object that the tool's x axis is turned towards, None to choose it.
+    split: most targets of a part, None to write one module; split_load: parts are loaded one after the other.
     """
 
     tare: tuple[int, int] | None = None
@@ -51,6 +55,12 @@ class Settings:
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False
+    zone_mm: float = 0.3
+    rapid_mm_s: float = 200.0
+    feed_mm_s: float = 20.0
+    tool_x: tuple[float, float, float] | None = None
+    split: int | None = None
+    split_load: bool = False
 
     def files(self) -> list[tuple[str, Path]]:
         """The input files among them, by name."""
@@ -118,6 +128,21 @@ class ScaledEstimate(click.ParamType[Estimate]):
         return estimate
 
 
+class Direction(click.ParamType[tuple[float, float, float]]):
+    """Three numbers, X,Y,Z."""
+
+    name = "X,Y,Z"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float, float]:
+        try:
+            x, y, z = (float(part) for part in (value if isinstance(value, tuple) else str(value).split(",")))
+        except ValueError:
+            self.fail(f"'{value}' is not a direction such as 1,0,0", param, ctx)
+        if not 0 < math.hypot(x, y, z) < math.inf:
+            self.fail(f"'{value}' has no direction", param, ctx)
+        return x, y, z
+
+
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # How the force log is read and placed: `predict` and `correct`.
@@ -126,8 +151,24 @@ FORCE_OPTIONS: tuple[Decorator, ...] = (
     click.option("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.scale, metavar="VALUE[:STD]",
                  help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
 )
+# How an APT or CSV toolpath becomes RAPID: `post`, `predict` and `correct`.
+POSTING_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--zone-mm", type=click.FloatRange(0, 200), default=Settings.zone_mm, show_default=True,
+                 help="APT, CSV: fly-by zone of the moves, 0 for stop points."),
+    click.option("--rapid-mm-s", type=click.FloatRange(1, 7000), default=Settings.rapid_mm_s, show_default=True,
+                 help="APT, CSV: speed in the air."),
+    click.option("--feed-mm-s", type=click.FloatRange(0, 7000, min_open=True), default=Settings.feed_mm_s, show_default=True,
+                 help="CSV: feed where the table has none."),
+    click.option("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
+)
+# One module or several: `post` and `correct`.
+SPLITTING_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
+    click.option("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
+)
 # How the program is corrected: `correct` alone.
 CORRECTION_OPTIONS: tuple[Decorator, ...] = (
+    *SPLITTING_OPTIONS,
     click.option("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.confidence, show_default=True,
                  help="Probability with which a correction must make its point better, else it is reduced or left out."),
     click.option("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "

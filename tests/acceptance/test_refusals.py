@@ -494,11 +494,11 @@ def test_folders_in_place_of_files(tmp_path: Path) -> None:
 
 
 def test_other_toolpath_formats_are_named(tmp_path: Path) -> None:
-    """APT and CSV are not in this release: exit 1 or 2 that says so, not a program without moves."""
-    for name, text in (("part.apt", "GOTO/1,2,3\nFINI\n"), ("part.csv", "x_mm,y_mm,z_mm,q1,q2,q3,q4\n1,2,3,1,0,0,0\n")):
+    """Another machine's code is exit 1 or 2 that names what is read, not a program without moves."""
+    for name, text in (("part.nc", "G1 X1 Y2 Z3 F100\n"), ("part.src", "LIN {X 1,Y 2,Z 3}\n")):
         result = Job(tmp_path, program=text, forces=FORCE, name=name).correct()
         assert result.code in (1, 2), result
-        assert ".mod" in result.err, result
+        assert all(suffix in result.err for suffix in (".mod", ".apt", ".csv")), result
 
 
 @pytest.mark.parametrize("value", ["0:1", "0", "a:b", "1:0", "5:9", "-1:0", "0:1:2", ":"])

@@ -1,0 +1,78 @@
+"""Every refusal says file, line and column."""
+
+import pytest
+
+from compensator.apt import read_apt
+from identification.findings import CompstiffError
+
+HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
+
+
+@pytest.mark.parametrize(("text", "code", "line", "column", "says"), [
+    ("GOTO/1,2,x", "CS2101", 4, 10, "'X'|'x'"),
+    ("  GOTO/1,,3", "CS2101", 4, 10, "found nothing, expected a number"),
+    ("GOTO/1,2,3,4", "CS2101", 4, 12, "found 4 numbers, expected 3"),
+    ("GOTO/1,2,$\n  nan", "CS2101", 5, 3, "'nan'"),
+    ("GOTO/1_0,2,3", "CS2101", 4, 6, "'1_0'"),
+    ("GOTO/P1", "CS2101", 4, 6, "P1"),
+    ("GOTO/1,2,$", "CS2101", 4, None, "end of the file"),
+    ("1,2,3", "CS2102", 4, 1, "moves the tool"),
+    ("P1=POINT/1,2,3", "CS2102", 4, 1, "P1"),
+    ("TRACUT/1,0,0,5,0,1,0,0,0,0,1,0", "CS2102", 4, 1, "TRACUT"),
+    ("GOFWD/C1", "CS2102", 4, 1, "GOFWD"),
+    ("CYCLE/DRILL,5,MMPM,100", "CS2102", 4, 1, "drilling cycle"),
+    ("RAPID/MODAL,ON", "CS2102", 4, 7, "RAPID alone"),
+    ("GOHOME\nGOTO/1,2,3", "CS2102", 4, 1, "behind GOHOME"),
+    ("CUTCOM/LEFT,1\nPAINT/PATH\nGOTO/1,2,3", "CS2103", 6, 1, r"CUTCOM/LEFT,1 \(line 4\)"),
+    ("UNITS/FEET", "CS2105", 4, 7, "FEET"),
+    ("FEDRAT/0,MMPM", "CS2107", 4, 8, "above zero"),
+    ("FEDRAT/INVERS,AUTO", "CS2101", 4, 8, "INVERS"),
+    ("FEDRAT/0.1,MMPR\nGOTO/1,2,3", "CS2107", 5, 1, "no SPINDL"),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,30.05,5", "CS2108", 4, 1, r"end is \+0.0500 mm off"),
+    ("CIRCLE/20,21,5,0,0,1,10\nGOTO/20,30,5", "CS2108", 4, 1, "start is"),
+    ("CIRCLE/20,20,5,0,0,1", "CS2108", 4, 1, "found 6 numbers"),
+    ("CIRCLE/20,20,5,0,0,2,10\nGOTO/20,30,5", "CS2108", 4, 16, "length 2"),
+    ("CIRCLE/20,20,5,0,0,1,10", "CS2108", 4, 1, "no GOTO behind"),
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,10,5,20,30,5,10,20,5", "CS2108", 4, 1, "do not follow"),
+    ("MOVARC/20,20,5,0,0,1,10,ANGLE,80\nGOTO/20,30,5", "CS2108", 4, 1, "80.0000 degrees"),
+    ("TLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 4, 1, "INDIRV"),
+    ("INDIRV/1,0,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "not along the circle"),
+    ("INDIRV/0,-1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/20,20,5,20,30,5)", "CS2108", 5, 1, "270.0 degrees"),
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/20,20,5,10),ON,(LINE/25,20,5,20,30,5)", "CS2108", 5, 1, "start at its centre"),
+    ("LOADTL/1\nGOTO/1,2,3\nLOADTL/2\nGOTO/1,2,3", "CS2110", 6, 1, "tool 2 behind tool 1"),
+    ("MSYS/0,0,0,1,0,0,0,1,0\nMSYS/0,0,5,1,0,0,0,1,0", "CS2110", 5, 1, "second coordinate system"),
+    ("$$*CATIA0\n$$ 1 0 0 0\n$$ 0 1 0 0\n$$ 0 0 1 0\n$$*CATIA0\n$$ 1 0 0 9\n$$ 0 1 0 0\n$$ 0 0 1 0", "CS2110", 11, 1, "second"),
+    ("MULTAX/OFF\nGOTO/1,2,3,0.6,0,0.8", "CS2112", 5, 12, "MULTAX is off"),
+    ("GOTO/1,2,3,0,0,0", "CS2112", 4, 12, "length 0"),
+])
+def test_refusals(tmp_path, text, code, line, column, says):
+    file = tmp_path / "part.apt"
+    file.write_text(HEAD + text + "\n")
+    with pytest.raises(CompstiffError, match=says) as caught:
+        read_apt(file)
+    found = caught.value.findings[0]
+    assert (found.code, found.file, found.line, found.column) == (code, str(file), line, column)
+
+
+@pytest.mark.parametrize(("data", "code"), [
+    (b"\xff\xfeG\x00O\x00", "CS2100"),
+    (b"UNITS/MM\n", "CS2113"),
+    (b"", "CS2113"),
+    (b"UNITS/MM\nGOTO/1,2,3\n", "CS2107"),
+    (b"FEDRAT/1,MMPM\nFEDRAT/1,IPM\nGOTO/1,2,3\n", "CS2105"),
+    (b"UNITS/MM\nFEDRAT/1\nCIRCLE/0,0,0,0,0,1,5\nGOTO/1,2,3\n", "CS2108"),
+])
+def test_files_without_a_path(tmp_path, data, code):
+    file = tmp_path / "part.apt"
+    file.write_bytes(data)
+    with pytest.raises(CompstiffError, match=code) as caught:
+        read_apt(file)
+    assert caught.value.findings[0].line is not None
+
+
+@pytest.mark.parametrize("harmless", ["CUTCOM/OFF", "CYCLE/OFF", "TRACUT/NOMORE", "ORIGIN/0.0,0,0", "CUTCOM/ADJUST,1",
+                                      "LOADTL/2"])
+def test_words_that_change_nothing_are_taken(tmp_path, harmless):
+    file = tmp_path / "part.apt"
+    file.write_text(f"{HEAD}{harmless}\nGOTO/1,2,3\n")
+    assert len(read_apt(file)) == 2
