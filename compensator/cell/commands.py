@@ -54,7 +54,7 @@ def _tls_files(given: list[Path]) -> TlsFiles:
 @click.option("--port", type=click.IntRange(1, 65535), help="Instead of modbus.port.")
 @click.option("--unit", type=click.IntRange(0, 255), help="Instead of modbus.unit.")
 @click.option("--timeout", type=click.FloatRange(0.05, 60), default=2.0, show_default=True, help="For every reply [s].")
-@click.option("--retries", type=click.IntRange(0, 20), default=3, show_default=True, help="Repetitions of every request.")
+@click.option("--retries", type=click.IntRange(0, 10), default=4, show_default=True, help="Repetitions of every request.")
 @click.option("--patience", type=click.FloatRange(0, 3600), default=12.0, show_default=True,
               help="How long to wait while another writes or the robot runs [s].")
 @click.option("--robot-wait", type=click.FloatRange(1, 86400), default=600.0, show_default=True,

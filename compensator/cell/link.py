@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pymodbus.pdu import ModbusPDU
 
 MOST_READ = 125
-FIRST_PAUSE_S = 0.05
+FIRST_PAUSE_S = 0.1
 # What the procedure has to decide on; every other exception reply is asked again like a lost reply.
 MEANT = (Refusal.VALUE, Refusal.BUSY, Refusal.SEQUENCE)
 NAMES = {1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "device failure", 5: "acknowledge", 6: "busy",
@@ -37,7 +37,7 @@ class Address:
     port: int
     unit: int
     timeout_s: float = 2.0
-    retries: int = 3
+    retries: int = 4
     tls: ssl.SSLContext | None = None
 
     def __str__(self) -> str:
@@ -64,6 +64,7 @@ class Link:
         self.address = address
         self._client: ModbusTcpClient | None = None
         self._type = _client_type()
+        self._transactions = 0
 
     def __enter__(self) -> Link:
         return self
@@ -74,6 +75,7 @@ class Link:
     def close(self) -> None:
         """Closes the connection; the next request opens another."""
         if self._client is not None:
+            self._transactions = self._client.transaction.next_tid
             self._client.close()  # type: ignore[no-untyped-call]
             self._client = None
 
@@ -125,6 +127,8 @@ class Link:
             client = self._type(self.address)
             if not client.connect():
                 raise OSError(client.failure or "no connection")
+            # Transaction numbers go on, so that not even a gateway's late reply fits a request of the new connection.
+            client.transaction.next_tid = self._transactions
             self._client = client
         return self._client
 
