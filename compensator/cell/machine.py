@@ -5,6 +5,7 @@ No Modbus in here: `read` and `write` take addresses and words and raise `Refuse
 
 from __future__ import annotations
 
+import struct
 import time
 import zlib
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import numpy as np
 from compensator.cell import registers as at
 from compensator.cell.registers import Command, Refusal, Result, Robot, State
 from compensator.cell.state import Active, TableStore
-from compensator.cell.wire import EMPTY, NO_OFFSET, PAGE_ROWS, Header, Words, acceptable, crc32, split
+from compensator.cell.wire import EMPTY, NO_OFFSET, PAGE_ROWS, Header, acceptable, crc32, from_bytes, split
 from identification.findings import CompstiffError
 
 # A writer that has been silent this long has lost its transfer to whoever begins the next.
@@ -37,8 +38,7 @@ class Receiving:
     """A transfer that is not committed yet."""
 
     header: Header
-    words: Words
-    next_page: int
+    pages: list[bytes]
     touched: float
 
 
@@ -112,26 +112,24 @@ class CellMachine:
             return
         if self.receiving and now - self.receiving.touched < self.lease_s:
             raise RefusedWrite(Refusal.BUSY, Result.OTHER_WRITER)
-        self.receiving = Receiving(header, np.zeros((header.rows, 3), np.uint16), 0, now)
+        self.receiving = Receiving(header, [], now)
 
     def _page(self, words: list[int]) -> None:
         receiving = self.receiving
         if len(words) < 3:
             raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
-        if not receiving or receiving.header.id != words[0] << 16 | words[1] or words[2] > receiving.next_page:
-            raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
         page = words[2]
+        if not receiving or receiving.header.id != words[0] << 16 | words[1] or page > len(receiving.pages):
+            raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
         if page >= receiving.header.pages or len(words) != 3 + 3 * receiving.header.page_rows(page):
             raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
-        rows = np.array(words[3:], np.uint16).reshape(-1, 3)
-        if not acceptable(rows, self.limit_um):
-            raise RefusedWrite(Refusal.VALUE, Result.OFFSET)
-        place = slice(page * PAGE_ROWS, page * PAGE_ROWS + len(rows))
-        if page < receiving.next_page and not np.array_equal(receiving.words[place], rows):
+        # Kept as it came; what it says is judged at the commit, over the whole table at once.
+        rows = struct.pack(f">{len(words) - 3}H", *words[3:])
+        if page == len(receiving.pages):
+            receiving.pages.append(rows)
+        elif receiving.pages[page] != rows:
             self.receiving = None
             raise RefusedWrite(Refusal.SEQUENCE, Result.PAGE_CHANGED)
-        receiving.words[place] = rows
-        receiving.next_page = max(receiving.next_page, page + 1)
         receiving.touched = self.clock()
 
     def _commit(self, header: Header) -> None:
@@ -141,15 +139,19 @@ class CellMachine:
                 self.receiving = None
             return
         receiving = self.receiving
-        if not receiving or receiving.header != header or receiving.next_page < header.pages:
+        if not receiving or receiving.header != header or len(receiving.pages) < header.pages:
             raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
-        if crc32(receiving.words) != header.crc:
+        words = from_bytes(b"".join(receiving.pages))
+        if crc32(words) != header.crc:
             self.receiving = None
             raise RefusedWrite(Refusal.SEQUENCE, Result.CRC)
+        if not acceptable(words, self.limit_um):
+            self.receiving = None
+            raise RefusedWrite(Refusal.VALUE, Result.OFFSET)
         receiving.touched = self.clock()
         if self.robot[1] == Robot.RUNNING and self.clock() - self.robot_seen < ROBOT_STALE_S:
             raise RefusedWrite(Refusal.BUSY, Result.ROBOT_RUNNING)
-        table = Active(header, receiving.words)
+        table = Active(header, words)
         try:
             self.store.commit(table)
         except CompstiffError as reason:
@@ -178,7 +180,7 @@ class CellMachine:
     def _status(self) -> list[int]:
         receiving = self.receiving
         return [State.RECEIVING if receiving else State.IDLE, self.result, *split(receiving.header.id if receiving else 0),
-                receiving.next_page if receiving else 0, self.commits & 0xFFFF, self._heartbeat()]
+                len(receiving.pages) if receiving else 0, self.commits & 0xFFFF, self._heartbeat()]
 
     def _header(self) -> list[int]:
         return self._active_header().words()

@@ -9,6 +9,7 @@ import ssl
 import threading
 from collections.abc import Callable
 from types import TracebackType
+from typing import cast
 
 from compensator.cell import registers as at
 from compensator.cell.machine import CellMachine, RefusedWrite
@@ -39,7 +40,7 @@ async def serve(
                     return ExcCodes.ILLEGAL_FUNCTION
                 current[address - start:address - start + count] = machine.read(address, count)
             elif function in WRITES:
-                machine.write(address, [int(word) for word in new])
+                machine.write(address, cast(list[int], new))
             else:
                 return ExcCodes.ILLEGAL_FUNCTION
         except RefusedWrite as refused:

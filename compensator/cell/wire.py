@@ -39,6 +39,11 @@ def to_micrometres(words: Words) -> Micrometres:
     return words.astype(np.int64) - ZERO_WORD
 
 
+def from_bytes(content: bytes) -> Words:
+    """The bytes on the wire as registers (N, 3)."""
+    return np.frombuffer(content, ">u2").astype(np.uint16).reshape(-1, 3)
+
+
 def acceptable(words: Words, limit_um: int) -> bool:
     """Whether every row is an offset, and none longer than the limit (its rounding to a micrometre allowed)."""
     if words.min() == NO_OFFSET[0] or words.max() == NO_OFFSET[1]:

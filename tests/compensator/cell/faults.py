@@ -9,7 +9,7 @@ from tests.compensator.cell.proxy import Fault
 READ_REQUEST, WRITE_REPLY, COMMAND_REQUEST, PAGE_REQUEST = 12, 12, 13 + 2 * 12, 13 + 2 * 123
 LAST_PAGE_REQUEST = 13 + 2 * 33
 HEADER_REPLY, IDENTITY_REPLY = 9 + 2 * 11, 9 + 2 * 8
-CODES = (1, 2, 3, 4, 5, 6, 7, 8, 10, 11)
+CODES = (*range(1, 16), 255)
 
 
 def _at(request: int, sent: int, answered: int, step: int = 1) -> list[Fault]:
@@ -25,7 +25,7 @@ def _at(request: int, sent: int, answered: int, step: int = 1) -> list[Fault]:
 def _reply(request: int, answered: int, step: int = 1) -> list[Fault]:
     return [
         *(Fault("reset reply", request, byte) for byte in range(0, answered, step)),
-        *(Fault("stall reply", request, byte) for byte in range(0, answered, 3)),
+        *(Fault("stall reply", request, byte) for byte in range(0, answered, step)),
         *(Fault(kind, request) for kind in ("duplicate reply", "stale reply", "late reply", "delay reply", "foreign reply")),
         *(Fault("exception reply", request, code=code) for code in CODES),
     ]

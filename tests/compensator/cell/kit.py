@@ -101,19 +101,21 @@ def check_honest(ending: Ending, active: list[list[int]] | None, old: Table, new
 class CellProcess:
     """`compstiff cell` as a process of its own, to be killed. cell.yaml and the state directory lie in `folder`."""
 
-    def __init__(self, folder: Path, *options: str, environment: dict[str, str] | None = None) -> None:
-        self.state, self.options, self.port = folder / "state", options, 0
+    def __init__(self, folder: Path, *, keeps: bool = True) -> None:
+        self.state, self.port = folder / "state", 0
+        self.options = ["--state", str(self.state)] if keeps else []
         self.file = folder / "cell.yaml"
         self.file.write_text(f"robot: {ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\nmodbus: {{port: 1}}\n")
-        self.environment = environment
         self.start()
 
     def start(self) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "compensator", "cell", str(self.file), "--port", str(self.port), "--state", str(self.state),
-             *self.options], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=self.environment)
+            [sys.executable, "-m", "compensator", "cell", str(self.file), "--port", str(self.port), *self.options],
+            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         assert self.process.stderr
         line = self.process.stderr.readline()
+        while not self.options and not line.startswith("listening"):
+            line = self.process.stderr.readline()
         assert line.startswith("listening on 127.0.0.1:"), line
         self.port = int(line.split(":")[1].split()[0])
 
@@ -121,10 +123,6 @@ class CellProcess:
         """kill -9."""
         self.process.kill()
         self._gone()
-
-    def stop(self) -> int:
-        self.process.terminate()
-        return self._gone()
 
     def _gone(self) -> int:
         code = self.process.wait(20)

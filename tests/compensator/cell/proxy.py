@@ -52,7 +52,7 @@ class Proxy:
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         for one in list(self._sockets):
-            _reset(one)
+            _wake(one)
         for thread in self._threads:
             thread.join(5)
 
@@ -90,8 +90,21 @@ class _Pair:
         self.proxy, self.client, self.server = proxy, client, server
         self.numbers: list[int] = []
         self.stalled = False
+        # Each thread closes the socket it reads from, and nobody sends meanwhile: a number that the system has given to a
+        # new socket must not be used for the old one.
+        self.lock = threading.Lock()
 
     def requests(self) -> None:
+        self._requests()
+        self._end()
+        self._close(self.client)
+
+    def replies(self) -> None:
+        self._replies()
+        self._end()
+        self._close(self.server)
+
+    def _requests(self) -> None:
         for frame in _frames(self.client):
             proxy = self.proxy
             number, proxy.requests = proxy.requests, proxy.requests + 1
@@ -104,7 +117,7 @@ class _Pair:
             proxy.fired = True
             if fault.kind == "reset request":
                 self._send(self.server, frame[:fault.byte])
-                self._end()
+                return
             elif fault.kind == "stall request":
                 self._send(self.server, frame[:fault.byte])
                 self.stalled = True
@@ -121,9 +134,8 @@ class _Pair:
             else:
                 proxy.call()
                 self._send(self.server, frame)
-        self._end()
 
-    def replies(self) -> None:
+    def _replies(self) -> None:
         for frame in _frames(self.server):
             proxy = self.proxy
             fault = proxy.fault
@@ -138,7 +150,7 @@ class _Pair:
             proxy.fired = True
             if fault.kind == "reset reply":
                 self._send(self.client, frame[:fault.byte])
-                self._end()
+                return
             elif fault.kind == "stall reply":
                 self._send(self.client, frame[:fault.byte])
             elif fault.kind == "duplicate reply":
@@ -157,16 +169,20 @@ class _Pair:
             else:
                 self._send(self.client, frame)
                 proxy.call()
-        self._end()
 
     def _send(self, to: socket.socket, data: bytes) -> None:
-        with contextlib.suppress(OSError):
+        with self.lock, contextlib.suppress(OSError):
             to.sendall(data)
 
     def _end(self) -> None:
+        """Wakes both threads; what they close then ends with a reset."""
         for one in (self.client, self.server):
+            _wake(one)
+
+    def _close(self, one: socket.socket) -> None:
+        with self.lock:
             self.proxy._sockets.discard(one)
-            _reset(one)
+            one.close()
 
 
 def exception(frame: bytes, code: int) -> bytes:
@@ -190,10 +206,13 @@ def _frames(source: socket.socket):
             buffer = buffer[size:]
 
 
-def _reset(one: socket.socket) -> None:
-    """Ends a connection with a reset, also one that another thread is reading from."""
+def _wake(one: socket.socket) -> None:
+    """Ends the wait of the thread that reads from it; closing it then sends a reset."""
     with contextlib.suppress(OSError):
         one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         one.shutdown(socket.SHUT_RD)
-    with contextlib.suppress(OSError):
-        one.close()
+
+
+def _reset(one: socket.socket) -> None:
+    _wake(one)
+    one.close()

@@ -68,5 +68,5 @@ def test_the_exceptions_of_the_map(served):
     ):
         assert not call(*arguments)
         assert client.last_except == code, (call, arguments)
-    assert transfer(client, 7, [[2500, 0, 0]]) == [True, False, False]
+    assert transfer(client, 7, [[2500, 0, 0]]) == [True, True, False]
     assert kit.rows_on_disk(folder) is None

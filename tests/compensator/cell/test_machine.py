@@ -100,7 +100,9 @@ def test_the_cell_refuses_an_offset_over_its_limit_by_itself(um, result):
     one = Table(Header.of(words, 0, 5, 1, 1), words)
     cell = machine()
     begin(cell, one)
-    refused(Refusal.VALUE, result, cell, page, one, 0)
+    page(cell, one, 0)
+    refused(Refusal.VALUE, result, cell, commit, one)
+    assert cell.read(at.STATUS, 1) == [0]
 
 
 def test_headers_and_pages_that_make_no_sense_are_refused():
