@@ -5,13 +5,12 @@ No Modbus in here: `read` and `write` take addresses and words and raise `Refuse
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
 
 from compensator.cell import registers as at
 from compensator.cell.registers import Command, Refusal, Result, Robot, State
@@ -56,7 +55,9 @@ class CellMachine:
         self.result = Result.NONE
         self.commits = 0
         self.robot = [0] * at.ROBOT_WORDS
-        self.robot_seen = -np.inf
+        self.robot_seen = -math.inf
+        # Whether the robot has run with the active table; a restart cannot know and believes it.
+        self.ran = self.active is not None
         self._table: list[int] = []
         self._show_table()
 
@@ -158,12 +159,22 @@ class CellMachine:
             raise RefusedWrite(Refusal.FAILURE, Result.STORAGE) from reason
         self.active, self.receiving = table, None
         self.commits += 1
+        self.ran = False
         self._show_table()
 
     def _robot(self, place: int, words: list[int]) -> None:
         if place == 0 and words[0] != self.robot[0]:
             self.robot_seen = self.clock()
         self.robot[place:place + len(words)] = words
+        self.ran = self.ran or (self.robot[1] == Robot.RUNNING and self._robot_has_active())
+
+    def _robot_has_active(self) -> bool:
+        return self.active is not None and self.robot[3:5] == list(split(self.active.header.id))
+
+    def _finished(self) -> int:
+        window = self._active_header().window
+        done = self.ran and self._robot_has_active() and self.robot[1] == Robot.WINDOW_DONE and self.robot[5] == window
+        return window if done else 0
 
     def _active_header(self) -> Header:
         return self.active.header if self.active else EMPTY
@@ -180,7 +191,8 @@ class CellMachine:
     def _status(self) -> list[int]:
         receiving = self.receiving
         return [State.RECEIVING if receiving else State.IDLE, self.result, *split(receiving.header.id if receiving else 0),
-                len(receiving.pages) if receiving else 0, self.commits & 0xFFFF, self._heartbeat()]
+                len(receiving.pages) if receiving else 0, self.commits & 0xFFFF, self._heartbeat(),
+                self._finished()]
 
     def _header(self) -> list[int]:
         return self._active_header().words()

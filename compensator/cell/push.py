@@ -115,7 +115,7 @@ def push_table(link: Link, table: Table, patience_s: float, progress: Progress) 
         return "committed"
     if active == before:
         return _settle(link, table, before, LinkLost(f"the transfer lost its place {ROUNDS} times"), sent_commit)
-    raise Refused(_another(active))
+    raise Refused(another(active))
 
 
 def withdraw(link: Link, table: Table) -> Header:
@@ -152,7 +152,7 @@ def _settle(link: Link, table: Table, before: Header | None, reason: Exception, 
     try:
         active = withdraw(link, table)
         if isinstance(reason, ExceptionReply):
-            why = _explained(link.read(at.STATUS + 1, 1)[0])
+            why = _explained(link.read(at.RESULT, 1)[0])
     except (LinkLost, ExceptionReply):
         sent = "a commit was sent" if sent_commit else "no commit was sent, so this call changed nothing"
         raise Unconfirmed(Finding("CS5012", "error", f"the cell at {link.address} is not reachable or did not confirm: "
@@ -160,7 +160,7 @@ def _settle(link: Link, table: Table, before: Header | None, reason: Exception, 
     if active == table.header:
         return "committed, the reply was lost"
     if before is not None and active != before:
-        raise Refused(_another(active)) from reason
+        raise Refused(another(active)) from reason
     state = OLD if active else f"{OLD}: none"
     code = reason.code if isinstance(reason, ExceptionReply) else 0
     if code == Refusal.VALUE:
@@ -180,7 +180,7 @@ def _explained(result: int) -> str:
     return f": {known[result]}" if result in known else ""
 
 
-def _another(active: Header) -> Finding:
+def another(active: Header) -> Finding:
     what = f"table {active.name} with {active.rows} rows is active (read back)" if active else "no table is active (read back)"
     return Finding("CS5014", "error", f"the active table is neither this one nor the one before: {what}",
                    hint="somebody else pushed at the same time; settle who may, then push again")

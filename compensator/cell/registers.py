@@ -11,7 +11,8 @@ MAGIC = (0x4353, 0x4D42)            # "CSMB"
 MAP_VERSION = 1
 
 IDENTITY, STATUS, ACTIVE, ROBOT, ANSWER, COMMAND, PAGE, TABLE = 0, 16, 32, 48, 64, 96, 128, 4096
-IDENTITY_WORDS, STATUS_WORDS, ROBOT_WORDS, ANSWER_WORDS = 8, 7, 6, 11
+RESULT, FINISHED = STATUS + 1, STATUS + 7
+IDENTITY_WORDS, ROBOT_WORDS, ANSWER_WORDS = 8, 6, 11
 COMMAND_WORDS = 1 + HEADER_WORDS
 PAGE_WORDS = 3 + 3 * PAGE_ROWS
 # A table must be readable at 65 536 addresses, three a row, above the other registers: 20 480 rows at most, of which
@@ -93,6 +94,7 @@ MAP = (
     Register(20, 1, "r", "next page", "the page that is expected"),
     Register(21, 1, "r", "commits", "commits since the start, modulo 65536"),
     Register(22, 1, "r", "heartbeat", "counts up twice a second"),
+    Register(23, 1, "r", "window finished", "the active window once the robot has run it since its commit and is done, else 0"),
     Register(32, 11, "r", "active table", "header of the active table, all 0 where there is none"),
     Register(48, 1, "rw", "robot heartbeat", "the robot changes it at least every second"),
     Register(49, 1, "rw", "robot state", "0 idle, 1 running with the active table, 2 window done"),

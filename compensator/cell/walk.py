@@ -7,10 +7,8 @@ from collections.abc import Callable
 
 from compensator.cell import registers as at
 from compensator.cell.link import ExceptionReply, Link, LinkLost
-from compensator.cell.push import AGAIN, OLD, UNKNOWN, Progress, Table, push_table, read_active
-from compensator.cell.registers import Robot
-from compensator.cell.wire import split
-from identification.findings import Finding, Unconfirmed
+from compensator.cell.push import AGAIN, OLD, UNKNOWN, Progress, Table, another, push_table, read_active
+from identification.findings import Finding, Refused, Unconfirmed
 
 POLL_S = 0.2
 ROBOT_PATIENCE_S = 600.0
@@ -47,14 +45,16 @@ def _wait_for_robot(link: Link, table: Table, robot_s: float) -> None:
     """Until the robot says that it has finished this window."""
     heartbeat, seen = -1, time.monotonic()
     header = table.header
-    finished = [int(Robot.WINDOW_DONE), *split(header.id), header.window]
     while True:
         try:
-            words = link.read(at.ROBOT, at.ROBOT_WORDS)
+            [finished], words = link.read(at.FINISHED, 1), link.read(at.ROBOT, 1)
+            active = read_active(link)
         except (LinkLost, ExceptionReply) as reason:
             raise Unconfirmed(Finding("CS5016", "error", f"the cell was lost while the robot worked on window {header.window} "
                                       f"of {header.windows}, which was active: {reason}; {UNKNOWN}", hint=AGAIN)) from reason
-        if [words[1], *words[3:6]] == finished:
+        if active != header:
+            raise Refused(another(active))
+        if finished == header.window:
             return
         if words[0] != heartbeat:
             heartbeat, seen = words[0], time.monotonic()

@@ -219,3 +219,35 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
 def _free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as server:
         return server.getsockname()[1]
+
+
+def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
+    import signal
+    import subprocess
+    import time
+
+    cell, old = kit.machine(lease_s=60.0), kit.table(1)
+    kit.load(cell, old)
+    with Loopback(cell) as server:
+        cell.write(96, [1, *kit.table(3).header.words()])
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(2)))
+        process = subprocess.Popen([sys.executable, "-m", "compensator", "push", str(described), str(file), "--apply",
+                                    "--patience", "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        until = time.monotonic() + 20
+        while cell.result != 7 and time.monotonic() < until:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "CS5018: interrupted; old table active (read back)" in stderr
+    assert json.loads((tmp_path / "push-log.jsonl").read_text().splitlines()[-1])["result"] == "interrupted"
+
+
+@pytest.mark.parametrize("unit", [0, 255])
+def test_any_unit(tmp_path, unit):
+    cell = kit.machine()
+    with Loopback(cell, unit=unit) as server:
+        file = offsets_csv(tmp_path, [[0, 0.5, 0, 0]])
+        assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", unit)[0] == 0
+        if unit:
+            assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", 3, "--retries", 0)[0] == 4

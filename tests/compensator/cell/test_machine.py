@@ -36,7 +36,7 @@ def refused(code: Refusal, result: Result, cell, call, *arguments) -> None:
     before = cell.read(at.ACTIVE, HEADER_WORDS)
     with pytest.raises(RefusedWrite) as caught:
         call(cell, *arguments)
-    assert (caught.value.code, cell.read(at.STATUS + 1, 1)) == (code, [result])
+    assert (caught.value.code, cell.read(at.RESULT, 1)) == (code, [result])
     assert cell.read(at.ACTIVE, HEADER_WORDS) == before
 
 
