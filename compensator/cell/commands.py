@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -86,7 +87,6 @@ def push(
     from identification.files import check_writable, write_whole
 
     session.inputs += [cell_file, offsets_file]
-    check_writable([receiver] if receiver else [], overwrite=session.overwrite)
     cell = read_cell(cell_file, geometry=False)
     offsets = read_offsets(offsets_file, reach)
     check_offsets(offsets, cell.max_offset)
@@ -95,7 +95,11 @@ def push(
     plan = plan_push(cell, offsets, address, needed=applies)
     text, findings = lines(plan, address, cell.max_offset), (*offsets.findings, *plan.findings)
     if receiver:
-        write_whole({receiver: _receiver(plan.tables, cell, receiver, offsets_file, corrwrite)})
+        content = _receiver(plan.tables, cell, receiver, offsets_file, corrwrite)
+        # The dry run has written it already: the same call with --apply must not stumble over it.
+        if not (receiver.is_file() and receiver.read_bytes() == content):
+            check_writable([receiver], overwrite=session.overwrite)
+            write_whole({receiver: content})
     done: list[str] = []
     if applies:
         try:
@@ -105,7 +109,7 @@ def push(
             return Outcome(findings=(after_interrupt(plan, address),), exit_code=INTERRUPTED)
     name = plan.tables[-1].header.name
     text.append(f"new table active (read back): {name}, {done[-1]}" if done else "dry run: nothing was sent")
-    call = " ".join(sys.argv[1:]) if session.command in sys.argv else f"push {cell_file} {offsets_file}"
+    call = shlex.join(sys.argv[1:]) if session.command in sys.argv else f"push {cell_file} {offsets_file}"
     return Outcome(summary(plan, address, cell.max_offset, done), findings, text,
                    "" if done else f"compstiff {call} --apply")
 

@@ -66,7 +66,7 @@ def identify(link: Link, robot: str) -> Device:
         raise _wrong_device(link.address, f"it states pages of {words[3]} and windows of {words[4]} rows")
     if words[6] << 16 | words[7] != zlib.crc32(robot.encode()):
         raise _wrong_device(link.address, f"it is not the cell of the robot {robot}")
-    return Device(words[4], words[5])
+    return Device(min(words[4], at.WINDOW_ROWS), words[5])
 
 
 def read_active(link: Link) -> Header:

@@ -62,7 +62,8 @@ class TableFiles(TableStore):
             rows = np.loadtxt(content.decode().splitlines()[1:], delimiter=",", dtype=np.int64, ndmin=2)
             words = to_words(rows[:, 1:])
         except (OSError, ValueError, KeyError, TypeError) as reason:
-            raise _not_ours(self.table, f"{type(reason).__name__}: {reason}") from reason
+            why = f"{self.headers.name} does not know it" if isinstance(reason, KeyError) else str(reason)
+            raise _not_ours(self.table, why) from reason
         if (len(words), crc32(words)) != (header.rows, header.crc):
             raise _not_ours(self.table, "count or CRC differ")
         self.known = {digest: header.as_dict()}

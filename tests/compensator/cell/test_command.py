@@ -130,6 +130,19 @@ def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
     assert "20 mm from it up to 17.5 um" in said["CS5005"]
 
 
+def test_the_receiver_is_written_by_the_dry_run_and_not_in_the_way_of_the_same_call_with_apply(tmp_path):
+    cell, module = kit.machine(), tmp_path / "receiver.mod"
+    with Loopback(cell) as server:
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(1)))
+        assert call(described, file, "--receiver", module)[0] == 0
+        assert f"nCsIdLo:={kit.table(1).header.id & 65535};" in module.read_text()
+        assert call(described, file, "--receiver", module, "--apply")[0] == 0
+        other = offsets_csv(tmp_path, rows_mm(kit.table(2)))
+        code, document = call(described, other, "--receiver", module, "--apply")
+        assert (code, document["findings"][0]["code"], cell.active.header) == (1, "CS0003", kit.table(1).header)
+        assert call(described, other, "--receiver", module, "--apply", "--force")[0] == 0
+
+
 def test_gaps_in_the_targets_are_an_error_with_their_line(tmp_path):
     file = offsets_csv(tmp_path, [[0, 0, 0, 0], [1, 0, 0, 0], [3, 0, 0, 0]])
     code, document = call(cell_yaml(tmp_path, 1), file)

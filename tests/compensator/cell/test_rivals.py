@@ -1,7 +1,9 @@
 """Others on the same cell: another writer in between, two pushes at once, a cell that is killed and restarted."""
 
+import socket
 import threading
 
+import numpy as np
 import pytest
 
 from compensator.cell import registers as at
@@ -45,6 +47,27 @@ def test_another_writer_in_between(tmp_path, request_number, whole):
             assert f"table {other.header.name} with 90 rows is active (read back)" in ending.text
         assert kit.push(server.port, new, timeout_s=2.0).code == 0
         assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)
+
+
+def test_noise_on_the_port_changes_nothing(tmp_path):
+    """Random bytes, frames of random length, function and content, and connections left open."""
+    cell, old, new = kit.machine(tmp_path), kit.table(1), kit.table(2)
+    kit.load(cell, old)
+    rng = np.random.default_rng(7)
+    with Loopback(cell) as server:
+        left_open = []
+        for _ in range(60):
+            noise = rng.bytes(int(rng.integers(1, 300)))
+            function = bytes([int(rng.integers(1, 24))])
+            frame = b"\0\1\0\0" + (2 + len(noise)).to_bytes(2, "big") + b"\1" + function + noise
+            left_open.append(socket.create_connection(("127.0.0.1", server.port), timeout=2))
+            left_open[-1].sendall(noise if rng.integers(2) else frame)
+            if rng.integers(2):
+                left_open.pop().close()
+        assert kit.push(server.port, new, timeout_s=2.0, retries=5, patience_s=5.0).code == 0
+        for one in left_open:
+            one.close()
+    assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)
 
 
 def test_two_pushes_at_once_leave_one_of_the_two_tables_whole(tmp_path):
