@@ -10,7 +10,7 @@ from compensator.commands import correction_lines, run_correction
 from compensator.data import shipped
 from compensator.pipeline import Inputs, summary
 from compensator.settings import Settings
-from identification.cell import read_cell
+from identification.cell import Cell, read_cell
 from identification.commands import stiffness_lines
 from identification.console import Outcome, Session
 from identification.files import check_writable, write_whole
@@ -43,6 +43,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
     corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"],
                                Settings(tare=TARE), overwrite=True)
+    pushed = _pushed(cell, at["offsets.csv"])
     session.inputs += [at[name] for name in SAMPLES]
     lines = [
         f"$ compstiff identify cell.yaml measurements.csv -o stiffness.json --report identify.html   (in {folder})",
@@ -52,6 +53,9 @@ def run_demo(session: Session, folder: Path) -> Outcome:
         f"--tare {TARE[0]}:{TARE[1]} -o insert_corrected.mod --offsets offsets.csv --report correct.html",
         *correction_lines(corrected),
         "",
+        "$ compstiff cell cell.yaml & compstiff push cell.yaml offsets.csv --apply   (instead of the corrected program)",
+        *pushed,
+        "",
         f"Everything is in {folder}: the corrected program insert_corrected.mod beside insert.mod, reports identify.html "
         "and correct.html.",
         "The samples are simulated: samples' README.md says how.",
@@ -59,3 +63,23 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     result = {"folder": str(folder), "stiffness": fit.model.as_dict(), "correction": summary(corrected.predicted, corrected)}
     return Outcome(result, (*fit.findings, *corrected.findings), lines,
                    next_step=f"open {at['correct.html']}, then write your own cell.yaml (README.md, Your own cell)")
+
+
+def _pushed(cell: Cell, offsets_file: Path) -> list[str]:
+    """Sends the offsets over Modbus to an embedded cell in this process, on loopback."""
+    from compensator.cell.job import limit_um, lines, plan_push
+    from compensator.cell.link import Address, Link
+    from compensator.cell.machine import CellMachine
+    from compensator.cell.offset_file import check_offsets, read_offsets
+    from compensator.cell.push import PATIENCE_S, push_table
+    from compensator.cell.server import Loopback
+    from compensator.cell.state import TableStore
+
+    offsets = read_offsets(offsets_file, reach_mm=10.0)
+    check_offsets(offsets, cell.max_offset)
+    with Loopback(CellMachine(TableStore(), limit_um(cell), cell.robot.name)) as server:
+        address = Address("127.0.0.1", server.port, unit=1)
+        plan = plan_push(cell, offsets, address, needed=True)
+        with Link(address) as link:
+            how = push_table(link, plan.tables[0], PATIENCE_S, lambda page, pages: None)
+    return [*lines(plan, address, cell.max_offset)[1:], f"new table active (read back): {plan.tables[0].header.name}, {how}"]

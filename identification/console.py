@@ -33,13 +33,15 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 class Outcome:
     """What a command has to show: result (JSON values), findings, and the text a person reads.
 
-    lines: printed on stdout without `--json`. next_step: the command a user would call now.
+    lines: printed on stdout without `--json`. next_step: the command a user would call now. exit_code: DONE, or INTERRUPTED
+    where the command itself can say what Ctrl-C left.
     """
 
     result: dict[str, Any] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     lines: list[str] = field(default_factory=list)
     next_step: str = ""
+    exit_code: int = DONE
 
 
 @dataclass
@@ -104,7 +106,7 @@ def _run(session: Session, body: Callable[[], Outcome]) -> int:
         raise
     except Exception as defect:
         return _show(session, Outcome(findings=(_defect(session, defect),)), "defect", DEFECT)
-    return _show(session, outcome, "ok", DONE)
+    return _show(session, outcome, "ok" if outcome.exit_code == DONE else "interrupted", outcome.exit_code)
 
 
 def _defect(session: Session, defect: Exception) -> Finding:

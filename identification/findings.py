@@ -63,6 +63,12 @@ class Refused(CompstiffError):
     exit_code = 3
 
 
+class Unconfirmed(CompstiffError):
+    """The cell was not reachable, or did not confirm (exit code 4)."""
+
+    exit_code = 4
+
+
 def error(code: str, message: str, **where: Any) -> CompstiffError:
     """A `CompstiffError` with one finding; `where` is file, line, column, target, hint."""
     return CompstiffError(Finding(code, "error", message, **where))

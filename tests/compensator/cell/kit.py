@@ -1,0 +1,137 @@
+"""What the Modbus tests share: tables, a cell in this process, a push with short timeouts, and what must hold after it."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from compensator.cell import link as linking
+from compensator.cell import registers as at
+from compensator.cell.link import Address, ExceptionReply, Link, LinkLost
+from compensator.cell.machine import CellMachine
+from compensator.cell.push import OLD, UNKNOWN, Table, identify, push_table
+from compensator.cell.registers import Command
+from compensator.cell.state import TableFiles, TableStore
+from compensator.cell.wire import Header, page_words, to_words
+from identification.findings import Refused, Unconfirmed
+
+ROBOT = "irb6660-205-1.90"
+LIMIT_UM = 2000
+ROWS = 90           # three pages, the last of ten rows
+TIMEOUT_S = 0.15
+LEASE_S = 0.3
+# Requests of one push: identity, active, begin, pages, commit, read-back.
+IDENTITY, BEFORE, BEGIN, PAGES, COMMIT, READ_BACK = 0, 1, 2, (3, 4, 5), 6, 7
+linking.FIRST_PAUSE_S = 0.005
+
+
+def table(seed: int, rows: int = ROWS, window: int = 1, windows: int = 1, first: int = 0, total: int | None = None) -> Table:
+    """Random offsets up to 1 mm a component."""
+    words = to_words(np.random.default_rng(seed).integers(-1000, 1001, (rows, 3)))
+    return Table(Header.of(words, first, rows if total is None else total, window, windows), words)
+
+
+def machine(folder: Path | None = None, **options) -> CellMachine:
+    return CellMachine(TableFiles(folder) if folder else TableStore(), LIMIT_UM, ROBOT, **{"lease_s": LEASE_S, **options})
+
+
+def load(cell: CellMachine, one: Table) -> None:
+    """Commits a table without a network."""
+    for words in ([Command.ABORT, *(cell.receiving.header.words() if cell.receiving else one.header.words())],
+                  [Command.BEGIN, *one.header.words()]):
+        cell.write(at.COMMAND, words)
+    for page in range(one.header.pages):
+        cell.write(at.PAGE, page_words(one.header, one.words, page))
+    cell.write(at.COMMAND, [Command.COMMIT, *one.header.words()])
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a push ended: its exit code and what it said."""
+
+    code: int
+    text: str
+
+
+def push(port: int, one: Table, *, timeout_s: float = TIMEOUT_S, retries: int = 2, patience_s: float = 1.0, tls=None) -> Ending:
+    """One push, as the command does it, with short timeouts."""
+    with Link(Address("127.0.0.1", port, 1, timeout_s, retries, tls)) as link:
+        try:
+            identify(link, ROBOT)
+            return Ending(0, push_table(link, one, patience_s, lambda page, pages: None))
+        except (LinkLost, ExceptionReply) as reason:
+            return Ending(4, f"{UNKNOWN}: {reason}")
+        except (Refused, Unconfirmed) as stopped:
+            return Ending(stopped.exit_code, stopped.findings[0].message)
+
+
+def rows_on_disk(folder: Path) -> list[list[int]] | None:
+    """The offsets in active.csv."""
+    file = folder / "active.csv"
+    if not file.exists():
+        return None
+    with file.open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0] == ["target", "ox_um", "oy_um", "oz_um"]
+    assert [int(row[0]) for row in rows[1:]] == list(range(len(rows) - 1))
+    return [[int(cell) for cell in row[1:]] for row in rows[1:]]
+
+
+def offsets_of(one: Table) -> list[list[int]]:
+    return (one.words.astype(int) - 32768).tolist()
+
+
+def check_honest(ending: Ending, active: list[list[int]] | None, old: Table, new: Table) -> None:
+    """The active table is the old or the new one, whole, and the exit code and message say which."""
+    assert active in (offsets_of(old), offsets_of(new))
+    if ending.code == 0:
+        assert active == offsets_of(new), ending
+    elif OLD in ending.text:
+        assert active == offsets_of(old), ending
+    else:
+        assert UNKNOWN in ending.text, ending
+        assert ending.code == 4
+
+
+class CellProcess:
+    """`compstiff cell` as a process of its own, to be killed. cell.yaml and the state directory lie in `folder`."""
+
+    def __init__(self, folder: Path, *, keeps: bool = True) -> None:
+        self.state, self.port = folder / "state", 0
+        self.options = ["--state", str(self.state)] if keeps else []
+        self.file = folder / "cell.yaml"
+        self.file.write_text(f"robot: {ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\nmodbus: {{port: 1}}\n")
+        self.start()
+
+    def start(self) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "compensator", "cell", str(self.file), "--port", str(self.port), *self.options],
+            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        assert self.process.stderr
+        line = self.process.stderr.readline()
+        while not self.options and not line.startswith("listening"):
+            line = self.process.stderr.readline()
+        assert line.startswith("listening on 127.0.0.1:"), line
+        self.port = int(line.split(":")[1].split()[0])
+
+    def kill(self) -> None:
+        """kill -9."""
+        self.process.kill()
+        self._gone()
+
+    def _gone(self) -> int:
+        code = self.process.wait(20)
+        assert self.process.stderr
+        self.process.stderr.close()
+        return code
+
+    def __enter__(self) -> CellProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
