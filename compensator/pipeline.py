@@ -28,6 +28,8 @@ from identification.model.stiffness_file import read_stiffness
 Array = NDArray[np.float64]
 RECORD = "compstiff-correction"
 RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
+# Every suffix that `read_toolpath` reads.
+TOOLPATH_SUFFIXES = RAPID_SUFFIXES
 # Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
 WRITTEN_POSITION = 1e-7
 WRITTEN_ROTATION = 1e-7
@@ -72,8 +74,8 @@ class Corrected:
 
 def read_toolpath(path: Path) -> RapidProgram:
     """Reads a toolpath by its suffix. Raises CompstiffError (CS4201) for formats that are not read."""
-    if path.suffix.lower() not in RAPID_SUFFIXES:
-        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(RAPID_SUFFIXES)}",
+    if path.suffix.lower() not in TOOLPATH_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of {', '.join(TOOLPATH_SUFFIXES)}",
                     file=str(path), hint="post the toolpath as RAPID; APT and CSV are not supported yet")
     try:
         return read_rapid(path.read_bytes(), str(path))
@@ -146,16 +148,18 @@ def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> 
     return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
 
 
-def check_not_corrected(toolpath: Path) -> None:
-    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output."""
+def check_not_corrected(toolpath: Path, *folders: Path) -> None:
+    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
+    `folders` names its content."""
     digest = sha256(toolpath)
-    for path in sorted(toolpath.parent.glob("*.json")):
+    for path in (record for folder in (toolpath.parent, *folders) for record in sorted(folder.glob("*.json"))):
         names = _recorded(path)
         if names is None:
             continue
         (source, source_digest), (output, output_digest) = names
+        by_name = output == toolpath.name and path.parent == toolpath.parent
         # A record of a program that came out as it went in forbids nothing.
-        if source_digest != output_digest and (output_digest == digest or output == toolpath.name):
+        if source_digest != output_digest and (output_digest == digest or by_name):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
                                   hint=f"correct the CAM system's program {source}; --force if this really is one"))

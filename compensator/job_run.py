@@ -1,0 +1,130 @@
+"""One program of a batch or of a watched folder, corrected by itself: a JSON document, a line of text, an exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from compensator.batch import Job, no_log
+from compensator.commands import run_correction
+from compensator.pipeline import Inputs, check_not_corrected, summary
+from compensator.settings import Settings
+from identification.console import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
+from identification.findings import Finding
+
+# An interrupt ends the whole call; a defect is worse than what could not be done, and that is worse than a refusal.
+WORST_FIRST = (INTERRUPTED, DEFECT, FAILED, REFUSED, DONE)
+
+
+@dataclass(frozen=True)
+class Common:
+    """What all programs share. session: the options of the call (JSON, verbose, overwrite). logs: the folder of the force
+    logs, None where each lies beside its program."""
+
+    cell: Path
+    stiffness: Path
+    settings: Settings
+    session: Session
+    logs: Path | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """A program that was dealt with. findings: as shown; document: as `--json` prints it, on one line."""
+
+    job: Job
+    code: int
+    status: str
+    findings: tuple[Finding, ...]
+    document: dict[str, Any]
+
+    @property
+    def line(self) -> str:
+        """The program in one line."""
+        if self.status in ("left", "waiting"):
+            return f"{self.job.program}: {'left alone' if self.status == 'left' else 'waits'}, {self.findings[0].code}"
+        if self.code != DONE:
+            stop = next((finding for finding in self.findings if finding.level == "error"), None)
+            return f"{self.job.program}: {self.status} (exit {self.code})" + (f", {stop.code}" if stop else "")
+        figures = self.document["result"]
+        return (f"{self.job.program} -> {self.job.output}: {figures['corrected']} of {figures['targets']} targets corrected, "
+                f"largest {figures['offset_mm']['largest']:.4f} mm")
+
+
+    def with_finding(self, finding: Finding) -> Done:
+        """The same with one more thing to say."""
+        shown = {**self.document, "findings": [*self.document["findings"], finding.as_dict()]}
+        return replace(self, findings=(*self.findings, finding), document=shown)
+
+
+def worst(codes: Sequence[int]) -> int:
+    """The exit code of a call of several jobs."""
+    return next((code for code in WORST_FIRST if code in codes), DONE)
+
+
+def run_job(job: Job, common: Common, *, overwrite: bool = False, before_writing: Callable[[], None] | None = None) -> Done:
+    """Corrects one program; whatever stops it is in what it returns.
+
+    overwrite: existing outputs are this call's own. before_writing: called once everything is computed; what it raises stops
+    the job, and nothing is written.
+    """
+    if not job.logs:
+        return done_with(job, common, Outcome(findings=(no_log(job.program, common.logs, "it is left alone"),)), "left", DONE)
+    forced = common.session.overwrite
+
+    def body() -> Outcome:
+        inputs = Inputs(common.cell, job.program, common.stiffness, job.forces)
+        if not forced:
+            check_not_corrected(job.program, job.output.parent)
+        corrected = run_correction(inputs, job.output, job.offsets, job.report, common.settings,
+                                   overwrite=overwrite or forced, before_writing=before_writing)
+        return Outcome(summary(corrected.predicted, corrected), corrected.findings)
+
+    session = replace(common.session, jobs=False)
+    outcome, status, code = attempt(session, body)
+    return done_with(job, common, outcome, status, code)
+
+
+def done_with(job: Job, common: Common, outcome: Outcome, status: str, code: int) -> Done:
+    """A program with what there is to say of it."""
+    session = replace(common.session, inputs=[common.cell, job.program, common.stiffness, *job.logs])
+    written = str(job.output) if status == "ok" else None
+    shown = document(session, outcome, status, code) | {"program": str(job.program), "output": written}
+    return Done(job, code, status, outcome.findings, shown)
+
+
+def run_jobs(jobs: Sequence[Job], common: Common, processes: int) -> Iterator[Done]:
+    """Corrects the programs, in their order; after an interrupt those under way in other processes are finished, and no
+    further one is begun."""
+    if processes == 1 or len(jobs) < 2:
+        for job in jobs:
+            done = run_job(job, common)
+            yield done
+            if done.code == INTERRUPTED or any(finding.code == "CS0011" for finding in done.findings):
+                raise KeyboardInterrupt
+        return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
+    # Spawned, not forked: the libraries of this process may have threads.
+    pool = ProcessPoolExecutor(min(processes, len(jobs)), multiprocessing.get_context("spawn"), _in_the_background)
+    try:
+        for job, future in [(job, pool.submit(run_job, job, common)) for job in jobs]:
+            try:
+                yield future.result()
+            except BrokenProcessPool:
+                lost = Finding("CS6010", "error", "the process that worked on a program of this batch ended by itself",
+                               file=str(job.program), hint="memory may have run out: try again with --jobs 1")
+                yield done_with(job, common, Outcome(findings=(lost,)), "defect", DEFECT)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _in_the_background() -> None:
+    """Ctrl-C reaches every process of a terminal; the first one decides what becomes of the others' work."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
