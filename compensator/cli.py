@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from compensator import commands as compensating
+from compensator import verify_commands as verifying
 from identification import commands as identifying
 from identification import console
 
@@ -19,7 +20,7 @@ def compstiff() -> None:
     """
 
 
-for _command in (*identifying.COMMANDS, *compensating.COMMANDS):
+for _command in (*identifying.COMMANDS, *compensating.COMMANDS, *verifying.COMMANDS):
     compstiff.add_command(_command)
 
 

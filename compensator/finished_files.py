@@ -40,8 +40,8 @@ class Settled:
     _since: dict[Path, tuple[Signature, float]] = field(default_factory=dict)
 
     def look(self, paths: Iterable[Path]) -> list[Signature] | None:
-        """Looks at all these files now: how they are, if all have been like this for long enough and nobody has one of them open
-        for writing; else None."""
+        """Looks at all these files now: how they are, if all have been like this for long enough and nobody has one open for
+        writing; else None."""
         states = [self._look(path) for path in paths]
         finished = [state for state in states if state is not None]
         return finished if len(finished) == len(states) else None

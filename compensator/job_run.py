@@ -44,7 +44,7 @@ class Done:
     def line(self) -> str:
         """The program in one line."""
         if self.status in ("left", "waiting"):
-            return f"{self.job.program}: {'left alone' if self.status == 'left' else 'waits'}, {self.findings[0].code}"
+            return f"{self.job.program}: {self.findings[0].message}"
         if self.code != DONE:
             stop = next((finding for finding in self.findings if finding.level == "error"), None)
             return f"{self.job.program}: {self.status} (exit {self.code})" + (f", {stop.code}" if stop else "")

@@ -145,7 +145,7 @@ def _log(session: Session, done: Done) -> None:
     if done.code or not session.quiet:
         click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {done.line}", err=True)
     for finding in done.findings if session.verbose else fold(done.findings):
-        if finding.level == "error" or session.verbose or done.status == "waiting":
+        if finding.level == "error" or session.verbose:
             click.echo(f"  {str(finding).replace(chr(10), chr(10) + '  ')}", err=True)
 
 
