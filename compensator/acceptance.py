@@ -107,17 +107,18 @@ def _comparison_findings(comparison: Comparison, source: str) -> list[Finding]:
 def _scale_findings(scale: Scale, axis_scales: dict[str, Scale], source: str) -> list[Finding]:
     findings = []
     if scale.short:
+        known = "its interval is rather too narrow" if scale.interval else "it has no interval"
         findings.append(Finding("CS6024", "warning", f"{counted(scale.points, 'place')}, too few for the memory of what the "
-                                "scale leaves: " + ("its interval is rather too narrow" if scale.interval else
-                                                    "it has no interval"), file=source, hint="measure a longer stretch of the path"))
+                                f"scale leaves: {known}", file=source, hint="measure a longer stretch of the path"))
     if scale.interval is not None and not (scale.shown and SANE_SCALE[0] <= scale.scale <= SANE_SCALE[1]):
+        low, high = SANE_SCALE
         findings.append(Finding("CS6031", "warning", f"the measured deviation is {_times(scale)} the predicted: no scale is "
-                                f"advised outside {SANE_SCALE[0]:g} to {SANE_SCALE[1]:g}, or where 0 is not ruled out",
-                                file=source, hint="check sign and frame of the forces and of the measurement (--frame)"))
-    if scale.constant_matters and scale.with_constant is not None:
+                                f"advised outside {low:g} to {high:g}, or where 0 is not ruled out", file=source,
+                                hint="check sign and frame of the forces and of the measurement (--frame)"))
+    if scale.constant_shown and scale.with_constant is not None:
         constant = ", ".join(f"{x:.0f}" for x in scale.constant_um)
-        findings.append(Finding("CS6029", "warning", f"with a constant of ({constant}) um beside it the scale would be "
-                                f"{scale.with_constant:.3f} in place of {scale.scale:.3f}", file=source,
+        findings.append(Finding("CS6029", "warning", f"a part of ({constant}) um does not follow the force; with it the "
+                                f"scale would be {scale.with_constant:.3f} in place of {scale.scale:.3f}", file=source,
                                 hint="a set-up error of the part or the probe? Take it out and verify again before you scale"))
     apart = [(one, other) for one in axis_scales for other in axis_scales if one < other and _apart(axis_scales, one, other)]
     for one, other in apart:
@@ -176,4 +177,4 @@ def _scale_words(scale: Scale) -> str:
                              f"% and leave {scale.residual_rms_um:.1f} um RMS.")
     if scale.interval is not None and scale.interval[0] <= 1 <= scale.interval[1]:
         return text + " 1 lies inside: no scale is needed."
-    return text + " No scale is advised."
+    return text + " No scale is advised; the findings say why."

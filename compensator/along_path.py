@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # A block is so many autocorrelation times long: neighbouring means then share under a tenth of their variance.
 MEMORIES = 5.0
-MOST_BLOCKS, FEWEST_BLOCKS = 30, 8
+MOST_BLOCKS, FEWEST_BLOCKS = 16, 8
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ so pairs stay together; the mean of these along the path gives its interval (alo
 
 The scale s makes s p the best fit of the measured m to the predicted p (least squares through the origin: what does not yield
 has no deviation). Its influence values are p_i . (m_i - s p_i) n / sum |p|^2. A constant beside it, as from a set-up error, is
-fitted only to see whether it would change the scale.
+fitted only to see whether there is one: then no scale is advised.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 WORSE_SIGMAS, BY_CHANCE = 2.0, 0.0228
 # A scale outside this range is not what motion adds to a static deflection.
 SANE_SCALE = (0.5, 2.0)
+# A constant is there when it is so many half intervals from zero, and worth a word from this share of the measured RMS on.
+SURE, SMALL = 1.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,8 @@ def _figures(values: Array) -> Figures:
 class Scale:
     """Measured against predicted deviation, over places and components that have both. share: of the mean square of the
     measured deviation that the prediction took away as it stands (negative: it added), share_scaled with the scale.
-    with_constant: the scale where a constant per axis is fitted beside it, constant_um that constant."""
+    with_constant: the scale where a constant per axis is fitted beside it, constant_um that constant; constant_shown: it is
+    there, and not small."""
 
     points: int
     scale: float
@@ -119,6 +122,7 @@ class Scale:
     with_constant: float | None
     with_constant_interval: tuple[float, float] | None
     constant_um: tuple[float, ...]
+    constant_shown: bool
     blocks: int
     short: bool
 
@@ -130,17 +134,9 @@ class Scale:
     @property
     def advised(self) -> float | None:
         """The scale to correct with: None where 1 will do, or where none can be advised."""
-        if not self.shown or self.interval is None or self.interval[0] <= 1 <= self.interval[1]:
+        if not self.shown or self.constant_shown or self.interval is None or self.interval[0] <= 1 <= self.interval[1]:
             return None
         return round(self.scale, 3) if SANE_SCALE[0] <= self.scale <= SANE_SCALE[1] else None
-
-    @property
-    def constant_matters(self) -> bool:
-        """Whether a constant beside the scale would change the scale by more than both are uncertain."""
-        if self.interval is None or self.with_constant is None or self.with_constant_interval is None:
-            return False
-        first, second = ((one[1] - one[0]) / 2 for one in (self.interval, self.with_constant_interval))
-        return abs(self.scale - self.with_constant) > float(np.hypot(first, second))
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
@@ -157,29 +153,38 @@ def estimate_scale(measured: Array, predicted: Array) -> Scale | None:
     kept = known.any(axis=1)
     known = known[kept]
     m, p = (np.where(known, one[kept], 0.0) for one in (measured, predicted))
-    power, count = float(np.sum(m**2)), np.maximum(known.sum(axis=0), 1)
+    power = float(np.sum(m**2))
     through = _slope(m, p)
     if through is None or power <= 0:
         return None
-    scale, mean = through
-    centred = [np.where(known, one - one.sum(axis=0) / count, 0.0) for one in (m, p)]
+    scale, mean = through[0], mean_along(through[1])
+    number = np.maximum(known.sum(axis=0), 1)
+    centred = [np.where(known, one - one.sum(axis=0) / number, 0.0) for one in (m, p)]
     beside = _slope(centred[0], centred[1])
-    constant = (m - (beside[0] if beside else scale) * p).sum(axis=0) / count
+    constant, shown = np.zeros(m.shape[1]), False
+    if beside is not None:
+        left = m - beside[0] * p
+        constant = left.sum(axis=0) / number
+        for axis in np.flatnonzero(known.any(axis=0)):
+            # The constant is as uncertain as what it leaves, and as the scale beside it.
+            influence = left[:, axis] - (p[:, axis].sum() / number[axis]) * beside[1]
+            half = mean_along(influence[known[:, axis]]).half_width
+            shown |= half is not None and abs(constant[axis]) > max(SURE * half, SMALL * np.sqrt(power / len(m)))
     residual = float(np.sum((m - scale * p) ** 2))
     return Scale(
         len(m), scale, _interval(scale, mean), 1 - float(np.sum((m - p) ** 2)) / power, 1 - residual / power,
         1e6 * float(np.sqrt(power / len(m))), 1e6 * float(np.sqrt(residual / len(m))),
-        beside[0] if beside else None, _interval(*beside) if beside else None, tuple(float(1e6 * x) for x in constant),
-        mean.blocks, mean.short)
+        beside[0] if beside else None, _interval(beside[0], mean_along(beside[1])) if beside else None,
+        tuple(float(1e6 * x) for x in constant), bool(shown), mean.blocks, mean.short)
 
 
-def _slope(m: Array, p: Array) -> tuple[float, Mean] | None:
-    """The slope of m on p (n, C) through the origin, and the mean of its influence values; None without any p."""
+def _slope(m: Array, p: Array) -> tuple[float, Array] | None:
+    """The slope of m on p (n, C) through the origin, and its influence values (n,); None without any p."""
     square = float(np.sum(p**2))
     if square <= len(p) * 1e-18:     # A nanometre RMS is no prediction.
         return None
     slope = float(np.sum(m * p)) / square
-    return slope, mean_along(np.sum(p * (m - slope * p), axis=1) * (len(p) / square))
+    return slope, np.sum(p * (m - slope * p), axis=1) * (len(p) / square)
 
 
 def _interval(value: float, mean: Mean) -> tuple[float, float] | None:
