@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import glob
 import json
 import os
 from datetime import UTC, datetime
@@ -62,6 +63,14 @@ class Journal:
         if broken:
             self.findings = (Finding("CS6007", "warning", f"{counted(broken, 'line')} cannot be read; what stood there is done "
                                      "again", file=str(self.path), hint="a crash leaves one torn line; more: check the disk"),)
+
+    def sweep(self) -> None:
+        """Deletes the temporary files that a killed process left beside the outputs."""
+        for name in self.outputs:
+            output = self.path.parent / name
+            for left in output.parent.glob(f".{glob.escape(output.name)}.*.part"):
+                with contextlib.suppress(OSError):
+                    left.unlink()
 
     def begun(self, program: str, key: str, outputs: list[str]) -> None:
         """Says that a program is about to be corrected into these files."""

@@ -114,6 +114,7 @@ def watch(
     read_stiffness(stiffness_file, read_cell(cell_file))
     folders.make()
     journal = Journal(output)
+    journal.sweep()
     if retry:
         journal.forget_failures()
     one = Watch(source, folders, Common(cell_file, stiffness_file, settings, session), journal, Settled(settle))

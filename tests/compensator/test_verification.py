@@ -18,6 +18,8 @@ from compensator.verification import compare, estimate_scale
 from identification.cell import read_cell
 from tests.support import write_cell
 
+SIGMAS = "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um"
+
 
 def remembering(rng: np.random.Generator, count: int, phi: float, size: float = 1.0) -> np.ndarray:
     """A first-order autoregression (count, 3) of standard deviation `size`, from its stationary state."""
@@ -107,10 +109,11 @@ def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -
     """The same deviation twice with the stated noise: 2.3 % of the places look worse."""
     rng = np.random.default_rng(3)
     cell = read_cell(write_cell(tmp_path))
-    true, header = 100.0 + np.zeros((4000, 3)), "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um"
+    true = 100.0 + np.zeros((4000, 3))
     sigma = np.tile([2.0, 5.0, 9.0], (4000, 1))
-    passes = [csv(tmp_path, name, header, np.column_stack([np.arange(4000), true + sigma * rng.normal(size=true.shape), sigma]))
-              for name in ("b.csv", "a.csv")]
+    readings = [true + sigma * rng.normal(size=true.shape) for _ in range(2)]
+    passes = [csv(tmp_path, f"{number}.csv", SIGMAS, np.column_stack([np.arange(4000), one, sigma]))
+              for number, one in enumerate(readings)]
     comparison = compare(*(read_readings(path, cell) for path in passes))
     assert comparison.worse / 4000 == pytest.approx(0.0228, abs=0.008)
     assert comparison.verdict == "no difference shown"

@@ -1,0 +1,115 @@
+"""`correct` on many programs: each as if alone, one JSON line each, the exit code of the worst."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.compensator.programs import HARMLESS, Shop, shop
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Shop:
+    return shop(tmp_path)
+
+
+def test_each_program_comes_out_as_if_alone(place: Shop) -> None:
+    place.put("a", "b")
+    place.put("c", log=False)
+    out = place.folder / "out"
+    done = place.correct(place.source / "a.mod", place.source / "b.mod", place.source / "c.mod", "-o", f"{out}/", "--json")
+    assert done.exit_code == 0, done.output
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [Path(line["program"]).name for line in lines] == ["a.mod", "b.mod", "c.mod"]
+    assert [line["status"] for line in lines] == ["ok", "ok", "left"]
+    assert lines[2]["output"] is None
+    assert lines[2]["findings"][0]["code"] == "CS6000"
+    alone = place.alone()
+    assert alone != place.part.read_bytes()
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes() == alone
+    assert sorted(path.name for path in out.iterdir()) == ["a.mod", "a.mod.json", "b.mod", "b.mod.json"]
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["input"]["file"], record["forces"]["file"]) == ("b.mod", "b.forces.csv")
+
+
+def test_one_that_fails_does_not_stop_the_others_and_the_worst_counts(place: Shop) -> None:
+    a, b, c = place.put("a", "b", "c")
+    (place.source / "a.forces.csv").write_text("target,fx_n\n1,2\n")
+    out = place.folder / "out"
+    done = place.correct(a, b, c, "-o", out)
+    assert done.exit_code == 1
+    assert "CS0202" in done.stderr
+    assert "3 programs: 1 failed, 2 corrected" in done.stdout
+    assert (out / "b.mod").exists()
+    assert not (out / "a.mod").exists()
+    # What this very call wrote is refused as input, whatever its name: 3, and with a failure beside it 1.
+    shutil.copy(out / "b.mod", place.source / "again.mod")
+    shutil.copy(place.log, place.source / "again.forces.csv")
+    refused = place.correct(place.source / "again.mod", *place.put("d"), "-o", out, "--json")
+    assert refused.exit_code == 3
+    assert [json.loads(line)["exit_code"] for line in refused.stdout.splitlines()] == [3, 0]
+    assert place.correct(a, place.source / "again.mod", *place.put("e"), "-o", out).exit_code == 1
+
+
+def test_a_folder_with_logs_elsewhere_in_two_processes(place: Shop) -> None:
+    place.put("a", "b")
+    (place.source / "notes.txt").write_text("no program")
+    logs, out = place.folder / "logs", place.folder / "out"
+    logs.mkdir()
+    for name in ("a", "b"):
+        shutil.move(place.source / f"{name}.forces.csv", logs)
+    done = place.correct(place.source, "--forces", logs, "-o", out, "--offsets", out, "--report", place.folder / "r",
+                         "--jobs", 2, "--json")
+    assert done.exit_code == 0, done.output
+    assert [Path(json.loads(line)["program"]).name for line in done.stdout.splitlines()] == ["a.mod", "b.mod"]
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes() == place.alone()
+    assert {path.name for path in out.iterdir()} == {f"{n}{s}" for n in "ab" for s in (".mod", ".mod.json", ".offsets.csv")}
+    assert {path.name for path in (place.folder / "r").iterdir()} == {"a.html", "b.html"}
+
+
+def test_the_options_of_correct_count_for_every_program(place: Shop) -> None:
+    programs = place.put("a", "b")
+    out = place.folder / "out"
+    tared = place.correct(place.part, "--forces", place.log, "-o", place.folder / "tared.mod", "--tare", "1:3")
+    assert tared.exit_code == 0, tared.output
+    assert place.correct(*programs, "-o", out, "--tare", "1:3").exit_code == 0
+    assert (out / "b.mod").read_bytes() == (place.folder / "tared.mod").read_bytes() != place.alone()
+
+
+def test_what_does_not_pair_is_refused(place: Shop) -> None:
+    a, b = place.put("a", "b")
+    shutil.copy(a, place.source / "a.prg")
+    (place.source / "b.forces.parquet").write_bytes(b"")
+    (place.source / "empty").mkdir()
+    out = place.folder / "out"
+    done = place.correct(a, place.source / "a.prg", b, *place.put("c"), "-o", out, "--json")
+    assert done.exit_code == 1
+    codes = [[finding["code"] for finding in json.loads(line)["findings"]] for line in done.stdout.splitlines()]
+    assert codes[:3] == [["CS6002"], ["CS6002"], ["CS6001"]]
+    assert [path.name for path in sorted(out.iterdir())] == ["c.mod", "c.mod.json"]
+    empty = place.correct(place.source / "empty", "-o", out, "--json")
+    assert empty.exit_code == 1
+    assert json.loads(empty.stdout)["findings"][0]["code"] == "CS6003"
+    # Into the folder of the programs themselves: never over an input, not even with --force.
+    before = a.read_bytes()
+    assert place.correct(a, "-o", f"{place.source}/", "--force").exit_code == 1
+    assert a.read_bytes() == before
+
+
+def test_a_single_program_is_as_ever(place: Shop) -> None:
+    missing = place.correct(place.part, "-o", place.folder / "x.mod")
+    assert missing.exit_code == 2
+    assert "Missing option '--forces'" in missing.stderr
+    assert place.correct(place.part, "--forces", place.folder, "-o", place.folder / "x.mod").exit_code == 2
+    one = (place.part, "--forces", place.log, "-o", place.folder / "x.mod")
+    assert place.correct(*one, "--report", place.source).exit_code == 2
+    document = json.loads(place.correct(*one, "--json").stdout)
+    assert (document["format"], document["status"], "program" in document) == ("compstiff-correct", "ok", False)
+    # One program and a folder that is not there yet: the stroke says that it is one.
+    (place.source / "e.mod").write_text(HARMLESS)
+    assert place.correct(*place.put("a"), "-o", f"{place.folder / 'new'}/").exit_code == 0
+    assert (place.folder / "new" / "a.mod").is_file()
+    assert place.correct(*place.put("a", "b"), "-o", place.folder / "x.mod").exit_code == 2
