@@ -122,8 +122,8 @@ def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -
 
 @pytest.fixture
 def passes(tmp_path: Path) -> dict[str, Path]:
-    """A path of 600 targets: predicted 100 um RMS, measured 1.25 times that before and a fifth after; the work object of the cell
-    is turned against the base."""
+    """A path of 600 targets: predicted 100 um RMS, measured 1.25 times that before and a fifth of it after; the work object of
+    the cell is turned against the base."""
     rng = np.random.default_rng(11)
     half = np.sqrt(0.5)
     cell = write_cell(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n"
