@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -95,32 +96,48 @@ def done_with(job: Job, common: Common, outcome: Outcome, status: str, code: int
     return Done(job, code, status, outcome.findings, shown)
 
 
-def run_jobs(jobs: Sequence[Job], common: Common, processes: int) -> Iterator[Done]:
-    """Corrects the programs, in their order; after an interrupt those under way in other processes are finished, and no
-    further one is begun."""
-    if processes == 1 or len(jobs) < 2:
-        for job in jobs:
-            done = run_job(job, common)
-            yield done
-            if done.code == INTERRUPTED or any(finding.code == "CS0011" for finding in done.findings):
-                raise KeyboardInterrupt
+def run_jobs(jobs: Sequence[Job], common: Common, processes: int, stopped: Callable[[], bool]) -> Iterator[Done]:
+    """Corrects the programs, in their order; once `stopped`, those under way are finished and no further one is begun."""
+    if processes > 1 and len(jobs) > 1:
+        yield from _in_processes(deque(jobs), common, min(processes, len(jobs)), stopped)
         return
+    for job in jobs:
+        if stopped():
+            return
+        yield run_job(job, common)
+
+
+def _in_processes(jobs: deque[Job], common: Common, processes: int, stopped: Callable[[], bool]) -> Iterator[Done]:
     import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
 
+    begun: deque[tuple[Job, Future[Done]]] = deque()
     # Spawned, not forked: the libraries of this process may have threads.
-    pool = ProcessPoolExecutor(min(processes, len(jobs)), multiprocessing.get_context("spawn"), _in_the_background)
-    try:
-        for job, future in [(job, pool.submit(run_job, job, common)) for job in jobs]:
-            try:
-                yield future.result()
-            except BrokenProcessPool:
-                lost = Finding("CS6010", "error", "the process that worked on a program of this batch ended by itself",
-                               file=str(job.program), hint="memory may have run out: try again with --jobs 1")
-                yield done_with(job, common, Outcome(findings=(lost,)), "defect", DEFECT)
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _in_the_background) as pool:
+        while True:
+            # No more are handed over than are worked on, so that none begins after a stop.
+            while jobs and not stopped() and sum(not future.done() for _, future in begun) < processes:
+                try:
+                    begun.append((jobs[0], pool.submit(run_job, jobs[0], common)))
+                except BrokenProcessPool:
+                    yield _lost(jobs[0], common)
+                jobs.popleft()
+            if not begun:
+                return
+            wait([future for _, future in begun if not future.done()], return_when=FIRST_COMPLETED)
+            while begun and begun[0][1].done():
+                job, future = begun.popleft()
+                try:
+                    yield future.result()
+                except BrokenProcessPool:
+                    yield _lost(job, common)
+
+
+def _lost(job: Job, common: Common) -> Done:
+    finding = Finding("CS6010", "error", "the process that worked on a program of this batch ended by itself",
+                      file=str(job.program), hint="memory may have run out: try again with --jobs 1")
+    return done_with(job, common, Outcome(findings=(finding,)), "defect", DEFECT)
 
 
 def _in_the_background() -> None:

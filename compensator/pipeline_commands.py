@@ -48,11 +48,12 @@ def correct_batch(
     jobs = jobs_for(found, forces, folders)
     done: list[Done] = []
     findings: tuple[Finding, ...] = ()
-    try:
-        for one in run_jobs(jobs, Common(cell_file, stiffness_file, settings, session, forces), processes):
+    with _stopping() as signals:
+        for one in run_jobs(jobs, Common(cell_file, stiffness_file, settings, session, forces), processes,
+                            lambda: bool(signals)):
             done.append(one)
             show(session, one)
-    except KeyboardInterrupt:
+    if signals and len(done) < len(jobs):
         findings = (Finding("CS6011", "error", f"interrupted: {len(done)} of {counted(len(jobs), 'program')} were dealt with, "
                             "no further one was begun"),)
     code = INTERRUPTED if findings else worst([one.code for one in done])

@@ -106,7 +106,8 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
         # The demo writes in several steps; every other command in one, its last.
         if len(files.written) > before and session.command != "demo" and not session.jobs:
             return Outcome(findings=(Finding("CS0011", "note", "interrupted after the output was complete"),)), "ok", DONE
-        return Outcome(findings=(Finding("CS0010", "error", "interrupted; nothing was written"),)), "interrupted", INTERRUPTED
+        left = "the program under way was not written" if session.jobs else "nothing was written"
+        return Outcome(findings=(Finding("CS0010", "error", f"interrupted; {left}"),)), "interrupted", INTERRUPTED
     except click.ClickException:
         raise
     except Exception as defect:

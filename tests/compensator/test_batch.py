@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -97,6 +101,29 @@ def test_what_does_not_pair_is_refused(place: Shop) -> None:
     before = a.read_bytes()
     assert place.correct(a, "-o", f"{place.source}/", "--force").exit_code == 1
     assert a.read_bytes() == before
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
+    names = [f"p{number:02}" for number in range(40)]
+    place.put(*names)
+    out = place.folder / "out"
+    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", processes]
+    # A process group of its own, as a terminal gives: Ctrl-C reaches the workers too.
+    running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert running.stdout is not None
+    first = running.stdout.readline()
+    os.killpg(running.pid, signal.SIGINT)
+    stdout, stderr = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert stderr == ""
+    reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
+    assert {line["status"] for line in reported} == {"ok"}
+    assert len(reported) < len(names)
+    # Every program that was written was reported, and the other way round.
+    assert {Path(line["output"]).name for line in reported} == {path.name for path in out.glob("*.mod")}
+    assert not list(out.glob(".*"))
 
 
 def test_a_single_program_is_as_ever(place: Shop) -> None:
