@@ -115,12 +115,12 @@ def watch(
     read_stiffness(stiffness_file, read_cell(cell_file))
     folders.make()
     journal = Journal(output)
-    journal.sweep()
-    if retry:
-        journal.forget_failures()
     one = Watch(source, folders, Common(cell_file, stiffness_file, settings, session), journal, Settled(settle))
     codes: list[int] = []
-    with _stopping() as signals:
+    with contextlib.closing(journal), _stopping() as signals:
+        journal.sweep()
+        if retry:
+            journal.forget_failures()
         if not once:
             session.say(f"watching {source}; Ctrl-C ends it")
         for finding in journal.findings:
@@ -132,7 +132,6 @@ def watch(
                 _log(session, done)
             else:
                 session.say(str(done))
-    journal.close()
     code = INTERRUPTED if signal.SIGINT in signals else worst(codes) if once else DONE
     return Outcome(exit_code=code)
 

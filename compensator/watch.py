@@ -36,12 +36,13 @@ class Watch:
         the folder, CS0004 the journal."""
         shared = self.settled.look([self.common.cell, self.common.stiffness])
         for job in jobs_for(programs_in(self.source), None, self.folders):
-            own = self.settled.look([job.program, *job.logs])
+            files = [job.program, *job.logs]
+            if self.handled.get(job.program) == [signature(path) for path in (*files, self.common.cell, self.common.stiffness)]:
+                continue
+            own = self.settled.look(files)
             if own is None or shared is None:
                 continue
             state = [*own, *shared]
-            if self.handled.get(job.program) == state:
-                continue
             waits = self._waits_for(job)
             if waits:
                 self.handled[job.program] = state

@@ -51,7 +51,7 @@ class Outcome:
 class Session:
     """The options all commands share, and the input files named so far.
 
-    jobs: the command does several jobs and shows each by itself (`show`): with `--json` one line a job.
+    jobs: the command does several jobs and shows each by itself, with `--json` on one line.
     """
 
     command: str
@@ -100,8 +100,7 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
     try:
         outcome = body()
     except CompstiffError as stopped:
-        status = STATUS[stopped.exit_code]
-        return Outcome(findings=stopped.findings), status, stopped.exit_code
+        return Outcome(findings=stopped.findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
     except (KeyboardInterrupt, click.Abort):
         # The demo writes in several steps; every other command in one, its last.
         if len(files.written) > before and session.command != "demo" and not session.jobs:
@@ -112,7 +111,7 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
         raise
     except Exception as defect:
         return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
-    return outcome, STATUS[outcome.exit_code], outcome.exit_code
+    return outcome, STATUS.get(outcome.exit_code, "failed"), outcome.exit_code
 
 
 def _defect(session: Session, defect: Exception) -> Finding:

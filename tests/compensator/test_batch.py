@@ -108,7 +108,8 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     names = [f"p{number:02}" for number in range(40)]
     place.put(*names)
     out = place.folder / "out"
-    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", processes]
+    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs",
+             processes]
     # A process group of its own, as a terminal gives: Ctrl-C reaches the workers too.
     running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, start_new_session=True)
