@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -99,7 +100,10 @@ def done_with(job: Job, common: Common, outcome: Outcome, status: str, code: int
 def run_jobs(jobs: Sequence[Job], common: Common, processes: int, stopped: Callable[[], bool]) -> Iterator[Done]:
     """Corrects the programs, in their order; once `stopped`, those under way are finished and no further one is begun."""
     if processes > 1 and len(jobs) > 1:
-        yield from _in_processes(deque(jobs), common, min(processes, len(jobs)), stopped)
+        left = deque(jobs)
+        while left and not stopped():
+            # A lost process takes its pool with it: those not begun go to a new one.
+            yield from _in_processes(left, common, min(processes, len(left)), stopped)
         return
     for job in jobs:
         if stopped():
@@ -108,21 +112,21 @@ def run_jobs(jobs: Sequence[Job], common: Common, processes: int, stopped: Calla
 
 
 def _in_processes(jobs: deque[Job], common: Common, processes: int, stopped: Callable[[], bool]) -> Iterator[Done]:
+    """Takes jobs from the left until none is left, or a process of the pool is lost."""
     import multiprocessing
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from concurrent.futures.process import BrokenProcessPool
 
     begun: deque[tuple[Job, Future[Done]]] = deque()
     # Spawned, not forked: the libraries of this process may have threads.
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _in_the_background) as pool:
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
         while True:
             # No more are handed over than are worked on, so that none begins after a stop.
-            while jobs and not stopped() and sum(not future.done() for _, future in begun) < processes:
-                try:
-                    begun.append((jobs[0], pool.submit(run_job, jobs[0], common)))
-                except BrokenProcessPool:
-                    yield _lost(jobs[0], common)
-                jobs.popleft()
+            with contextlib.suppress(BrokenProcessPool):
+                while jobs and not stopped() and sum(not future.done() for _, future in begun) < processes:
+                    with _without_interrupts():
+                        begun.append((jobs[0], pool.submit(run_job, jobs[0], common)))
+                    jobs.popleft()
             if not begun:
                 return
             wait([future for _, future in begun if not future.done()], return_when=FIRST_COMPLETED)
@@ -140,8 +144,14 @@ def _lost(job: Job, common: Common) -> Done:
     return done_with(job, common, Outcome(findings=(finding,)), "defect", DEFECT)
 
 
-def _in_the_background() -> None:
-    """Ctrl-C reaches every process of a terminal; the first one decides what becomes of the others' work."""
+@contextlib.contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes begun in here never see a Ctrl-C, which reaches every process of a terminal: the first one decides what becomes
+    of the others' work. Its own comes afterwards."""
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -127,6 +127,29 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     assert not list(out.glob(".*"))
 
 
+def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
+    """One worker is killed, as the kernel does where memory runs out: what it worked on is a defect, the rest is corrected."""
+    names = [f"p{number:02}" for number in range(40)]
+    place.put(*names)
+    out = place.folder / "out"
+    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", 2]
+    running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    first = running.stdout.readline()
+    children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+    workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    os.kill(workers[0], signal.SIGKILL)
+    stdout, _ = running.communicate(timeout=90)
+    lines = [json.loads(line) for line in [first, *stdout.splitlines()]]
+    lost = [line for line in lines if line["status"] == "defect"]
+    assert len(lost) <= 2
+    assert running.returncode == (70 if lost else 0)
+    # None where the worker was between two programs.
+    assert {finding["code"] for line in lost for finding in line["findings"]} <= {"CS6010"}
+    assert [Path(line["program"]).stem for line in lines] == names
+    assert {line["status"] for line in lines} <= {"ok", "defect"}
+
+
 def test_a_single_program_is_as_ever(place: Shop) -> None:
     missing = place.correct(place.part, "-o", place.folder / "x.mod")
     assert missing.exit_code == 2
