@@ -114,11 +114,13 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, start_new_session=True)
     assert running.stdout is not None
+    assert running.stderr is not None
     first = running.stdout.readline()
     os.killpg(running.pid, signal.SIGINT)
     stdout = running.stdout.read()
-    assert running.wait(timeout=60) == 130
     assert running.stderr.read() == ""
+    with running:
+        assert running.wait(timeout=60) == 130
     reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
     assert {line["status"] for line in reported} == {"ok"}
     assert len(reported) < len(names)
@@ -139,8 +141,8 @@ def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
     children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
     workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
     os.kill(workers[0], signal.SIGKILL)
-    stdout = running.stdout.read()
-    running.wait(timeout=60)
+    with running:
+        stdout = running.stdout.read()
     lines = [json.loads(line) for line in [first, *stdout.splitlines()]]
     lost = [line for line in lines if line["status"] == "defect"]
     assert len(lost) <= 2
