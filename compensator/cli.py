@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from compensator import commands as compensating
+from compensator import verify_commands as verifying
 from compensator.cell import commands as connecting
 from identification import commands as identifying
 from identification import console
@@ -20,7 +21,7 @@ def compstiff() -> None:
     """
 
 
-for _command in (*identifying.COMMANDS, *compensating.COMMANDS, *connecting.COMMANDS):
+for _command in (*identifying.COMMANDS, *compensating.COMMANDS, *verifying.COMMANDS, *connecting.COMMANDS):
     compstiff.add_command(_command)
 
 

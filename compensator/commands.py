@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from compensator.design import design
+from compensator.pipeline_commands import correct_batch, is_batch, watch
 from compensator.post_command import post
 from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, Settings, with_settings
-from identification.console import READABLE, WRITABLE, Outcome, Session, command
+from identification.console import EXISTING, PATH, READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
     from compensator.pipeline import Corrected, Inputs, Predicted
@@ -63,24 +65,45 @@ def predict(
 
 @command("correct", writes=True)
 @_CELL
-@_TOOLPATH
+@click.argument("toolpath_files", metavar="TOOLPATH...", nargs=-1, required=True, type=EXISTING)
 @_STIFFNESS
-@_FORCES
-@click.option("-o", "--output", required=True, type=WRITABLE, help="The corrected program to write.")
-@click.option("--offsets", type=WRITABLE, help="Also write the offsets, one row a target (CSV).")
+@click.option("--forces", "forces_file", type=EXISTING,
+              help="The force log of this program; of several the folder of their logs.  [default: beside each]")
+@click.option("-o", "--output", required=True, type=click.Path(), help="The corrected program to write; of several a folder.")
+@click.option("--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS)
-@_REPORT
+@click.option("--report", type=PATH, help="Also write an HTML report.")
+@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
 def correct(
-    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
-    offsets: Path | None, report: Path | None, settings: Settings,
+    session: Session, cell_file: Path, toolpath_files: tuple[Path, ...], stiffness_file: Path, forces_file: Path | None,
+    output: str, offsets: Path | None, report: Path | None, settings: Settings, jobs: int,
 ) -> Outcome:
     """Correct a milling program for the deflection under its logged forces.
 
-    CELL is cell.yaml, TOOLPATH a RAPID program; APT and CSV are posted as RAPID first (see post). Only the numbers of corrected
-    targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
+    CELL is cell.yaml, TOOLPATH a RAPID program; APT and CSV are posted as RAPID first (see post). Only the numbers of
+    corrected targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
+
+    Several programs, or a folder of them: each with its log part.forces.csv beside part.mod or in the folder --forces names.
+    Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
     """
+    if is_batch(toolpath_files, output):
+        return correct_batch(session, cell_file, toolpath_files, stiffness_file, forces_file, Path(output), offsets, report,
+                             settings, jobs)
+    return _correct_one(session, cell_file, toolpath_files[0], stiffness_file, forces_file, Path(output), offsets, report,
+                        settings)
+
+
+def _correct_one(
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
+    offsets: Path | None, report: Path | None, settings: Settings,
+) -> Outcome:
     from compensator.pipeline import Inputs, summary
 
+    if forces_file is None:
+        raise click.UsageError("Missing option '--forces': the force log of this program.")
+    for path in (forces_file, offsets, report):
+        if path and path.is_dir():
+            raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     if settings.first_forces and not settings.logged_with:
@@ -91,9 +114,10 @@ def correct(
 
 
 def run_correction(
-    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, settings: Settings, *, overwrite: bool
+    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, settings: Settings, *, overwrite: bool,
+    before_writing: Callable[[], None] | None = None,
 ) -> Corrected:
-    """Corrects one program and writes all its files, or none."""
+    """Corrects one program and writes all its files, or none. What `before_writing` raises stops it at the last moment."""
     import json
     from dataclasses import replace
 
@@ -120,6 +144,8 @@ def run_correction(
         from compensator.report import path_report
 
         files[report] = path_report(corrected.predicted, corrected).encode()
+    if before_writing:
+        before_writing()
     write_whole(files)
     return corrected
 
@@ -167,4 +193,4 @@ def demo(session: Session, folder: Path) -> Outcome:
     return run_demo(session, folder)
 
 
-COMMANDS = (design, post, predict, correct, demo)
+COMMANDS = (design, post, predict, correct, watch, demo)

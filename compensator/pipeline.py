@@ -19,6 +19,7 @@ from compensator.engagement import engaged, read_offsets, two_passes
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
+from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.prediction import Prediction, predict_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
 from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
@@ -34,6 +35,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 RECORD = "compstiff-correction"
 RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
+# What is taken for a toolpath in a folder; a table is one only where it is named.
+TOOLPATH_SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES)
 # Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
 WRITTEN_POSITION = 1e-7
 WRITTEN_ROTATION = 1e-7
@@ -94,8 +97,6 @@ def read_toolpath(
     """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Also returns which targets (N,)
     are known to be reached in the air. Raises CompstiffError: CS4201 for formats that are not read, and what the readers and
     `post` raise."""
-    from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
-
     suffix = path.suffix.lower()
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
         posted = post(read_cam_path(path, settings), cell, settings, f"{path} (posted)")
@@ -244,16 +245,18 @@ def _read_back(predicted: Predicted, forces: TargetForces, correction: Correctio
     return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
 
 
-def check_not_corrected(toolpath: Path) -> None:
-    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output."""
+def check_not_corrected(toolpath: Path, *folders: Path) -> None:
+    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
+    `folders` names its content."""
     digest = sha256(toolpath)
-    for path in sorted(toolpath.parent.glob("*.json")):
+    for path in (record for folder in (toolpath.parent, *folders) for record in sorted(folder.glob("*.json"))):
         names = _recorded(path)
         if names is None:
             continue
         (source, source_digest), *outputs = names
+        beside = path.parent == toolpath.parent
         # A record of a program that came out as it went in forbids nothing.
-        if any(source_digest != output_digest and (output_digest == digest or output == toolpath.name)
+        if any(source_digest != output_digest and (output_digest == digest or (beside and output == toolpath.name))
                for output, output_digest in outputs):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),

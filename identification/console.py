@@ -24,8 +24,11 @@ if TYPE_CHECKING:
     from identification.findings import Finding
 
 DONE, FAILED, USAGE, REFUSED, DEFECT, INTERRUPTED = 0, 1, 2, 3, 70, 130
+STATUS = {DONE: "ok", FAILED: "failed", REFUSED: "refused", DEFECT: "defect", INTERRUPTED: "interrupted"}
 READABLE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
 WRITABLE = click.Path(dir_okay=False, path_type=Path)
+EXISTING = click.Path(exists=True, readable=True, path_type=Path)       # a file or a folder
+PATH = click.Path(path_type=Path)
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 
@@ -33,8 +36,9 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 class Outcome:
     """What a command has to show: result (JSON values), findings, and the text a person reads.
 
-    lines: printed on stdout without `--json`. next_step: the command a user would call now. exit_code: DONE, or INTERRUPTED
-    where the command itself can say what Ctrl-C left.
+    lines: printed on stdout without `--json`. next_step: the command a user would call now. exit_code: not DONE where the
+    job was done and the answer is no, where the worst of several jobs counts, or where the command itself can say what Ctrl-C
+    left.
     """
 
     result: dict[str, Any] = field(default_factory=dict)
@@ -46,13 +50,17 @@ class Outcome:
 
 @dataclass
 class Session:
-    """The options all commands share, and the input files named so far."""
+    """The options all commands share, and the input files named so far.
+
+    jobs: the command does several jobs and shows each by itself, with `--json` on one line.
+    """
 
     command: str
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
     overwrite: bool = False
+    jobs: bool = False
     inputs: list[Path] = field(default_factory=list)
 
     def say(self, text: str) -> None:
@@ -71,7 +79,7 @@ def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Comman
         @functools.wraps(body)
         def run(as_json: bool, quiet: bool, verbose: bool, overwrite: bool = False, **arguments: Any) -> None:
             session = Session(name, as_json, quiet, verbose, overwrite)
-            sys.exit(_run(session, functools.partial(body, session, **arguments)))
+            sys.exit(_show(session, *attempt(session, functools.partial(body, session, **arguments))))
 
         decorated: Any = run
         if writes:
@@ -84,8 +92,8 @@ def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Comman
     return decorate
 
 
-def _run(session: Session, body: Callable[[], Outcome]) -> int:
-    """Runs the body, shows what it has to say, returns the exit code."""
+def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str, int]:
+    """Runs the body: what it has to say, its status, its exit code. Nothing but a wrong call is raised."""
     from identification import files
     from identification.findings import CompstiffError, Finding
 
@@ -93,20 +101,18 @@ def _run(session: Session, body: Callable[[], Outcome]) -> int:
     try:
         outcome = body()
     except CompstiffError as stopped:
-        status = "refused" if stopped.exit_code == REFUSED else "failed"
-        return _show(session, Outcome(findings=stopped.findings), status, stopped.exit_code)
+        return Outcome(findings=stopped.findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
     except (KeyboardInterrupt, click.Abort):
         # The demo writes in several steps; every other command in one, its last.
-        if len(files.written) > before and session.command != "demo":
-            return _show(session, Outcome(findings=(Finding("CS0011", "note", "interrupted after the output was complete"),)),
-                         "ok", DONE)
-        return _show(session, Outcome(findings=(Finding("CS0010", "error", "interrupted; nothing was written"),)),
-                     "interrupted", INTERRUPTED)
+        if len(files.written) > before and session.command != "demo" and not session.jobs:
+            return Outcome(findings=(Finding("CS0011", "note", "interrupted after the output was complete"),)), "ok", DONE
+        left = "the program under way was not written" if session.jobs else "nothing was written"
+        return Outcome(findings=(Finding("CS0010", "error", f"interrupted; {left}"),)), "interrupted", INTERRUPTED
     except click.ClickException:
         raise
     except Exception as defect:
-        return _show(session, Outcome(findings=(_defect(session, defect),)), "defect", DEFECT)
-    return _show(session, outcome, "ok" if outcome.exit_code == DONE else "interrupted", outcome.exit_code)
+        return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
+    return outcome, STATUS.get(outcome.exit_code, "failed"), outcome.exit_code
 
 
 def _defect(session: Session, defect: Exception) -> Finding:
@@ -122,19 +128,29 @@ def _defect(session: Session, defect: Exception) -> Finding:
                    hint=f"nothing was written; please report it with the log file {log}")
 
 
-def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
+def document(session: Session, outcome: Outcome, status: str, code: int) -> dict[str, Any]:
+    """What `--json` prints of one job (FORMATS.md, Exit codes)."""
     from identification.findings import fold
 
     findings = outcome.findings if session.verbose else fold(outcome.findings)
+    return {
+        "format": f"compstiff-{session.command}", "version": 1, "status": status, "exit_code": code,
+        "findings": [finding.as_dict() for finding in findings],
+        "inputs": _inputs(session.inputs), "result": outcome.result if outcome.result or code == DONE else None,
+    }
+
+
+def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
+    from identification.findings import fold
+
     if session.as_json:
-        document = {
-            "format": f"compstiff-{session.command}", "version": 1, "status": status, "exit_code": code,
-            "findings": [finding.as_dict() for finding in findings],
-            "inputs": _inputs(session.inputs), "result": outcome.result if status == "ok" else None,
-        }
-        click.echo(json.dumps(document, allow_nan=False, indent=1))
+        if not session.jobs:
+            click.echo(json.dumps(document(session, outcome, status, code), allow_nan=False, indent=1))
+        elif code != outcome.exit_code:
+            # The call as a whole ended before its jobs did: a line of its own says why.
+            click.echo(json.dumps(document(session, outcome, status, code), allow_nan=False))
         return code
-    for finding in findings:
+    for finding in outcome.findings if session.verbose else fold(outcome.findings):
         if finding.level == "error" or not session.quiet:
             click.echo(str(finding), err=True)
     for line in outcome.lines:

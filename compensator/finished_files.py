@@ -1,0 +1,84 @@
+"""Whether a file that somebody else writes is finished.
+
+No file system says so. Three things are asked together: size, time and identity stayed the same for some seconds; nobody has it
+open for writing (where the kernel tells); and a RAPID module has its end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import os
+import re
+import signal
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+Signature = tuple[int, int, int, int]
+_MODULE = re.compile(rb"^\s*MODULE\s", re.MULTILINE | re.IGNORECASE)
+_END = re.compile(rb"\bENDMODULE\b", re.IGNORECASE)
+
+
+def signature(path: Path) -> Signature | None:
+    """Device, inode, size and time of a file, which change when it does; None where there is none."""
+    with contextlib.suppress(OSError):
+        state = path.stat()
+        return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
+    return None
+
+
+@dataclass
+class Settled:
+    """Which files stayed as they are for `settle` seconds. The clock is this process's own: the times of a file may come from
+    another machine, and only have to stay the same."""
+
+    settle: float
+    clock: Callable[[], float] = time.monotonic
+    _since: dict[Path, tuple[Signature, float]] = field(default_factory=dict)
+
+    def look(self, paths: Iterable[Path]) -> list[Signature] | None:
+        """Looks at all these files now: how they are, if all have been like this for long enough and nobody has one open for
+        writing; else None."""
+        states = [self._look(path) for path in paths]
+        finished = [state for state in states if state is not None]
+        return finished if len(finished) == len(states) else None
+
+    def _look(self, path: Path) -> Signature | None:
+        now, state = self.clock(), signature(path)
+        if state is None:
+            self._since.pop(path, None)
+            return None
+        before = self._since.get(path)
+        if before is None or before[0] != state:
+            self._since[path] = before = (state, now)
+        return state if now - before[1] >= self.settle and not open_for_writing(path) else None
+
+
+def open_for_writing(path: Path) -> bool:
+    """Whether a process of this machine has the file open for writing, or it cannot be opened. False where the kernel does not
+    say: another user's file, a network folder."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError:
+        return True
+    # A lease is broken with SIGIO, which by default ends the process.
+    ignored = signal.signal(signal.SIGIO, signal.SIG_IGN)
+    try:
+        # A read lease is granted only while nobody writes (fcntl(2)); it is given back at once.
+        fcntl.fcntl(handle, fcntl.F_SETLEASE, fcntl.F_RDLCK)
+        fcntl.fcntl(handle, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    except OSError as reason:
+        return reason.errno in (errno.EAGAIN, errno.EWOULDBLOCK)
+    finally:
+        os.close(handle)
+        signal.signal(signal.SIGIO, ignored)
+    return False
+
+
+def lacks_its_end(path: Path) -> bool:
+    """Whether a file has a RAPID MODULE without its ENDMODULE."""
+    text = path.read_bytes()
+    return len(_MODULE.findall(text)) > len(_END.findall(text))

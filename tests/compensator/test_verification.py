@@ -1,0 +1,238 @@
+"""`verify`: the intervals cover under autocorrelated noise, known gains and scales are found, pairs are the right ones, and the
+answers have their exit codes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from scipy.signal import lfilter
+
+from compensator.along_path import autocorrelation_time
+from compensator.cli import compstiff
+from compensator.readings import Readings, nearest, read_readings
+from compensator.verification import compare, estimate_scale
+from identification.cell import read_cell
+from tests.support import write_cell
+
+SIGMAS = "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um"
+
+
+def remembering(rng: np.random.Generator, count: int, phi: float, size: float = 1.0) -> np.ndarray:
+    """A first-order autoregression (count, 3) of standard deviation `size`, from its stationary state."""
+    start = rng.normal(size=(1, 3))
+    rest = lfilter([np.sqrt(1 - phi**2)], [1, -phi], rng.normal(size=(count - 1, 3)), axis=0, zi=phi * start)[0]
+    return size * np.concatenate([start, rest])
+
+
+def csv(folder: Path, name: str, header: str, rows: np.ndarray) -> Path:
+    path = folder / name
+    text = "\n".join(",".join("" if np.isnan(x) else f"{x:.9g}" for x in row) for row in rows)
+    path.write_text(f"{header}\n{text}\n")
+    return path
+
+
+def verify(*arguments: object) -> Result:
+    return CliRunner().invoke(compstiff, ["verify", *map(str, arguments)])
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+def test_the_autocorrelation_time_is_that_of_the_process(phi: float) -> None:
+    rng = np.random.default_rng(1)
+    times = [autocorrelation_time(remembering(rng, 3000, phi)[:, 0]) for _ in range(40)]
+    assert np.mean(times) == pytest.approx((1 + phi) / (1 - phi), rel=0.12)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
+    """400 simulated pairs of passes: the true ratio and the true scale lie in their 95 % intervals as often as stated, and
+    intervals that took the places as independent would not hold them."""
+    rng = np.random.default_rng(7)
+    runs, count, scale = 400, 1200, 1.3
+    held_ratio = held_scale = naive = 0
+    for _ in range(runs):
+        predicted = 1e-6 * remembering(rng, count, 0.8, 100.0)
+        before = scale * predicted + 1e-6 * remembering(rng, count, phi, 30.0)
+        after = 0.1 * predicted + 1e-6 * remembering(rng, count, phi, 20.0)
+        # Variances of the generator, three components alike.
+        ratio = np.sqrt((130.0**2 + 30.0**2) / (10.0**2 + 20.0**2))
+        found = compare(*(Readings("", "target", np.arange(count)[:, None], one, np.full((count, 3), 1e-6), None)
+                          for one in (before, after)))
+        assert found.interval is not None
+        assert found.ratio is not None
+        held_ratio += found.interval[0] <= ratio <= found.interval[1]
+        z = np.sum(before**2 / np.sum(before**2) - after**2 / np.sum(after**2), axis=1) / 2 * count
+        naive += abs(np.log(found.ratio / ratio)) <= 1.96 * z.std() / np.sqrt(count)
+        fitted = estimate_scale(before, predicted)
+        assert fitted is not None
+        assert fitted.interval is not None
+        held_scale += fitted.interval[0] <= scale <= fitted.interval[1]
+    # Three standard errors of a binomial share of 400 are 3.3 %.
+    assert 0.915 <= held_ratio / runs <= 0.985
+    assert 0.915 <= held_scale / runs <= 0.985
+    assert naive / runs < 0.87
+
+
+def test_figures_by_hand(tmp_path: Path) -> None:
+    cell = read_cell(write_cell(tmp_path))
+    before = csv(tmp_path, "b.csv", "target,dx_um,dy_um", np.array([[3, 30, 40], [1, 0, 20], [2, np.nan, 10], [9, 5, 5]]))
+    after = csv(tmp_path, "a.csv", "target,dx_um,dy_um", np.array([[1, 3, 4], [2, 1, 30], [3, 0, np.nan], [4, 1, 1]]))
+    result = verify(tmp_path / "cell.yaml", before, after, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["result"]
+    # Pairs 1, 2, 3; of 2 only y, of 3 only x is measured in both.
+    assert (found["points"], found["unpaired_before"], found["unpaired_after"]) == (3, 1, 1)
+    assert found["before"]["rms_um"] == pytest.approx(np.sqrt((20**2 + 10**2 + 30**2) / 3))
+    assert found["after"]["rms_um"] == pytest.approx(np.sqrt((5**2 + 30**2 + 0) / 3))
+    assert found["after"]["max_um"] == pytest.approx(30)
+    assert found["after"]["mean_um"] == pytest.approx(35 / 3)
+    assert found["ratio"] == pytest.approx(np.sqrt(1400 / 925))
+    assert found["ratio_interval_95"] is None       # Three places say nothing of their scatter.
+    assert found["worse_points"] == 1
+    assert found["axes"]["y"]["before"]["mean_um"] == pytest.approx(15)
+    assert "z" not in found["axes"]
+    assert {one["code"] for one in json.loads(result.stdout)["findings"]} == {"CS6022", "CS6024", "CS6025"}
+    assert read_readings(before, cell).place[:, 0].tolist() == [1, 2, 3, 9]
+
+
+def test_pairs_are_each_others_nearest_within_the_distance() -> None:
+    first = np.array([[0.0], [1.0], [2.0], [10.0]])
+    second = np.array([[0.1], [0.2], [2.4], [50.0]])
+    mine, other = nearest(first, second, 0.5)
+    assert (mine.tolist(), other.tolist()) == ([0, 2], [0, 2])
+
+
+def test_places_that_got_worse_by_chance_are_as_many_as_stated(tmp_path: Path) -> None:
+    """The same deviation twice with the stated noise: 2.3 % of the places look worse."""
+    rng = np.random.default_rng(3)
+    cell = read_cell(write_cell(tmp_path))
+    true = 100.0 + np.zeros((4000, 3))
+    sigma = np.tile([2.0, 5.0, 9.0], (4000, 1))
+    readings = [true + sigma * rng.normal(size=true.shape) for _ in range(2)]
+    passes = [csv(tmp_path, f"{number}.csv", SIGMAS, np.column_stack([np.arange(4000), one, sigma]))
+              for number, one in enumerate(readings)]
+    comparison = compare(*(read_readings(path, cell) for path in passes))
+    assert comparison.worse / 4000 == pytest.approx(0.0228, abs=0.008)
+    assert comparison.verdict == "no difference shown"
+    assert comparison.noise_um == pytest.approx(np.sqrt(4 + 25 + 81))
+
+
+@pytest.fixture
+def passes(tmp_path: Path) -> dict[str, Path]:
+    """A path of 600 targets: predicted 100 um RMS, measured 1.25 times that before and a fifth of it after; the work object of
+    the cell is turned against the base."""
+    rng = np.random.default_rng(11)
+    half = np.sqrt(0.5)
+    cell = write_cell(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n"
+                      f"workobject: {{position_mm: [900, 0, 400], quaternion: [{half}, 0, 0, {half}]}}\n")
+    targets = np.arange(600)
+    place = np.column_stack([0.5 * targets, np.zeros(600), np.zeros(600)])
+    base = remembering(rng, 600, 0.9, 100.0)
+    # A quarter turn about z: the work object's x axis is the base's y, its y the base's -x.
+    turned = np.column_stack([base[:, 1], -base[:, 0], base[:, 2]])
+    before, after = (factor * base + remembering(rng, 600, 0.7, 5.0) for factor in (1.25, 0.2))
+    in_object = 1.25 * turned + remembering(rng, 600, 0.7, 5.0)
+    normal = np.column_stack([np.cos(targets / 40), np.sin(targets / 40), np.zeros(600)])
+    along = np.sum(normal * before, axis=1)
+    header = "target,dx_um,dy_um,dz_um"
+    return {
+        "cell": cell,
+        "before": csv(tmp_path, "before.csv", header, np.column_stack([targets, before])),
+        "after": csv(tmp_path, "after.csv", header, np.column_stack([targets, after])),
+        "places": csv(tmp_path, "places.csv", "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um", np.column_stack([place + 0.1, in_object])),
+        "normal": csv(tmp_path, "normal.csv", "target,dn_um,nx,ny,nz", np.column_stack([targets, along, normal])),
+        "shifted": csv(tmp_path, "shifted.csv", header, np.column_stack([targets, before + np.array([0, 0, 400])])),
+        "mirrored": csv(tmp_path, "mirrored.csv", header, np.column_stack([targets, before * [-1, 1, 1]])),
+        "predicted": csv(tmp_path, "deviation.csv", "target,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um",
+                         np.column_stack([targets, place, base])),
+    }
+
+
+def test_gain_and_scale_are_found(passes: dict[str, Path], tmp_path: Path) -> None:
+    report = tmp_path / "r.html"
+    result = verify(passes["cell"], passes["before"], passes["after"], "--predicted", passes["predicted"], "--json", "--report",
+                    report)
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["result"]
+    assert found["verdict"] == "better"
+    assert found["ratio_interval_95"][0] < 1.25 / 0.2 < 1.1 * found["ratio_interval_95"][1]
+    scale = found["predicted"]
+    assert scale["interval"][0] < 1.25 < scale["interval"][1]
+    assert scale["advised_scale"] == pytest.approx(1.25, abs=0.02)
+    # What s = 1 leaves of 1.25 p and the noise: (0.25^2 + 0.05^2) / (1.25^2 + 0.05^2).
+    assert scale["share"] == pytest.approx(1 - 0.065 / 1.565, abs=0.01)
+    assert scale["share_scaled"] > 0.99
+    assert set(scale["axes"]) == {"x", "y", "z"}
+    page = report.read_text()
+    assert "correct --scale 1.2" in page
+    assert "http" not in page.split("<body>")[1].split("<script>")[0]
+
+
+@pytest.mark.parametrize(("name", "options"), [("places", ("--frame", "workobject")), ("normal", ())])
+def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path], name: str, options: tuple[str, ...]) -> None:
+    result = verify(passes["cell"], passes[name], passes[name], "--predicted", passes["predicted"], *options, "--json")
+    assert result.exit_code == 0, result.output
+    scale = json.loads(result.stdout)["result"]["predicted"]
+    assert scale["interval"][0] < 1.25 < scale["interval"][1]
+    assert scale["interval"][1] - scale["interval"][0] < 0.04
+
+
+@pytest.mark.parametrize(("name", "options", "code"), [
+    ("shifted", (), "CS6029"),                              # a set-up error of 0.4 mm
+    ("mirrored", (), "CS6030"),                             # a wrong sign along x
+    ("before", ("--frame", "workobject"), "CS6031"),        # the wrong frame
+])
+def test_what_a_scale_does_not_mend_is_said(passes: dict[str, Path], name: str, options: tuple[str, ...], code: str) -> None:
+    result = verify(passes["cell"], passes[name], passes["after"], "--predicted", passes["predicted"], *options, "--json")
+    assert result.exit_code == 0, result.output
+    assert code in {finding["code"] for finding in json.loads(result.stdout)["findings"]}
+
+
+def test_exit_codes_of_the_answer(passes: dict[str, Path], tmp_path: Path) -> None:
+    files = (passes["cell"], passes["before"], passes["after"])
+    assert verify(*files, "--tolerance-um", 200).exit_code == 0
+    report = tmp_path / "r.html"
+    refused = verify(*files, "--tolerance-um", 60, "--report", report)
+    assert refused.exit_code == 3
+    assert "CS6026" in refused.stderr
+    assert report.exists()
+    document = json.loads(verify(*files, "--tolerance-um", 60, "--json").stdout)
+    assert (document["status"], document["result"]["within_tolerance"]) == ("refused", False)
+    exchanged = verify(passes["cell"], passes["after"], passes["before"])
+    assert exchanged.exit_code == 0
+    assert "CS6027" in exchanged.stderr
+    assert "became larger" in exchanged.stdout
+
+
+@pytest.mark.parametrize(("header", "row", "code"), [
+    ("target,fx_n", [1, 2], "CS6020"),
+    ("target,dx_um,dn_um", [1, 2, 3], "CS6020"),
+    ("target,dx_um", [1, np.nan], "CS6020"),
+    ("dx_um", [1], "CS6021"),
+    ("path_mm,dx_um", [1, 2], "CS6021"),
+    ("target,dz_um", [7000, 2], "CS6023"),
+    ("target,dx_um", [1.5, 2], "CS3004"),
+    ("target,dn_um,nx,ny,nz", [1, 2, 1, 1, 0], "CS0203"),
+    ("target,dx_um,sx_um,sy_um,sz_um", [1, 2, 0, 1, 1], "CS0203"),
+])
+def test_files_that_cannot_be_compared(
+    passes: dict[str, Path], tmp_path: Path, header: str, row: list[float], code: str
+) -> None:
+    other = csv(tmp_path, "other.csv", header, np.array([row]))
+    result = verify(passes["cell"], passes["before"], other)
+    assert result.exit_code == 1
+    assert f"error {code}" in result.stderr
+
+
+def test_a_prediction_that_cannot_be_joined(passes: dict[str, Path], tmp_path: Path) -> None:
+    by_length = csv(tmp_path, "l.csv", "path_mm,dx_um", np.column_stack([np.arange(20), np.ones(20)]))
+    result = verify(passes["cell"], by_length, by_length, "--predicted", passes["predicted"])
+    assert result.exit_code == 1
+    assert "CS6028" in result.stderr
+    unloaded = csv(tmp_path, "u.csv", "target,dx_um,dy_um,dz_um", np.column_stack([np.arange(600), np.zeros((600, 3))]))
+    result = verify(passes["cell"], passes["before"], passes["after"], "--predicted", unloaded)
+    assert result.exit_code == 1
+    assert "predicts no deviation" in result.stderr
