@@ -3,13 +3,14 @@
     OMP_NUM_THREADS=1 python benchmarks/milling_loop.py [ROBOTS] [FIRST_SEED] [--workers N] [--set NAME=VALUE ...]
 
 The truth is tests/virtual_cell alone: rigid bodies with the closed rod, gravity, and an end mill whose force follows the
-engagement that the yielding tool has (tests/virtual_cell/milling.py says what is left out). Each robot is drawn, load-tested with
-realistic noise (design ladder12), identified by the command line; the planned program is milled and logged, corrected with that
-log by `predict_program` and `correct_program`, the written numbers are read by another reader and milled on a second blank.
+engagement that the yielding tool has (tests/virtual_cell/milling.py says what is left out). Each robot is drawn, load-tested
+with realistic noise (design ladder12), identified by the command line; the planned program is milled and logged, corrected
+with that log by `predict_program` and `correct_program`, the written numbers are read by another reader and milled on a second
+blank.
 
-Off: distance of the loaded tool from plan at every half millimetre that cuts; `faces`: across the wall, and for the slot's floor
-upwards. Gone: of its RMS and of its largest. Worse: steps further off than without correction by more than 2 of the sigmas that
-offsets.csv states. --set: a further row with these fields of Settings (numbers), where they are there.
+Off: distance of the loaded tool from plan at every half millimetre that cuts; `faces`: across the wall, and for the slot's
+floor upwards. Gone: of its RMS and of its largest. Worse: steps further off than without correction by more than 2 of the
+sigmas that offsets.csv states. --set: a further row with these fields of Settings (numbers), where they are there.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class Row:
 
     def worse_beside(self, place: int = -1) -> str:
         """How many steps are worse, how many of them not at that place, and by how much at most."""
-        most = f", {self.grown[self.worse].max():.0f} um" if self.worse.any() else ""
+        most = f", {self.grown[self.worse].max():.1f} um" if self.worse.any() else ""
         return f"{int(self.worse.sum())} ({int(self.worse[self.place != place].sum())}){most}"
 
 
@@ -104,7 +105,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         last = job.correct(job.log(third, again.commands, "pass3.csv"), stiffness)
         by_target = job.correct(job.log(job.first, job.planned, "targets.csv", by_target=True), stiffness)
         known = job.correct(log, truth).commands
-        perfect = job.correct(job.perfect_log(job.first, "perfect.csv"), truth, settings(tare=None), job.cell_in_base()).commands
+        exact = job.perfect_log(job.first, "perfect.csv")
+        perfect = job.correct(exact, truth, settings(tare=None), job.cell_in_base()).commands
         passes = {
             "mirrored once, literature k": job.mill(job.mirrored(log, job.springs("prior.json", np.array(PRIOR)))),
             "mirrored once, least squares k": job.mill(job.mirrored(log, job.springs("lsq.json", least_squares_k(job)))),
@@ -190,8 +192,10 @@ def by_name(results: Iterable[Result]) -> dict[str, list[Row]]:
 
 
 def print_plain(part: str, results: list[Result]) -> None:
-    print(f"\nTargets every {part}; {len(results)} robots, {np.mean([result.seconds for result in results]):.0f} s a robot. "
-          f"Force follows the wall by {np.median([result.cutting_stiffness for result in results]):.0f} N/mm. Mean (worst robot)")
+    seconds = np.mean([result.seconds for result in results])
+    follows = np.median([result.cutting_stiffness for result in results])
+    print(f"\nTargets every {part}; {len(results)} robots, {seconds:.0f} s a robot. Force follows the wall by {follows:.0f} "
+          "N/mm. Mean (worst robot)")
     table = by_name(results)
     first = next(iter(table.values()))
     print(f"no correction: off {np.mean([rms(one.before) for one in first]):.1f} um RMS, "
@@ -228,13 +232,13 @@ def print_plain(part: str, results: list[Result]) -> None:
 
 
 def print_hidden(effect: str, results: list[Result]) -> None:
-    ratios = []
     for result in results:
         ignored, named, truth = result.rows
-        ratios.append(gone(named) / gone(truth))
-        print(f"| {effect} | {result.seed} | {result.said} | {rms(named.before):.0f} | {gone(ignored):.1f} % | {gone(named):.1f} % | "
-              f"{gone(truth):.1f} % | {100 * ratios[-1]:.0f} % | {ignored.worse_beside(SHARP)} | {named.worse_beside(SHARP)} | "
-              f"{100 * named.within:.0f} % |", flush=True)
+        shares = [f"{gone(one):.1f} %" for one in result.rows]
+        cells = [effect, result.seed, result.said, f"{rms(named.before):.0f}", *shares,
+                 f"{100 * gone(named) / gone(truth):.0f} %", ignored.worse_beside(SHARP), named.worse_beside(SHARP),
+                 f"{100 * named.within:.0f} %"]
+        print(f"| {' | '.join(map(str, cells))} |", flush=True)
 
 
 def main() -> None:
@@ -251,8 +255,8 @@ def main() -> None:
             print_plain(part, list(pool.map(plain, [(part, seed, wanted) for seed in seeds])))
             sys.stdout.flush()
         print(f"\nOne hidden effect of typical size; targets every {HIDDEN_PART}")
-        print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | of that | "
-              "worse (beside the corner): ignored | diagnosed | within 2 sigma |\n|---|---|---|---|---|---|---|---|---|---|---|")
+        print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | of that "
+              "| worse (beside the corner): ignored | diagnosed | within 2 sigma |\n" + 11 * "|---" + "|")
         for effect in HIDDEN:
             print_hidden(effect, list(pool.map(hidden, [(effect, seed, wanted) for seed in seeds[:(len(seeds) + 1) // 2]])))
 

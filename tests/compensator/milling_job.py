@@ -1,4 +1,4 @@
-"""The whole chain on a part milled in the virtual cell: load tests, identify or diagnose, a logged pass, correct, mill again."""
+"""The chain on a part milled in the virtual cell: load tests, identify or diagnose, a logged pass, correct, mill again."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.model.stiffness import IdentifiedModel
 from tests.acceptance import kit
+from tests.virtual_cell import milling
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.milled_part import Part, slot_and_pocket
-from tests.virtual_cell.milling import BASE_FROM_OBJECT, Commands, Pass, Sensor, angles, drive, log_of, mill, planned
-from tests.virtual_cell.milling import rapid as posted
-from tests.virtual_cell.milling import read_commands
+from tests.virtual_cell.milling import BASE_FROM_OBJECT, Commands, Pass, Sensor, angles, planned
 
 TARE = (0, 2)       # the air move before the slot
 TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
@@ -62,7 +61,7 @@ class MillingJob:
         self.cell, self.measurements = self.case.write(self.folder)
         self.cell.write_text(self.cell.read_text() + self.sensor.cell_yaml())
         self.program = self.folder / "part.mod"
-        self.program.write_text(posted(self.part, angles(self.planned, self.case.plant), self.cutter,
+        self.program.write_text(milling.rapid(self.part, angles(self.planned, self.case.plant), self.cutter,
                                        tuple(1e3 * np.array(self.case.tool.tcp))))
 
     @cached_property
@@ -79,7 +78,7 @@ class MillingJob:
         return self.first if part is self.part else self.mill(planned(part), part=part)
 
     def mill(self, commands: Commands, given_n: np.ndarray | None = None, part: Part | None = None) -> Pass:
-        return mill(self.case.plant, part or self.part, commands, self.cutter, given_n)
+        return milling.mill(self.case.plant, part or self.part, commands, self.cutter, given_n)
 
     def identify(self) -> Path:
         """stiffness.json by the command line."""
@@ -105,7 +104,7 @@ class MillingJob:
 
     def log(self, done: Pass, commands: Commands, name: str, by_target: bool = False) -> Path:
         """The log of a pass, as the sensor gives it."""
-        log = log_of(done, self.part, commands, self.cutter, self.sensor, np.random.default_rng([self.seed, 77]))
+        log = milling.log_of(done, self.part, commands, self.cutter, self.sensor, np.random.default_rng([self.seed, 77]))
         output = self.folder / name
         output.write_text(log.csv(by_target))
         return output
@@ -136,8 +135,8 @@ class MillingJob:
         """Corrects the planned program; the written numbers are read by a reader of the virtual cell's own."""
         inputs = Inputs(cell or self.cell, self.program, stiffness, log)
         job = correct_program(predict_program(inputs, chosen or settings()))
-        written = read_commands(job.content.decode())
-        assert np.array_equal(read_commands(self.program.read_text()).position_mm, self.part.target_mm)
+        written = milling.read_commands(job.content.decode())
+        assert np.array_equal(milling.read_commands(self.program.read_text()).position_mm, self.part.target_mm)
         offsets = self.folder / "offsets.csv"
         offsets.write_bytes(offsets_csv(job))
         rows = kit.table(offsets)
@@ -168,7 +167,7 @@ class MillingJob:
         position = self.part.target_mm.copy()
         for _ in range(rounds):
             theta = angles(Commands(position, self.planned.turn), self.case.plant)
-            off, _ = drive(self.case.plant, theta, time, lambda i, moved: wrench[i, :3])
+            off, _ = milling.drive(self.case.plant, theta, time, lambda i, moved: wrench[i, :3])
             position = self.part.target_mm - 1e3 * BASE_FROM_OBJECT.apply(off, inverse=True)
         return Commands(position, self.planned.turn)
 

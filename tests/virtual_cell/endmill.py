@@ -5,9 +5,9 @@ force model of end milling, Altintas),
 
     g = (Ktc h + Kte) e_t - (Krc h + Kre) e_r - (Kac h + Kae) e_z,     h = f_z cos(phi) + (rho_j - rho_{j-1}),
 
-e_r from the axis to the edge, e_t against the edge's speed (spindle clockwise seen from above), e_z from tip to spindle, f_z the
-feed a tooth, rho_j the run-out. It cuts where h > 0, in the half of the circle that faces the feed, and where there is stock; the
-caller says how deep in the stock each point of that half circle lies. Not modelled: chatter, rubbing, the floor under the teeth.
+e_r from the axis to the edge, e_t against the edge's speed (spindle clockwise seen from above), e_z from tip to spindle, f_z
+the feed a tooth, rho_j the run-out. It cuts where h > 0, in the half of the circle that faces the feed, and where there is
+stock; the caller says how deep in the stock each point of that half circle lies. Not modelled: chatter, rubbing, the floor.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class EndMill:
         return np.asarray(depth_mm * (self._sum_of_teeth @ coverage))
 
     def force(self, coverage: np.ndarray, depth_mm: float, spindle: np.ndarray) -> np.ndarray:
-        """Force (n, 3) [N] at spindle angles (n,) [rad], first tooth's, clockwise from the feed: along the feed, to its left, up.
+        """Force (n, 3) [N] at spindle angles (n,) [rad] (first tooth, clockwise from the feed): along the feed, left, up.
 
         The helix is integrated exactly: an edge of that depth covers an interval of angles.
         """

@@ -135,10 +135,12 @@ class _Path:
         x, y, z = self.points[-1]
         count = int(np.ceil(radius * (end - start) / self.spacing - 1e-9))
         for angle in start + (end - start) * np.arange(1, count + 1) / count:
-            self.to(x + radius * (np.cos(angle) - np.cos(start)), y + radius * (np.sin(angle) - np.sin(start)), z, POCKET, place)
+            across, along = np.cos(angle) - np.cos(start), np.sin(angle) - np.sin(start)
+            self.to(x + radius * across, y + radius * along, z, POCKET, place)
 
 
-def slot_and_pocket(spacing_mm: float = 1.5, allowance_mm: float = 1.5, wall_depth_mm: float = 4.0, pocket: bool = True) -> Part:
+def slot_and_pocket(spacing_mm: float = 1.5, allowance_mm: float = 1.5, wall_depth_mm: float = 4.0, *,
+                    pocket: bool = True) -> Part:
     """Both features, or the slot alone, with a target every `spacing_mm` as a CAM system posts them."""
     path = _Path(spacing_mm)
     clear = RADIUS + 4

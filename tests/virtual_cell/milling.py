@@ -1,10 +1,10 @@
 """A milling pass in the virtual cell: cutter, stock and the yielding arm in balance at every step, and the log of the pass.
 
 The tool yields to the mean cutting force of the engagement that it has where it yields to: both are solved together, step by
-step, with the gears remembering the way. Each gear's twin that goes the same way in air is where the tool would stand without
-force: a calibrated robot stands there on its command. Tooth passing is superposed on the log alone: the arm is far too slow to
-follow it, and a step of the path is some revolutions long. The controller is taken to interpolate straight between targets and to
-keep its feed; zones and dynamics are left out.
+step, with the gears remembering the way. A twin of the arm goes the same way in air: there a calibrated robot stands on its
+command, and from there the tool is pushed. Tooth passing is superposed on the log alone: the arm is far too slow to follow it,
+and a step of the path is two revolutions long. The controller is taken to interpolate straight between targets and to keep its
+feed; zones, dynamics, the tilt of the tool and the moment of the force about the TCP are left out.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from tests.virtual_cell.plant import Plant
 # The work object in the base frame: the part on the table. And the spindle in it, pointing down.
 OBJECT_M, BASE_FROM_OBJECT = np.array([1.35, -0.1, 0.75]), Rotation.from_euler("z", 10, degrees=True)
 OBJECT_FROM_FLANGE = Rotation.from_matrix([[-1, 0, 0], [0, 1, 0], [0, 0, -1]])
+SENSOR_TURN = Rotation.from_euler("zx", [35, 180], degrees=True)
 FORCE_TOLERANCE = 1e-4      # of the balance of cut and arm [N]
 NUMBER = r"\s*([-+0-9.eE]+)\s*"
 TARGET = re.compile(r"Move[LJ] \[\[" + ",".join([NUMBER] * 3) + r"\],\[" + ",".join([NUMBER] * 4) + r"\]")
@@ -153,7 +154,7 @@ def mill(plant: Plant, part: Part, commands: Commands, cutter: EndMill, given_n:
 
 
 def engagement(part: Part, steps: Steps, cutter: EndMill, i: int, place_mm: np.ndarray) -> tuple[np.ndarray, float]:
-    """Which pieces of the cutter's circle are in the stock at step i with the tool at place_mm (3,), and how deep it is [mm]."""
+    """Which pieces of the cutter's circle are in the stock at step i with the tool at place_mm (3,), and its depth [mm]."""
     along, left = steps.feed[i], steps.left[i, :2]
     rim = place_mm[:2] + cutter.rim_mm @ np.array([along, left])
     return cutter.coverage(part.inside_mm(int(steps.feature[i]), rim)), max(-float(place_mm[2]), 0.0)
@@ -173,7 +174,7 @@ class Sensor:
     controller logs beside it: where it has commanded the TCP.
     """
 
-    turn: Rotation = Rotation.from_euler("zx", [35, 180], degrees=True)
+    turn: Rotation = SENSOR_TURN
     position_mm: tuple[float, float, float] = (0.0, 0.0, 90.0)
     rate_hz: float = 2000.0
     bias_n: tuple[float, float, float] = (2.6, -3.4, 4.1)
@@ -253,6 +254,7 @@ def rapid(part: Part, theta: np.ndarray, cutter: EndMill, tool_mm: tuple[float, 
     for i, position in enumerate(part.target_mm):
         branch = 0 if theta[i, 4] >= 0 else 1
         speed = "vAir" if part.feature[i] == AIR else "vCut"
-        lines.append(f"    Move{'L' if i else 'J'} {pose(position, OBJECT_FROM_FLANGE)},[{','.join(map(str, quarters[i]))},{branch}],"
+        conf = ",".join(map(str, [*quarters[i], branch]))
+        lines.append(f"    Move{'L' if i else 'J'} {pose(position, OBJECT_FROM_FLANGE)},[{conf}],"
                      f"[9E9,9E9,9E9,9E9,9E9,9E9]],{speed},z0,tMill\\WObj:=wPart;")
     return "\n".join([*lines, "    ConfL\\On;", "  ENDPROC", "ENDMODULE"]) + "\n"

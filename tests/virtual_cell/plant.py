@@ -63,7 +63,7 @@ class Plant:
         return give
 
     def at_rest(self, row: Row, force: np.ndarray, rest: np.ndarray | None, start: State | None = None) -> State:
-        """Where the arm of a row comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state."""
+        """Where the arm comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state itself."""
         return self.solver.solve(row.q, self._springs(row, rest), force, offset=None if rest is None else self.offset,
                                  rod_ratio=self.rod_ratio, start=start)
 
