@@ -1,6 +1,7 @@
 """Does the correction make parts better? Milled, logged, corrected and milled again in the virtual cell.
 
-    OMP_NUM_THREADS=1 python benchmarks/milling_loop.py [ROBOTS] [FIRST_SEED] [--workers N] [--set NAME=VALUE ...]
+    OMP_NUM_THREADS=1 python benchmarks/milling_loop.py [ROBOTS] [FIRST_SEED] [--only plain|spacing|hidden] [--workers N]
+                                                        [--set NAME=VALUE ...]
 
 The truth is tests/virtual_cell alone: rigid bodies with the closed rod, gravity, and an end mill whose force follows the
 engagement that the yielding tool has (tests/virtual_cell/milling.py says what is left out). Each robot is drawn, load-tested
@@ -46,6 +47,7 @@ PARTS = {
 }
 HIDDEN = ("backlash:1", "soft_zone:1", "gear_friction:1", "bearing_tilt:2", "base_rocking", "spindle_compliance")
 HIDDEN_PART = "0.5 mm"
+SPACINGS_MM = (1.5, 0.5, 0.25, 0.1)
 SHARP = PLACES.index("sharp corner")
 
 
@@ -155,6 +157,24 @@ def hidden(arguments: tuple[str, int, dict[str, float]]) -> Result:
         return Result(effect, seed, rows, f"{diagnosis['verdict']} {causes}".strip(), time.perf_counter() - started)
 
 
+def spaced(arguments: tuple[float, int, dict[str, float]]) -> str:
+    """One robot, targets at one spacing: what is gone by place, and how rough the corrections are."""
+    spacing, seed, wanted = arguments
+    with tempfile.TemporaryDirectory() as folder:
+        job = MillingJob(Path(folder), seed, part=slot_and_pocket(spacing_mm=spacing))
+        found = job.correct(job.log(job.first, job.planned, "pass1.csv"), job.identify(), settings(**wanted))
+        first = job.first_with(found.part)
+        done = row("", first, job.mill(found.commands, part=found.part), found.sigma_um)
+        offset = 1e3 * (found.commands.position_mm - found.part.target_mm)
+        wall = PLACES.index("straight wall")
+        rough = rms(np.linalg.norm(np.diff(offset, 2, axis=0), axis=1)[found.part.place[1:-1] == wall] / np.sqrt(6))
+        stated = rms(first.steps.between(found.sigma_um)[first.steps.place == wall])
+        shares = [f"{gone(done, done.place == PLACES.index(place)):.1f} %" for place in ("slot", "straight wall", "sharp corner")]
+        left = rms(done.after[done.place == wall])
+        return (f"| {spacing:g} mm | {gone(done):.1f} % | {' | '.join(shares)} | {left:.1f} | {stated:.1f} | {rough:.1f} | "
+                f"{int(done.worse.sum())} |")
+
+
 def least_squares_k(job: MillingJob) -> np.ndarray:
     """Stiffnesses (6,) [N m/rad] by unweighted least squares in k over the rows to identify."""
     cell = read_cell(job.cell)
@@ -245,20 +265,29 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("robots", type=int, nargs="?", default=8)
     parser.add_argument("first_seed", type=int, nargs="?", default=7000)
+    parser.add_argument("--only", choices=["plain", "spacing", "hidden"])
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
     wanted = {name: float(value) for name, _, value in (each.partition("=") for each in options.set)}
     seeds = range(options.first_seed, options.first_seed + options.robots)
     with ProcessPoolExecutor(options.workers) as pool:
-        for part in PARTS:
+        for part in PARTS if options.only in (None, "plain") else ():
             print_plain(part, list(pool.map(plain, [(part, seed, wanted) for seed in seeds])))
             sys.stdout.flush()
-        print(f"\nOne hidden effect of typical size; targets every {HIDDEN_PART}")
-        print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | of that "
-              "| worse (beside the corner): ignored | diagnosed | within 2 sigma |\n" + 11 * "|---" + "|")
-        for effect in HIDDEN:
-            print_hidden(effect, list(pool.map(hidden, [(effect, seed, wanted) for seed in seeds[:(len(seeds) + 1) // 2]])))
+        if options.only in (None, "spacing"):
+            print("\nTargets closer and closer, first robot; roughness: scatter of neighbouring corrections on the straight wall\n"
+                  "| targets every | gone | slot | straight wall | sharp corner | wall: left [um] | stated sigma | roughness | worse |"
+                  "\n" + 9 * "|---" + "|")
+            for line in pool.map(spaced, [(spacing, seeds[0], wanted) for spacing in SPACINGS_MM]):
+                print(line, flush=True)
+        if options.only in (None, "hidden"):
+            print(f"\nOne hidden effect of typical size; targets every {HIDDEN_PART}")
+            print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | of that "
+                  "| worse (beside the corner): ignored | diagnosed | within 2 sigma |\n" + 11 * "|---" + "|")
+            for effect in HIDDEN:
+                few = seeds[:(len(seeds) + 1) // 2]
+                print_hidden(effect, list(pool.map(hidden, [(effect, seed, wanted) for seed in few])))
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from tests.virtual_cell.milled_part import Part, slot_and_pocket
 from tests.virtual_cell.milling import BASE_FROM_OBJECT, Commands, Pass, Sensor, angles, planned
 
 TARE = (0, 2)       # the air move before the slot
+ROUNDING_UM = 0.1   # of the written numbers; targets that a force barely touches state no sigma
 TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
 
 
@@ -182,5 +183,5 @@ def grown(first: Pass, after: Pass) -> np.ndarray:
 
 
 def made_worse(first: Pass, after: Pass, sigma_um: np.ndarray) -> np.ndarray:
-    """Steps (S,) that cut and that have grown by more than 2 sigma_um (N,) of their targets."""
-    return np.asarray(after.cutting & (grown(first, after) > 2 * first.steps.between(sigma_um)))
+    """Steps (S,) that cut and that have grown by more than 2 sigma_um (N,) of their targets, and by more than the rounding."""
+    return np.asarray(after.cutting & (grown(first, after) > 2 * first.steps.between(sigma_um) + ROUNDING_UM))
