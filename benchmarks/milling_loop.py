@@ -157,22 +157,25 @@ def hidden(arguments: tuple[str, int, dict[str, float]]) -> Result:
         return Result(effect, seed, rows, f"{diagnosis['verdict']} {causes}".strip(), time.perf_counter() - started)
 
 
-def spaced(arguments: tuple[float, int, dict[str, float]]) -> str:
-    """One robot, targets at one spacing: what is gone by place, and how rough the corrections are."""
-    spacing, seed, wanted = arguments
+def spaced(arguments: tuple[float, int, int, dict[str, float]]) -> str:
+    """One robot, targets at one spacing: what is gone by place, and how rough the corrections are. The log is filtered over so
+    many revolutions first."""
+    spacing, revolutions, seed, wanted = arguments
     with tempfile.TemporaryDirectory() as folder:
         job = MillingJob(Path(folder), seed, part=slot_and_pocket(spacing_mm=spacing))
-        found = job.correct(job.log(job.first, job.planned, "pass1.csv"), job.identify(), settings(**wanted))
+        log = job.log(job.first, job.planned, "pass1.csv", revolutions=revolutions)
+        found = job.correct(log, job.identify(), settings(**wanted))
         first = job.first_with(found.part)
         done = row("", first, job.mill(found.commands, part=found.part), found.sigma_um)
         offset = 1e3 * (found.commands.position_mm - found.part.target_mm)
         wall = PLACES.index("straight wall")
         rough = rms(np.linalg.norm(np.diff(offset, 2, axis=0), axis=1)[found.part.place[1:-1] == wall] / np.sqrt(6))
         stated = rms(first.steps.between(found.sigma_um)[first.steps.place == wall])
-        shares = [f"{gone(done, done.place == PLACES.index(place)):.1f} %" for place in ("slot", "straight wall", "sharp corner")]
-        left = rms(done.after[done.place == wall])
-        return (f"| {spacing:g} mm | {gone(done):.1f} % | {' | '.join(shares)} | {left:.1f} | {stated:.1f} | {rough:.1f} | "
-                f"{int(done.worse.sum())} |")
+        places = [PLACES.index(place) for place in ("slot", "straight wall", "sharp corner")]
+        shares = [f"{gone(done, done.place == place):.1f} %" for place in places]
+        cells = [f"{spacing:g} mm", revolutions or "as it is", f"{gone(done):.1f} %", *shares,
+                 f"{rms(done.after[done.place == wall]):.1f}", f"{stated:.1f}", f"{rough:.1f}", int(done.worse.sum())]
+        return f"| {' | '.join(map(str, cells))} |"
 
 
 def least_squares_k(job: MillingJob) -> np.ndarray:
@@ -276,15 +279,16 @@ def main() -> None:
             print_plain(part, list(pool.map(plain, [(part, seed, wanted) for seed in seeds])))
             sys.stdout.flush()
         if options.only in (None, "spacing"):
-            print("\nTargets closer and closer, first robot; roughness: scatter of neighbouring corrections on the straight wall\n"
-                  "| targets every | gone | slot | straight wall | sharp corner | wall: left [um] | stated sigma | roughness | worse |"
-                  "\n" + 9 * "|---" + "|")
-            for line in pool.map(spaced, [(spacing, seeds[0], wanted) for spacing in SPACINGS_MM]):
+            print("\nTargets closer and closer, first robot. Log: as it is, or a moving mean over so many revolutions. Roughness: "
+                  "scatter of neighbouring corrections on the straight wall\n| targets every | log | gone | slot | straight wall "
+                  "| sharp corner | wall: left [um] | stated sigma | roughness | worse |\n" + 10 * "|---" + "|")
+            runs = [(spacing, revolutions, seeds[0], wanted) for revolutions in (0, 3) for spacing in SPACINGS_MM]
+            for line in pool.map(spaced, runs):
                 print(line, flush=True)
         if options.only in (None, "hidden"):
             print(f"\nOne hidden effect of typical size; targets every {HIDDEN_PART}")
-            print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | of that "
-                  "| worse (beside the corner): ignored | diagnosed | within 2 sigma |\n" + 11 * "|---" + "|")
+            print("| hidden | seed | diagnose says | off before [um] | gone: ignored | diagnosed | with the cell itself | "
+                  "of that | worse (beside the corner): ignored | diagnosed | within 2 sigma |\n" + 11 * "|---" + "|")
             for effect in HIDDEN:
                 few = seeds[:(len(seeds) + 1) // 2]
                 print_hidden(effect, list(pool.map(hidden, [(effect, seed, wanted) for seed in few])))

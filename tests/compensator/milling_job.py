@@ -103,9 +103,11 @@ class MillingJob:
         output.write_text(json.dumps(model.as_dict()))
         return output
 
-    def log(self, done: Pass, commands: Commands, name: str, by_target: bool = False) -> Path:
-        """The log of a pass, as the sensor gives it."""
+    def log(self, done: Pass, commands: Commands, name: str, *, by_target: bool = False, revolutions: int = 0) -> Path:
+        """The log of a pass, as the sensor gives it, or filtered by a moving mean over so many revolutions."""
         log = milling.log_of(done, self.part, commands, self.cutter, self.sensor, np.random.default_rng([self.seed, 77]))
+        if revolutions:
+            log = log.averaged(round(revolutions * self.sensor.rate_hz / self.cutter.turns_per_s))
         output = self.folder / name
         output.write_text(log.csv(by_target))
         return output

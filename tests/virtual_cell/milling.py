@@ -12,7 +12,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -201,6 +201,11 @@ class Log:
     force_n: np.ndarray
     position_mm: np.ndarray
     target: np.ndarray
+
+    def averaged(self, samples: int) -> Log:
+        """The log with a moving mean over so many samples, as a low-pass filter before the logger gives it."""
+        ends = np.pad(self.force_n, ((samples // 2, samples - samples // 2), (0, 0)), mode="edge").cumsum(axis=0)
+        return replace(self, force_n=(ends[samples:] - ends[:-samples]) / samples)
 
     def csv(self, by_target: bool = False) -> str:
         places = [self.target] if by_target else [*self.position_mm.T]

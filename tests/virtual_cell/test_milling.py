@@ -146,6 +146,9 @@ def test_the_log_shows_the_pass(part: Part, milled: Pass) -> None:
     rows = (milled.steps.place == PLACES.index("slot")) & (np.abs(milled.commanded_mm[:, 0]) < 30)
     assert slot.sum() > 3000
     assert force[slot].mean(axis=0) == pytest.approx(milled.force_n[rows].mean(axis=0), rel=0.01)
+    # Over whole revolutions it is still: filtered over three of them the mean is left.
+    still = (OBJECT_FROM_FLANGE * clean.turn).apply(log.averaged(40).force_n)[slot][100:-100]
+    assert np.ptp(still, axis=0).max() < 0.05 * np.abs(force[slot]).max()
     # The ripple of single teeth is there, half as large as the mean at least.
     assert np.ptp(force[slot][:, 1]) > 0.5 * np.abs(force[slot][:, 1].mean())
     # A tooth passes 450 times a second: the log resolves that.
