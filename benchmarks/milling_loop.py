@@ -279,9 +279,9 @@ def main() -> None:
             print_plain(part, list(pool.map(plain, [(part, seed, wanted) for seed in seeds])))
             sys.stdout.flush()
         if options.only in (None, "spacing"):
-            print("\nTargets closer and closer, first robot. Log: as it is, or a moving mean over so many revolutions. Roughness: "
-                  "scatter of neighbouring corrections on the straight wall\n| targets every | log | gone | slot | straight wall "
-                  "| sharp corner | wall: left [um] | stated sigma | roughness | worse |\n" + 10 * "|---" + "|")
+            print("\nTargets closer and closer, first robot. Log: as it is, or a moving mean over so many revolutions. "
+                  "Roughness: scatter of neighbouring corrections on the straight wall\n| targets every | log | gone | slot | "
+                  "straight wall | sharp corner | wall: left [um] | stated sigma | roughness | worse |\n" + 10 * "|---" + "|")
             runs = [(spacing, revolutions, seeds[0], wanted) for revolutions in (0, 3) for spacing in SPACINGS_MM]
             for line in pool.map(spaced, runs):
                 print(line, flush=True)
