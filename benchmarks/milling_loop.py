@@ -11,7 +11,7 @@ blank.
 
 Off: distance of the loaded tool from plan at every half millimetre that cuts; `faces`: across the wall, and for the slot's
 floor upwards. Gone: of its RMS and of its largest. Worse: steps further off than without correction by more than 2 of the
-sigmas that offsets.csv states. --set: a further row with these fields of Settings (numbers), where they are there.
+sigmas that offsets.csv states. --set: a further row with these fields of Settings (numbers).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.measurements import read_measurements
 from identification.model.compliance import equilibrium
@@ -273,6 +274,9 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
     wanted = {name: float(value) for name, _, value in (each.partition("=") for each in options.set)}
+    missing = set(wanted) - {item.name for item in fields(Settings)}
+    if missing:
+        parser.error(f"Settings has no field {', '.join(sorted(missing))}")
     seeds = range(options.first_seed, options.first_seed + options.robots)
     with ProcessPoolExecutor(options.workers) as pool:
         for part in PARTS if options.only in (None, "plain") else ():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from tests.acceptance import kit
 from tests.virtual_cell import milling
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.milled_part import Part, slot_and_pocket
+from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, Part, slot_and_pocket
 from tests.virtual_cell.milling import BASE_FROM_OBJECT, Commands, Pass, Sensor, angles, planned
 
 TARE = (0, 2)       # the air move before the slot
@@ -29,9 +29,8 @@ TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
 
 
 def settings(**wanted: Any) -> Settings:
-    """Settings with the tare and those of the wanted fields that there are."""
-    known = {item.name for item in fields(Settings)}
-    return Settings(**{name: value for name, value in ({"tare": TARE} | wanted).items() if name in known})
+    """Settings with the tare and the wanted fields."""
+    return Settings(**({"tare": TARE} | wanted))
 
 
 @dataclass(frozen=True)
@@ -103,9 +102,11 @@ class MillingJob:
         output.write_text(json.dumps(model.as_dict()))
         return output
 
-    def log(self, done: Pass, commands: Commands, name: str, *, by_target: bool = False, revolutions: int = 0) -> Path:
+    def log(self, done: Pass, commands: Commands, name: str, *, part: Part | None = None, by_target: bool = False,
+            revolutions: int = 0) -> Path:
         """The log of a pass, as the sensor gives it, or filtered by a moving mean over so many revolutions."""
-        log = milling.log_of(done, self.part, commands, self.cutter, self.sensor, np.random.default_rng([self.seed, 77]))
+        rng = np.random.default_rng([self.seed, 77])
+        log = milling.log_of(done, part or self.part, commands, self.cutter, self.sensor, rng)
         if revolutions:
             log = log.averaged(round(revolutions * self.sensor.rate_hz / self.cutter.turns_per_s))
         output = self.folder / name
@@ -114,11 +115,9 @@ class MillingJob:
 
     def perfect_log(self, done: Pass, name: str) -> Path:
         """One row a target, base frame, without any error: the mean force in the middle of the two steps about it."""
-        steps = done.steps
         mean = np.array([done.force_n[near].mean(axis=0) for near in self._steps_at_targets(done)])
         turned = BASE_FROM_OBJECT.apply(mean)
         rows = [f"{i},{x:.9g},{y:.9g},{z:.9g}" for i, (x, y, z) in enumerate(turned)]
-        assert len(rows) == steps.segment[-1] + 1
         output = self.folder / name
         output.write_text("\n".join(["target,fx_n,fy_n,fz_n", *rows]) + "\n")
         return output
@@ -146,6 +145,7 @@ class MillingJob:
         sigma = np.linalg.norm(kit.column(rows, "sx_um", "sy_um", "sz_um"), axis=1)
         part = self.part
         if len(written.position_mm) != len(part.target_mm):
+            # What densifies a move says of its own targets where they were planned.
             part = part.with_targets(kit.column(rows, "x_mm", "y_mm", "z_mm"))
         return Correction(job, part, written, sigma)
 
@@ -166,7 +166,7 @@ class MillingJob:
         """Commands at which the cell itself, its hidden effects included, would hold the tool on plan under the forces of
         wrench (N, 6) [N, base], one a target."""
         length = np.linalg.norm(np.diff(self.part.target_mm, axis=0, prepend=self.part.target_mm[:1]), axis=1)
-        time = np.cumsum(length / np.where(self.part.feature == 0, 150.0, self.cutter.feed_mm_s))
+        time = np.cumsum(length / np.where(self.part.feature == AIR, AIR_FEED_MM_S, self.cutter.feed_mm_s))
         position = self.part.target_mm.copy()
         for _ in range(rounds):
             theta = angles(Commands(position, self.planned.turn), self.case.plant)

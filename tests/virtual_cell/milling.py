@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.inverse import comfortable, inverse
 from tests.virtual_cell.laws import Row
-from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, Part, Steps, steps_of
+from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, SLOT, Part, Steps, steps_of
 from tests.virtual_cell.plant import Plant
 
 # The work object in the base frame: the part on the table. And the spindle in it, pointing down.
@@ -64,7 +64,7 @@ class Pass:
     def surface_um(self) -> np.ndarray:
         """Error of the machined faces (S,) [um]: across the wall and, where the tool leaves a floor (the slot), up."""
         across = np.einsum("si,si->s", self.off_um, self.steps.left)
-        return np.hypot(across, np.where(self.steps.feature == 1, self.off_um[:, 2], 0.0))
+        return np.hypot(across, np.where(self.steps.feature == SLOT, self.off_um[:, 2], 0.0))
 
 
 def planned(part: Part) -> Commands:
