@@ -10,7 +10,7 @@ import numpy as np
 from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import Design
 from tests.virtual_cell.laws import Law, Row
-from tests.virtual_cell.statics import Statics, statics
+from tests.virtual_cell.statics import State, Statics, statics
 
 ForceFault = Callable[[np.ndarray, Row], np.ndarray]
 ReadingFault = Callable[[np.ndarray, Row, np.ndarray], np.ndarray]
@@ -62,6 +62,11 @@ class Plant:
 
         return give
 
+    def at_rest(self, row: Row, force: np.ndarray, rest: np.ndarray | None, start: State | None = None) -> State:
+        """Where the arm comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state itself."""
+        return self.solver.solve(row.q, self._springs(row, rest), force, offset=None if rest is None else self.offset,
+                                 rod_ratio=self.rod_ratio, start=start)
+
     def displacement(self, design: Design, force_error: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """TCP displacement (N, 3) [m], loaded minus unloaded in the same pose, base frame, and what the lasers see of it.
 
@@ -77,15 +82,14 @@ class Plant:
                 for law in self.laws:
                     law.begin()
                 pose = int(design.pose[i])
-                unloaded = state = self.solver.solve(q, self._springs(row, None), np.zeros(3), rod_ratio=self.rod_ratio)
+                unloaded = state = self.at_rest(row, np.zeros(3), None)
                 for law in self.laws:
                     law.settle(unloaded.torque, row)
             assert unloaded is not None
             force = row.force if force_error is None else row.force + force_error[i]
             for fault in self.force_faults:
                 force = fault(force, row)
-            state = self.solver.solve(q, self._springs(row, unloaded.torque), force, offset=self.offset,
-                                      rod_ratio=self.rod_ratio, start=state)
+            state = self.at_rest(row, force, unloaded.torque, state)
             for law in self.laws:
                 law.settle(state.torque, row)
             moved[i] = seen[i] = state.tcp - unloaded.tcp
