@@ -42,7 +42,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
     corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"],
-                               Settings(tare=TARE), overwrite=True)
+                               Settings(tare=(TARE,)), overwrite=True)
     session.inputs += [at[name] for name in SAMPLES]
     lines = [
         f"$ compstiff identify cell.yaml measurements.csv -o stiffness.json --report identify.html   (in {folder})",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from compensator.correction import Correction, Prediction, correct_path, predict_path, targets_to_correct
 from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
+from compensator.placement import borders
 from compensator.planning import Plan, plan_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
 from compensator.settings import DEFAULTS, Settings
@@ -86,15 +87,17 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
     cell = read_cell(inputs.cell)
     model = read_stiffness(inputs.stiffness, cell)
     program = read_toolpath(inputs.toolpath)
-    log = read_force_log(inputs.forces)
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
                     hint="name the module that holds the moves")
-    said: tuple[Finding, ...] = (*program.toolpath.findings, *log.findings)
+    said: tuple[Finding, ...] = program.toolpath.findings
     try:
         # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             plan = plan_path(program.toolpath, cell)
+            log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log_format,
+                                 spindle_rpm=settings.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
+            said = (*said, *log.findings)
             forces = place_forces(log, plan, cell, tare=settings.tare)
             said = (*program.toolpath.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
             targets, left = targets_to_correct(plan, forces)

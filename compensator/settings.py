@@ -12,9 +12,15 @@ import click
 
 @dataclass(frozen=True)
 class Settings:
-    """tare: first and last target of an air move, whose mean force is the sensor's bias."""
+    """tare: first and last target of air moves, whose mean force is the sensor's bias.
 
-    tare: tuple[int, int] | None = None
+    log_format: a public form of the force log, None for CSV and Parquet. spindle_rpm: the spindle's speed, whole revolutions of
+    which are averaged; None: as cell.yaml states it, or found in the log.
+    """
+
+    tare: tuple[tuple[int, int], ...] = ()
+    log_format: str | None = None
+    spindle_rpm: float | None = None
 
 
 DEFAULTS = Settings()
@@ -38,7 +44,12 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # How the force log is read and placed: `predict` and `correct`.
 FORCE_OPTIONS: tuple[Decorator, ...] = (
-    click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias."),
+    click.option("--tare", type=TargetRange(), multiple=True,
+                 help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
+    click.option("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
+                 help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
+    click.option("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
+                 help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
 )
 # How the program is corrected: `correct` alone.
 CORRECTION_OPTIONS: tuple[Decorator, ...] = ()

@@ -84,9 +84,10 @@ def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Comman
 
 def _run(session: Session, body: Callable[[], Outcome]) -> int:
     """Runs the body, shows what it has to say, returns the exit code."""
-    from identification import files
+    from identification import files, progress
     from identification.findings import CompstiffError, Finding
 
+    progress.shown.set(sys.stderr.isatty() and not session.quiet and not session.as_json)
     before = len(files.written)
     try:
         outcome = body()

@@ -1,0 +1,218 @@
+"""ForceLog: a logged pass, read in bounded memory, averaged over whole revolutions of the spindle, checked on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator import revolutions
+from compensator.force_health import EVEN, Health
+from compensator.force_source import ForceSource, Key, Samples, open_force_log, placed_by
+from identification.cell import ForceLogFile
+from identification.findings import Finding, counted, error
+from identification.progress import progress
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+# A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
+ROWS, ROWS_PER_TARGET = 500_000, 16
+AS_IT_IS = ForceLogFile()
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLog:
+    """A logged pass, M rows in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
+
+    A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index or path
+    length [m], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None; rate [Hz] of
+    the samples, None where it is not known. revolution [s]: every force is the mean over that time about it; None: it is not.
+    saturated (M,): a sample at the end of the sensor's range is in the row.
+    """
+
+    source: str
+    force: Array
+    moment: Array
+    has_moment: bool
+    key: Key
+    place: Array
+    line: Indices
+    weight: Array
+    time: Array | None
+    rate: float | None
+    revolution: float | None
+    saturated: NDArray[np.bool_]
+    findings: tuple[Finding, ...] = ()
+
+
+def read_force_log(
+    path: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,
+    borders: Array | None = None,
+) -> ForceLog:
+    """Reads a force log.
+
+    form: how this cell's logger writes it. log_format: one of force_source.LOG_FORMATS, None for CSV or Parquet. spindle_rpm:
+    overrides the form's. borders (N - 1,) [m]: path lengths half way between targets: no row of a long log placed by path
+    length reaches over one. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty,
+    CS3004 no target number, CS3020 no header, CS3022 counts without a scale.
+    """
+    source = open_force_log(Path(path), form, log_format)
+    if not source.rows:
+        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
+    rate, uneven = _rate(source)
+    spindle, said = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+    window = rate / spindle if rate and spindle else None
+    size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
+    health = Health(str(path), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not uneven else None)
+    rows: list[Rows] = []
+    with progress(f"reading {Path(path).name}", source.rows) as bar:
+        for block in _quiet(source, health, window):
+            rows.append(_reduced(block, size, source.key, borders))
+            bar.add(len(block.samples))
+    if not rows:
+        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
+    whole = Rows(*(np.concatenate(parts) for parts in zip(*(_fields(part) for part in rows), strict=True)))
+    del rows
+    time = whole.time if not np.isnan(whole.time[0]) else None
+    if time is None and rate:
+        time = (whole.number + 0.5 * (whole.weight - 1)) / rate
+    notes = [Finding("CS3003", "note", f"{counted(health.count, 'sample')}, placed by {placed_by(source)}", file=str(path)),
+             *source.findings, *uneven, *said]
+    if size > 1:
+        notes.append(Finding("CS3030", "note", f"kept as {len(whole.line)} means of up to {size} consecutive samples",
+                             file=str(path)))
+    notes += health.findings()
+    moment = whole.load[:, 3:] if source.has_moment else np.zeros((len(whole.line), 3))
+    place = whole.place[:, 0] if source.key in ("target", "path_mm") else whole.place
+    return ForceLog(str(path), whole.load[:, :3], moment, source.has_moment, source.key, place, whole.line, whole.weight, time,
+                    rate, 1 / spindle if window and spindle else None, health.unsound(whole.flags, whole.number), tuple(notes))
+
+
+def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
+    """Samples a second: as stated, else from the first times; and why the times are of no use."""
+    stated = source.form.rate_hz
+    first = next(iter(source.blocks()), None)
+    if first is None or first.time is None or len(first) < 3:
+        return stated, []
+    step = np.diff(first.time)
+    middle = float(np.median(step))
+    if middle > 0 and np.mean(np.abs(step - middle) <= EVEN * middle) > 0.9:
+        # The mean of the steps without gaps: one step may be rounded.
+        usual = step[np.abs(step - middle) <= EVEN * middle]
+        return stated or float(1 / usual.mean()), []
+    return stated, [Finding(
+        "CS3036", "note", "time_s does not go in even steps (they are rounded, or the logger has no fixed rate): "
+        "gaps are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.path),
+        hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
+
+
+def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, list[Finding]]:
+    """The spindle's speed [Hz], and what is to be said of it."""
+    name = str(source.path)
+    if rate is None:
+        if stated_rpm is None:
+            return None, []
+        return None, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log "
+                              "was sampled: plain means were taken", file=name, hint="log time_s, or state force_log.rate_hz")]
+    stated = None if stated_rpm is None else stated_rpm / 60
+    if stated is not None and 2 * stated > rate:
+        return None, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
+                              "means were taken", file=name)]
+    seen = revolutions.spectrum(source.stretch, rate, source.rows)
+    found = None if seen is None else revolutions.find_spindle(*seen, stated)
+    if stated is None:
+        if found is None:
+            few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
+            return None, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
+                                  hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
+        return found.frequency, [_averaged(found.frequency, f"found in the spectrum: {100 * found.share:.0f} % of its lines at "
+                                           f"multiples, the strongest at {found.strongest:.1f} Hz", name)]
+    if found is not None and abs(found.frequency / stated - 1) <= revolutions.SLIP:
+        return found.frequency, [_averaged(found.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+    other = None if seen is None else revolutions.find_spindle(*seen)
+    said = [_averaged(stated, "as stated", name)]
+    if other is not None:
+        said.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
+                            f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
+    return stated, said
+
+
+def _averaged(frequency: float, how: str, name: str) -> Finding:
+    return Finding("CS3027", "note", f"forces averaged over whole revolutions of {1e3 / frequency:.4g} ms, spindle at "
+                   f"{60 * frequency:.1f} rpm ({how})", file=name)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Samples with their flags (n,) (force_health.py) and their numbers (n,) from 0."""
+
+    samples: Samples
+    flags: NDArray[np.uint16]
+    number: Indices
+
+    def part(self, which: slice) -> Block:
+        """Some of them."""
+        return Block(self.samples.part(which), self.flags[which], self.number[which])
+
+
+def _quiet(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
+    """The blocks of a log, checked, and averaged over `window` samples."""
+    waiting: list[Block] = []
+
+    def checked() -> Iterator[tuple[Array, Indices]]:
+        for samples in source.blocks():
+            first = health.count
+            flags, gaps = health.look(samples)
+            waiting.append(Block(samples, flags, np.arange(first, first + len(samples))))
+            yield samples.load, gaps
+
+    if window is None:
+        for _ in checked():
+            yield waiting.pop()
+        return
+    for load in revolutions.averaged(checked(), window):
+        given = 0
+        while given < len(load):
+            block = waiting.pop(0)
+            take = min(len(block.samples), len(load) - given)
+            if take < len(block.samples):
+                waiting.insert(0, block.part(slice(take, None)))
+                block = block.part(slice(0, take))
+            yield replace(block, samples=replace(block.samples, load=load[given:given + take]))
+            given += take
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What is kept of the log; fields as in ForceLog. number (n,): of the first sample of each row."""
+
+    load: Array
+    place: Array
+    time: Array
+    line: Indices
+    weight: Array
+    flags: NDArray[np.uint16]
+    number: Indices
+
+
+def _fields(rows: Rows) -> tuple[NDArray[np.generic], ...]:
+    return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number
+
+
+def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
+    """Means of up to `size` consecutive samples; none reaches over a change of target."""
+    samples, count = block.samples, len(block.samples)
+    time = np.full(count, np.nan) if samples.time is None else samples.time
+    if size == 1:
+        return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number)
+    starts = np.arange(0, count, size)
+    if key == "target" or (key == "path_mm" and borders is not None):
+        target = samples.place[:, 0] if key == "target" or borders is None else np.searchsorted(borders, samples.place[:, 0])
+        starts = np.union1d(starts, np.flatnonzero(np.diff(target)) + 1)
+    weight = np.diff(starts, append=count).astype(float)
+    place = samples.place[starts] if key == "target" else np.add.reduceat(samples.place, starts, axis=0) / weight[:, None]
+    return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, np.add.reduceat(time, starts) / weight,
+                samples.line[starts], weight, np.bitwise_or.reduceat(block.flags, starts), block.number[starts])
