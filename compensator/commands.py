@@ -9,6 +9,7 @@ import click
 
 from compensator.design import design
 from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, Settings, with_settings
+from compensator.tare import tare
 from identification.console import READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
@@ -154,4 +155,4 @@ def demo(session: Session, folder: Path) -> Outcome:
     return run_demo(session, folder)
 
 
-COMMANDS = (design, predict, correct, demo)
+COMMANDS = (design, predict, correct, tare, demo)

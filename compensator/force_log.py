@@ -121,7 +121,7 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
     if stated is not None and 2 * stated > rate:
         return None, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
                               "means were taken", file=name)]
-    seen = revolutions.spectrum(source.stretch, rate, source.rows)
+    seen = revolutions.spectrum(source.stretches, rate, source.rows)
     found = None if seen is None else revolutions.find_spindle(*seen, stated)
     if stated is None:
         if found is None:

@@ -97,16 +97,18 @@ class ForceSource:
         for numbers, line in read:
             yield self._samples(numbers, line)
 
-    def stretch(self, share: float, rows: int) -> Array:
-        """The loads (n, 3 or 6) of at most `rows` samples on end, from a place `share` of the way through the log."""
+    def stretches(self, shares: Sequence[float], rows: int) -> Iterator[Array]:
+        """The loads (n, 3 or 6) of about `rows` samples on end, from places `shares` (0 to 1) of the way through the log."""
+        wanted = (*self.forces, *(self.moments or ()))
         if self.held is not None:
-            first = int(share * max(self.rows - rows, 0))
-            numbers = {name: values[first:first + rows] for name, values in self.held.items()}
+            places = [int(share * max(self.rows - rows, 0)) for share in shares]
+            numbers = iter([{name: self.held[name][place:place + rows] for name in wanted} for place in places])
         elif self.layout is None:
-            numbers = number_blocks.parquet_at(self.path, self.columns, (*self.forces, *(self.moments or ())), share, rows)
+            numbers = number_blocks.parquet_at(self.path, self.columns, wanted, shares, rows)
         else:
-            numbers = number_blocks.text_at(self.path, self.layout, (*self.forces, *(self.moments or ())), share, rows)
-        return self._load(numbers) if numbers else np.empty((0, 3))
+            layout = self.layout
+            numbers = (number_blocks.text_at(self.path, layout, wanted, share, rows) for share in shares)
+        return (self._load(part) for part in numbers if part)
 
     def _load(self, numbers: dict[str, Array]) -> Array:
         count = len(next(iter(numbers.values())))

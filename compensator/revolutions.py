@@ -7,7 +7,7 @@ the time up to the next, so that a window need not be a whole number of samples.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,20 +87,23 @@ class Spindle:
     over_floor: float
 
 
-def spectrum(stretch: Callable[[float, int], Array], rate: float, rows: int) -> tuple[Array, Array] | None:
+def spectrum(
+    stretches: Callable[[Sequence[float], int], Iterator[Array]], rate: float, rows: int
+) -> tuple[Array, Array] | None:
     """Frequencies (m,) [Hz] and power (m,), the mean over the livelier half of up to 16 stretches of the log.
 
-    stretch(share, n): n samples from a place in the log. None where the log is too short.
+    stretches(shares, n): n samples from each of several places in the log. None where the log is too short.
     """
     length = int(2 ** np.clip(np.round(np.log2(0.6 * rate)), 10, 14))
     if rows < length:
         return None
     found = []
     taper = np.hanning(length)[:, None]
-    for share in np.linspace(0, 1, int(np.clip(rows // length, 1, 16))):
-        load = stretch(float(share), length)[:, :3]
+    shares = np.linspace(0, 1, int(np.clip(rows // length, 1, 16)))
+    for load in stretches([float(share) for share in shares], length + length // 8):
         if len(load) < length:
             continue
+        load = load[:length, :3]
         line = np.linspace(-1, 1, length)[:, None]
         load = load - load.mean(axis=0)
         load = load - line * ((load * line).sum(axis=0) / (line**2).sum())

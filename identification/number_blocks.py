@@ -261,16 +261,20 @@ def parquet_blocks(path: Path, names: Sequence[str], wanted: Sequence[str]) -> I
             line += batch.num_rows
 
 
-def parquet_at(path: Path, names: Sequence[str], wanted: Sequence[str], share: float, rows: int) -> dict[str, Array]:
-    """At most `rows` rows from a place `share` (0 to 1) of the way through the file, within one row group."""
+def parquet_at(
+    path: Path, names: Sequence[str], wanted: Sequence[str], shares: Sequence[float], rows: int
+) -> Iterator[dict[str, Array]]:
+    """At most `rows` rows from each of these places (0 to 1, ascending) along the file, within one row group."""
     import pyarrow.parquet as pq
 
+    held, frame = -1, pd.DataFrame()
     with pq.ParquetFile(path) as file:
-        place = int(share * max(file.metadata.num_rows - rows, 0))
-        for group in range(file.num_row_groups):
-            count = file.metadata.row_group(group).num_rows
-            if place < count:
-                part = file.read_row_group(group, columns=list(wanted)).slice(place, rows).to_pandas()
-                return as_numbers(part, str(path), names, np.zeros(len(part), dtype=np.intp))
-            place -= count
-    return {}
+        ends = np.cumsum([file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)])
+        for share in shares:
+            place = int(share * max(file.metadata.num_rows - rows, 0))
+            group = int(np.searchsorted(ends, place, side="right"))
+            if group != held:
+                held, frame = group, file.read_row_group(group, columns=list(wanted)).to_pandas()
+            first = place - int(ends[group] - len(frame))
+            part = frame.iloc[first:first + rows]
+            yield as_numbers(part, str(path), names, np.zeros(len(part), dtype=np.intp))
