@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-# A line of the spectrum stands so far over the median of its neighbours; a comb of them is believed when it holds so much of
-# the lines' amplitude, chance taken off.
-OVER_FLOOR, CLEAR = 30.0, 0.8
+# A line of the spectrum stands so far over the median of its neighbours. A comb of lines is believed when it holds so much of
+# their amplitude, chance taken off, and its strongest stands out so far; of a force in random steps no line does.
+OVER_FLOOR, CLEAR, OUTSTANDING = 30.0, 0.8, 300.0
 NEIGHBOURS = 129
 MOST_TEETH = 24
 # The slowest spindle looked for [Hz], and how many bins of the spectrum it must be from zero.
@@ -125,7 +125,7 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
     lines, height, over = _lines(power)
     fast = lines * step >= max(FEWEST_BINS * step, SLOWEST)
     lines, height, over = lines[fast], height[fast], over[fast]
-    if not len(lines):
+    if not len(lines) or over.max() < (OUTSTANDING if stated is None else OVER_FLOOR):
         return None
     strongest = int(np.argmax(height))
     top = lines[strongest] * step
