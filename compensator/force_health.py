@@ -94,7 +94,17 @@ class Health:
 
     def _runs(self, channel: Channel, values: Array, same: NDArray[np.bool_], moves: NDArray[np.bool_], line: Indices) -> None:
         """Runs of one value while other channels move, over the border of blocks too."""
-        channel.repeats += int(np.count_nonzero(same))
+        repeats = int(np.count_nonzero(same))
+        channel.repeats += repeats
+        if repeats + channel.run < STUCK:
+            # Too few repeats for a run that counts: only where the last one began is needed.
+            last = len(values) - 1 - int(np.argmin(same[::-1])) if repeats < len(values) else 0
+            if repeats < len(values):
+                channel.run, channel.moving, channel.run_line = 0, 0, int(line[last])
+                channel.held = float(values[last])
+            channel.run += len(values) - last
+            channel.moving += int(np.count_nonzero(moves[last:] & same[last:]))
+            return
         starts = np.flatnonzero(~same)
         # The run that goes on from the block before ends where the first new value stands.
         ends = np.append(starts, len(values))

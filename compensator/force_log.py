@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from compensator import revolutions
 from compensator.force_health import EVEN, Health
-from compensator.force_source import ForceSource, Key, Samples, open_force_log, placed_by
+from compensator.force_source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
 from identification.cell import ForceLogFile
 from identification.findings import Finding, counted, error
 from identification.progress import progress
@@ -94,7 +94,7 @@ def read_force_log(
 def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
     """Samples a second: as stated, else from the first times; and why the times are of no use."""
     stated = source.form.rate_hz
-    first = next(iter(source.blocks()), None)
+    first = next(iter(source.blocks()), None) if set(TIMES) & set(source.wanted) else None
     if first is None or first.time is None or len(first) < 3:
         return stated, []
     step = np.diff(first.time)
@@ -208,10 +208,12 @@ def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
     time = np.full(count, np.nan) if samples.time is None else samples.time
     if size == 1:
         return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number)
-    starts = np.arange(0, count, size)
+    begins = np.zeros(count, dtype=bool)
+    begins[::size] = True
     if key == "target" or (key == "path_mm" and borders is not None):
         target = samples.place[:, 0] if key == "target" or borders is None else np.searchsorted(borders, samples.place[:, 0])
-        starts = np.union1d(starts, np.flatnonzero(np.diff(target)) + 1)
+        begins[1:] |= target[1:] != target[:-1]
+    starts = np.flatnonzero(begins)
     weight = np.diff(starts, append=count).astype(float)
     place = samples.place[starts] if key == "target" else np.add.reduceat(samples.place, starts, axis=0) / weight[:, None]
     return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, np.add.reduceat(time, starts) / weight,

@@ -34,15 +34,30 @@ def moving_mean(load: Array, window: float, first: int, stop: int, *, starts: bo
     count = len(load)
     if window >= count:
         return np.broadcast_to(load.mean(axis=0), (stop - first, load.shape[1]))
-    total = np.concatenate([np.zeros((1, load.shape[1])), np.cumsum(load, axis=0)])
-    begin = np.arange(first, stop) + 0.5 - 0.5 * window
-    begin = np.clip(begin, 0.0 if starts else -np.inf, count - window if ends else np.inf)
+    total = np.zeros((count + 1, load.shape[1]))
+    np.cumsum(load, axis=0, out=total[1:])
+    lag = 0.5 - 0.5 * window
+    # Where nothing is clipped a window begins and ends at the same fraction of a sample everywhere: slices do.
+    low = min(max(int(np.ceil(-lag)), first), stop) if starts else first
+    high = max(min(int(np.floor(count - window - lag)), stop), low) if ends else stop
 
     def integral(place: Array) -> Array:
         whole = np.clip(np.floor(place).astype(np.intp), 0, count - 1)
         return np.asarray(total[whole] + (place - whole)[:, None] * load[whole])
 
-    return np.asarray((integral(begin + window) - integral(begin)) / window)
+    def steady(offset: float) -> Array:
+        whole = int(np.floor(low + offset))
+        inside = slice(whole, whole + high - low)
+        return np.asarray(total[inside] + (low + offset - whole) * load[inside])
+
+    means = np.empty((stop - first, load.shape[1]))
+    if high > low:
+        np.subtract(steady(lag + window), steady(lag), out=means[low - first:high - first])
+    for part in (slice(first, low), slice(high, stop)):
+        begin = np.clip(np.arange(part.start, part.stop) + lag, 0.0, count - window)
+        means[part.start - first:part.stop - first] = integral(begin + window) - integral(begin)
+    means /= window
+    return means
 
 
 def averaged(
@@ -90,7 +105,7 @@ class Spindle:
 def spectrum(
     stretches: Callable[[Sequence[float], int], Iterator[Array]], rate: float, rows: int
 ) -> tuple[Array, Array] | None:
-    """Frequencies (m,) [Hz] and power (m,), the mean over the livelier half of up to 16 stretches of the log.
+    """Frequencies (m,) [Hz] and power (m,), the mean over the livelier half of up to 12 stretches of the log.
 
     stretches(shares, n): n samples from each of several places in the log. None where the log is too short.
     """
@@ -99,7 +114,7 @@ def spectrum(
         return None
     found = []
     taper = np.hanning(length)[:, None]
-    shares = np.linspace(0, 1, int(np.clip(rows // length, 1, 16)))
+    shares = np.linspace(0, 1, int(np.clip(rows // length, 1, 12)))
     for load in stretches([float(share) for share in shares], length + length // 8):
         if len(load) < length:
             continue

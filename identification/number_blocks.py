@@ -154,9 +154,10 @@ def text_blocks(path: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[t
                 block, rest = block[:cut], block[cut:]
             if b"\r" in block:
                 block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            count = block.count(b"\n")
             if block.strip():
-                yield parse_block(block, str(path), layout, wanted, line)
-            line += block.count(b"\n")
+                yield parse_block(block, str(path), layout, wanted, line, count)
+            line += count
             if not content:
                 return
 
@@ -171,14 +172,14 @@ def text_at(path: Path, layout: Layout, wanted: Sequence[str], share: float, row
             stream.readline()
         block = stream.read(rows * length)
     block = block[: block.rfind(b"\n") + 1].replace(b"\r\n", b"\n")
-    return parse_block(block, str(path), layout, wanted, 1)[0] if block.strip() else {}
+    return parse_block(block, str(path), layout, wanted, 1, block.count(b"\n"))[0] if block.strip() else {}
 
 
 def parse_block(
-    block: bytes, name: str, layout: Layout, wanted: Sequence[str], line: int
+    block: bytes, name: str, layout: Layout, wanted: Sequence[str], line: int, ends: int
 ) -> tuple[dict[str, Array], Indices]:
-    """Columns and lines of whole rows of text whose first stands on `line`."""
-    width, count = len(layout.names), block.count(b"\n") + (not block.endswith(b"\n"))
+    """Columns and lines of whole rows of text whose first stands on `line`; ends: how many line ends they have."""
+    width, count = len(layout.names), ends + (not block.endswith(b"\n"))
     even = layout.separator != BLANKS and block.count(layout.separator.encode()) == count * (width - 1)
     if b'"' not in block and b"#" not in block and (even or layout.separator == BLANKS):
         decimal = "," if layout.separator != "," and b"," in block else "."
@@ -257,7 +258,9 @@ def parquet_blocks(path: Path, names: Sequence[str], wanted: Sequence[str]) -> I
     with pq.ParquetFile(path) as file:
         for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted)):
             number = np.arange(line, line + batch.num_rows)
-            yield as_numbers(batch.to_pandas(), str(path), names, number), number
+            numbers = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
+            sound = all(values.dtype == np.float64 and np.isfinite(values).all() for values in numbers.values())
+            yield numbers if sound else as_numbers(batch.to_pandas(), str(path), names, number), number
             line += batch.num_rows
 
 

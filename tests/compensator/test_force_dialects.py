@@ -48,8 +48,8 @@ def test_separators_decimals_headers(tmp_path, monkeypatch, separator: str, deci
     """Blocks of a few lines give what one block gives, lines of the file included."""
     monkeypatch.setattr(number_blocks, "BLOCK_BYTES", block)
     body = lines([TIME, TARGET, *FORCE.T], separator, decimal)
-    above = {"names": [separator.join(NAMES)], "none": [], "foreign": [separator.join("Zeit Nr Kraft1 Kraft2 Kraft3".split()),
-                                                                       separator.join("[s] [-] [N] [N] [N]".split())]}[header]
+    foreign = [separator.join(row) for row in (["Zeit", "Nr", "X", "Y", "Z"], ["[s]", "[-]", "[N]", "[N]", "[N]"])]
+    above = {"names": [separator.join(NAMES)], "none": [], "foreign": foreign}[header]
     log = read(tmp_path / "a.csv", "\n".join([*above, *body]) + "\n", **({} if header == "names" else {"columns": NAMES}))
     check(log)
     assert log.line.tolist() == list(range(len(above) + 1, len(above) + COUNT + 1))

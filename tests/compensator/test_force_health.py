@@ -22,7 +22,8 @@ def noisy(seed: int = 0, step: float = 1 / 32) -> np.ndarray:
     rng = np.random.default_rng(seed)
     t = np.arange(COUNT) / RATE
     cut = np.interp(t, [0.5, 0.55, 2.4, 2.5], [0, 1, 1, 0])[:, None] * [150.0, -90, 60] * (1 + 0.4 * np.sin(900 * t))[:, None]
-    return step * np.round((cut + [3, -4, 2] + rng.normal(0, 1.5, (COUNT, 3))) / step)
+    bias = np.array([3.0, -4, 2])
+    return step * np.round((cut + bias + rng.normal(0, 1.5, (COUNT, 3))) / step)
 
 
 def read(path: Path, force: np.ndarray, rows: np.ndarray | None = None, form: ForceLogFile | None = None, **extra) -> ForceLog:
