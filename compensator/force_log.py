@@ -27,9 +27,10 @@ AS_IT_IS = ForceLogFile()
 class ForceLog:
     """A logged pass, M rows in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
 
-    A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index or path
-    length [m], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None; rate [Hz] of
-    the samples, None where it is not known. revolution [s]: every force is the mean over that time about it; None: it is not.
+    A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index, path
+    length [m] or time [s], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None;
+    rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
+    None: it is not.
     saturated (M,): a sample at the end of the sensor's range is in the row.
     """
 
@@ -87,6 +88,9 @@ def read_force_log(
     notes += health.findings()
     moment = whole.load[:, 3:] if source.has_moment else np.zeros((len(whole.line), 3))
     place = whole.place[:, 0] if source.key in ("target", "path_mm") else whole.place
+    if source.key == "time":
+        assert time is not None         # a log without times and without a rate has no such key
+        place = time
     return ForceLog(str(path), whole.load[:, :3], moment, source.has_moment, source.key, place, whole.line, whole.weight, time,
                     rate, 1 / spindle if window and spindle else None, health.unsound(whole.flags, whole.number), tuple(notes))
 

@@ -19,7 +19,7 @@ from identification.tables import unread
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Key = Literal["target", "path_mm", "position", "joints"]
+Key = Literal["target", "path_mm", "position", "joints", "time"]
 POSITION = ("x_mm", "y_mm", "z_mm")
 TIMES = ("time_s", "time_ms")
 FORCE_COUNTS = ("fx_counts", "fy_counts", "fz_counts")
@@ -36,7 +36,7 @@ WORDS = {",": "comma", ";": "semicolon", "\t": "tab", BLANKS: "blanks"}
 @dataclass(frozen=True, eq=False)
 class Samples:
     """n samples in the order of the log: load (n, 6) [N, N m], or (n, 3) without moments, as logged; place (n, k) [m, rad, or
-    target number]; time (n,) [s] or None; sequence (n,) counter or None; line (n,)."""
+    target number], (n, 0) where time alone is there; time (n,) [s] or None; sequence (n,) counter or None; line (n,)."""
 
     load: Array
     place: Array
@@ -120,15 +120,18 @@ class ForceSource:
         return load
 
     def _samples(self, numbers: dict[str, Array], line: Indices) -> Samples:
-        names, _ = KEYS[self.key]
-        scale = {"target": 1.0, "path_mm": 1e-3, "position": 1e-3, "joints": np.pi / 180}[self.key]
-        place = np.column_stack([numbers[name] for name in names])
+        time = next((numbers[name] * (1e-3 if name == "time_ms" else 1.0) for name in TIMES if name in numbers), None)
+        if self.key == "time":
+            place = np.zeros((len(line), 0))
+        else:
+            place = np.column_stack([numbers[name] for name in KEYS[self.key][0]])
         if self.key == "target":
             self._check_targets(place[:, 0], line)
-        time = next((numbers[name] * (1e-3 if name == "time_ms" else 1.0) for name in TIMES if name in numbers), None)
-        # np.radians is what one target's angles go through elsewhere: the same bits here.
-        return Samples(self._load(numbers), np.radians(place) if self.key == "joints" else scale * place, time,
-                       numbers.get("sequence"), line)
+        elif self.key == "joints":
+            place = np.radians(place)
+        else:
+            place = 1e-3 * place
+        return Samples(self._load(numbers), place, time, numbers.get("sequence"), line)
 
     def _check_targets(self, target: Array, line: Indices) -> None:
         broken = np.flatnonzero((target != np.round(target)) | (target < 0))
@@ -165,13 +168,14 @@ def open_force_log(path: Path, form: ForceLogFile, log_format: str | None = None
         if used and not per:
             raise error("CS3022", f"{' '.join(used)} are counts, and cell.yaml does not say what a count is", file=name,
                         line=header_line, hint=f"state force_log.{key}: the sensor's data sheet or configuration page has it")
-    keys = [key for key, (columns, _) in KEYS.items() if columns[0] in names]
+    keys: list[Key] = [key for key, (columns, _) in KEYS.items() if columns[0] in names]
+    if not keys and (set(TIMES) & set(names) or form.rate_hz):
+        keys = ["time"]
     if not keys:
-        alone = "time_s is there, but placing a log by time alone is not supported yet" if set(TIMES) & set(names) else (
-            f"found {', '.join(one for one in names if one)}")
-        raise error("CS3001", f"no column says where on the path a sample belongs: {alone}", file=name, line=header_line,
+        found = ", ".join(one for one in names if one)
+        raise error("CS3001", f"no column says where on the path a sample belongs: found {found}", file=name, line=header_line,
                     hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
-    wanted = (*(FORCE_COUNTS if counts else FORCES), *moments, *KEYS[keys[0]][0],
+    wanted = (*(FORCE_COUNTS if counts else FORCES), *moments, *(KEYS[keys[0]][0] if keys[0] in KEYS else ()),
               *[one for one in TIMES if one in names][:1], *(("sequence",) if "sequence" in names else ()))
     known = (*FORCES, *OPTIONAL)
     extra, absent = [one for one in names if one and one not in known], [one for one in known if one not in names]
@@ -186,8 +190,9 @@ def open_force_log(path: Path, form: ForceLogFile, log_format: str | None = None
 
 def placed_by(source: ForceSource) -> str:
     """What places the samples, and what else might have, in words."""
-    others = [words for key, (columns, words) in KEYS.items() if key != source.key and columns[0] in source.columns]
-    return KEYS[source.key][1] + (f"; not used: {', '.join(others)}" if others else "")
+    others = [said for key, (columns, said) in KEYS.items() if key != source.key and columns[0] in source.columns]
+    words = KEYS[source.key][1] if source.key in KEYS else "time alone"
+    return words + (f"; not used: {', '.join(others)}" if others else "")
 
 
 def _check_names(names: Sequence[str], required: Sequence[str], source: str, line: int | None) -> None:

@@ -128,6 +128,10 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
                         f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
                         hint="is it the log of this program?")
         return log.place.astype(np.intp), []
+    if log.key == "time":
+        raise error("CS3001", "no column says where on the path a sample belongs: time is there, but placing a log by time "
+                    "alone is not supported yet", file=log.source, line=1,
+                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():

@@ -111,3 +111,28 @@ def test_a_complaint_far_into_a_log_names_its_line(tmp_path, monkeypatch) -> Non
 def test_an_unknown_column_in_the_cell_is_an_error() -> None:
     with pytest.raises(ValueError, match="unknown: Fx"):
         ForceLogFile(columns=("Fx", "target"))
+
+
+def test_time_is_there_for_whoever_places_by_it(tmp_path) -> None:
+    """A log of times and forces alone, and one of forces alone at a known rate: placed later, by time."""
+    text = "time_ms,fx_n,fy_n,fz_n\n" + "\n".join(lines([1e3 * TIME, *FORCE.T], ",", "."))
+    alone = "\n".join(lines([*FORCE.T], ";", ","))
+    for log in (read(tmp_path / "a.csv", text), read(tmp_path / "b.csv", alone, columns=NAMES[2:], rate_hz=RATE)):
+        assert log.key == "time"
+        assert_allclose(log.place, TIME, rtol=0, atol=1e-9)
+        assert_allclose(log.time, TIME, rtol=0, atol=1e-9)
+        assert_allclose(log.force, FORCE, rtol=0, atol=1e-9)
+
+
+def test_public_forms_are_read_as_they_are(tmp_path) -> None:
+    channels = RNG.normal(0, 50, (COUNT, 12)).round(4)
+    (tmp_path / "a.csv").write_text("\n".join(";".join(f"{x:.4f}".replace(".", ",") for x in row) for row in channels))
+    log = read_force_log(tmp_path / "a.csv", log_format="metallicadour")
+    assert_allclose(log.force, channels[:, 3:6])
+    assert_allclose(log.moment, channels[:, 6:9])
+    assert log.rate == pytest.approx(25600)
+    # The same through cell.yaml, in blocks.
+    names = ("-", "-", "-", "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm", "-", "-", "-")
+    same = read_force_log(tmp_path / "a.csv", ForceLogFile(columns=names, rate_hz=25600))
+    assert np.array_equal(same.force, log.force)
+    assert_allclose(same.time, log.time, atol=1e-12)
