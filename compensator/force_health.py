@@ -78,10 +78,10 @@ class Health:
             self.channels = [Channel() for _ in range(load.shape[1])]
         flags = np.zeros(len(load), dtype=np.uint16)
         before = load[:1] if self.last_load is None else self.last_load
-        same = np.empty(load.shape, dtype=bool)
+        same = np.empty(load.shape, dtype=bool, order="F")
         np.equal(load[1:], load[:-1], out=same[1:])
         same[0] = (load[0] == before[0]) if self.last_load is not None else False
-        moves = np.asarray(~same.all(axis=1))
+        moves = ~np.logical_and.reduce([same[:, k] for k in range(load.shape[1])])
         for k, channel in enumerate(self.channels):
             self._runs(channel, load[:, k], same[:, k], moves, samples.line)
             self._clipped(channel, k, load[:, k], same[:, k], moves, samples.line, flags)

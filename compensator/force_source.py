@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from identification import number_blocks
 from identification.cell import ForceLogFile
-from identification.findings import Finding, error
+from identification.findings import CompstiffError, Finding, error
 from identification.measurements import FORCES, JOINTS, MOMENTS
 from identification.number_blocks import BLANKS, Layout
 from identification.tables import unread
@@ -98,7 +99,10 @@ class ForceSource:
             yield self._samples(numbers, line)
 
     def stretches(self, shares: Sequence[float], rows: int) -> Iterator[Array]:
-        """The loads (n, 3 or 6) of about `rows` samples on end, from places `shares` (0 to 1) of the way through the log."""
+        """The loads (n, 3 or 6) of about `rows` samples on end, from places `shares` (0 to 1) of the way through the log.
+
+        One that cannot be read ends them: `blocks` complains of it with its line.
+        """
         wanted = (*self.forces, *(self.moments or ()))
         if self.held is not None:
             places = [int(share * max(self.rows - rows, 0)) for share in shares]
@@ -108,12 +112,16 @@ class ForceSource:
         else:
             layout = self.layout
             numbers = (number_blocks.text_at(self.path, layout, wanted, share, rows) for share in shares)
-        return (self._load(part) for part in numbers if part)
+        with contextlib.suppress(CompstiffError):
+            for part in numbers:
+                if part:
+                    yield self._load(part)
 
     def _load(self, numbers: dict[str, Array]) -> Array:
         count = len(next(iter(numbers.values())))
         names = (*self.forces, *(self.moments or ()))
-        load = np.empty((count, len(names)))
+        # Channel by channel in memory: everything that follows looks along a channel.
+        load = np.empty((count, len(names)), order="F")
         for k, name in enumerate(names):
             per = self.form.counts_per_n if name in FORCE_COUNTS else self.form.counts_per_nm
             load[:, k] = numbers[name] / per if name.endswith("_counts") and per else numbers[name]

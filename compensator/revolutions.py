@@ -34,7 +34,7 @@ def moving_mean(load: Array, window: float, first: int, stop: int, *, starts: bo
     count = len(load)
     if window >= count:
         return np.broadcast_to(load.mean(axis=0), (stop - first, load.shape[1]))
-    total = np.zeros((count + 1, load.shape[1]))
+    total = np.zeros((count + 1, load.shape[1]), order="F")
     np.cumsum(load, axis=0, out=total[1:])
     lag = 0.5 - 0.5 * window
     # Where nothing is clipped a window begins and ends at the same fraction of a sample everywhere: slices do.
@@ -50,7 +50,7 @@ def moving_mean(load: Array, window: float, first: int, stop: int, *, starts: bo
         inside = slice(whole, whole + high - low)
         return np.asarray(total[inside] + (low + offset - whole) * load[inside])
 
-    means = np.empty((stop - first, load.shape[1]))
+    means = np.empty((stop - first, load.shape[1]), order="F")
     if high > low:
         np.subtract(steady(lag + window), steady(lag), out=means[low - first:high - first])
     for part in (slice(first, low), slice(high, stop)):

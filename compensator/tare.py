@@ -178,7 +178,7 @@ def tare(session: Session, cell_file: Path, still_file: Path, output: Path | Non
     lines = [f"{stills.orientations} still orientations",
              f"mass    {found.mass:9.3f} +- {found.mass_std:.3f} kg"]
     if stills.centre is not None and stills.centre_std is not None:
-        lines += [f"centre {axis} {1e3 * x:8.1f} +- {1e3 * s:.1f} mm (flange frame)"
+        lines += [f"centre {axis} {1e3 * x:8.2f} +- {1e3 * s:.2f} mm (flange frame)"
                   for axis, x, s in zip("xyz", stills.centre, stills.centre_std, strict=True)]
     named = (("f", "N"), ("m", "N m"))[: 2 if stills.centre is not None else 1]
     lines += [f"bias {kind}{axis} {stills.bias[3 * i + k]:8.3f} +- {stills.bias_std[3 * i + k]:.3f} {unit}"

@@ -127,6 +127,11 @@ def read_layout(path: Path, columns: Sequence[str] | None = None) -> Layout:
                   -(-(size - start) * lines // max(len(body), 1)))
 
 
+def _occurrences(block: bytes, mark: str) -> int:
+    """How often a character stands in a block: bytes.count stops at each."""
+    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == ord(mark)))
+
+
 def _numeric(line: str) -> bool:
     cells = [cell for cell in cells_of(line, separator_of(line)) if cell]
     return bool(cells) and all(NUMBER.fullmatch(cell) for cell in cells)
@@ -154,7 +159,7 @@ def text_blocks(path: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[t
                 block, rest = block[:cut], block[cut:]
             if b"\r" in block:
                 block = block.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-            count = block.count(b"\n")
+            count = _occurrences(block, "\n")
             if block.strip():
                 yield parse_block(block, str(path), layout, wanted, line, count)
             line += count
@@ -172,7 +177,7 @@ def text_at(path: Path, layout: Layout, wanted: Sequence[str], share: float, row
             stream.readline()
         block = stream.read(rows * length)
     block = block[: block.rfind(b"\n") + 1].replace(b"\r\n", b"\n")
-    return parse_block(block, str(path), layout, wanted, 1, block.count(b"\n"))[0] if block.strip() else {}
+    return parse_block(block, str(path), layout, wanted, 1, _occurrences(block, "\n"))[0] if block.strip() else {}
 
 
 def parse_block(
@@ -180,7 +185,7 @@ def parse_block(
 ) -> tuple[dict[str, Array], Indices]:
     """Columns and lines of whole rows of text whose first stands on `line`; ends: how many line ends they have."""
     width, count = len(layout.names), ends + (not block.endswith(b"\n"))
-    even = layout.separator != BLANKS and block.count(layout.separator.encode()) == count * (width - 1)
+    even = layout.separator != BLANKS and _occurrences(block, layout.separator) == count * (width - 1)
     if b'"' not in block and b"#" not in block and (even or layout.separator == BLANKS):
         decimal = "," if layout.separator != "," and b"," in block else "."
         found = _parsed(block, layout, wanted, decimal)
