@@ -87,7 +87,8 @@ def zero_of(
         bias = (air.mean - apart).mean(axis=0)
         findings += _tared(log, air.mean - apart, bias, mass, tare)
     else:
-        bias = np.zeros(6) if form.bias is None else form.bias
+        bias = np.zeros(6) if form.bias is None else form.bias.copy()
+        bias[3:] *= log.has_moment
     if mass:
         findings += _weighed(log, cell, mass, held, loads - bias, index, share, tared=air is not None)
     known = air is not None or form.bias is not None

@@ -182,6 +182,16 @@ def test_bias_and_weight_are_taken_off_at_every_orientation(tmp_path) -> None:
     assert [finding.level for finding in forces.findings if finding.code == "CS3031"] == ["note"]
 
 
+def test_a_log_without_moments_gets_none_from_bias_or_weight(tmp_path) -> None:
+    plan = tilted_plan(tmp_path, CELL + SENSOR % STATED)
+    path = pass_log(tmp_path, plan, CUT)
+    path.write_text("\n".join(",".join(line.split(",")[:4]) for line in path.read_text().splitlines()))
+    forces = place_forces(read_force_log(path), plan, plan.cell)
+    assert_allclose(forces.wrench[:, :3], CUT[:, :3], atol=1e-5)
+    assert not forces.wrench[:5].any()
+    assert not forces.wrench[9:].any()
+
+
 def test_an_air_stretch_gives_the_bias_beside_the_known_weight(tmp_path) -> None:
     plan = tilted_plan(tmp_path, CELL + SENSOR % STATED[STATED.index("weight"):])
     log = read_force_log(pass_log(tmp_path, plan, CUT, noise=1.0))
