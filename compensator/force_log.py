@@ -19,7 +19,7 @@ from identification.progress import progress
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
-ROWS, ROWS_PER_TARGET = 500_000, 16
+ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
 
 
@@ -30,7 +30,7 @@ class ForceLog:
     A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index, path
     length [m] or time [s], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None;
     rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
-    None: it is not.
+    None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row.
     """
 
@@ -45,6 +45,7 @@ class ForceLog:
     time: Array | None
     rate: float | None
     revolution: float | None
+    plain: Array
     saturated: NDArray[np.bool_]
     findings: tuple[Finding, ...] = ()
 
@@ -86,13 +87,16 @@ def read_force_log(
         notes.append(Finding("CS3030", "note", f"kept as {len(whole.line)} means of up to {size} consecutive samples",
                              file=str(path)))
     notes += health.findings()
-    moment = whole.load[:, 3:] if source.has_moment else np.zeros((len(whole.line), 3))
+    none = np.zeros((len(whole.line), 0 if source.has_moment else 3))
+    load = np.concatenate([whole.load, none], axis=1)
+    plain = np.concatenate([whole.plain, none], axis=1) if window else load
     place = whole.place[:, 0] if source.key in ("target", "path_mm") else whole.place
     if source.key == "time":
         assert time is not None         # a log without times and without a rate has no such key
         place = time
-    return ForceLog(str(path), whole.load[:, :3], moment, source.has_moment, source.key, place, whole.line, whole.weight, time,
-                    rate, 1 / spindle if window and spindle else None, health.unsound(whole.flags, whole.number), tuple(notes))
+    return ForceLog(str(path), load[:, :3], load[:, 3:], source.has_moment, source.key, place, whole.line, whole.weight, time,
+                    rate, 1 / spindle if window and spindle else None, plain,
+                    health.unsound(whole.flags, whole.number), tuple(notes))
 
 
 def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
@@ -151,15 +155,17 @@ def _averaged(frequency: float, how: str, name: str) -> Finding:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Samples with their flags (n,) (force_health.py) and their numbers (n,) from 0."""
+    """Samples with their flags (n,) (force_health.py) and their numbers (n,) from 0; plain (n, c): loads as they were before
+    they were averaged, (n, 0) where they are not."""
 
     samples: Samples
     flags: NDArray[np.uint16]
     number: Indices
+    plain: Array
 
     def part(self, which: slice) -> Block:
         """Some of them."""
-        return Block(self.samples.part(which), self.flags[which], self.number[which])
+        return Block(self.samples.part(which), self.flags[which], self.number[which], self.plain[which])
 
 
 def _quiet(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
@@ -170,7 +176,8 @@ def _quiet(source: ForceSource, health: Health, window: float | None) -> Iterato
         for samples in source.blocks():
             first = health.count
             flags, gaps = health.look(samples)
-            waiting.append(Block(samples, flags, np.arange(first, first + len(samples))))
+            waiting.append(Block(samples, flags, np.arange(first, first + len(samples)),
+                                 samples.load[:, : 0 if window is None else None]))
             yield samples.load, gaps
 
     if window is None:
@@ -200,10 +207,11 @@ class Rows:
     weight: Array
     flags: NDArray[np.uint16]
     number: Indices
+    plain: Array
 
 
 def _fields(rows: Rows) -> tuple[NDArray[np.generic], ...]:
-    return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number
+    return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number, rows.plain
 
 
 def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
@@ -211,7 +219,8 @@ def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
     samples, count = block.samples, len(block.samples)
     time = np.full(count, np.nan) if samples.time is None else samples.time
     if size == 1:
-        return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number)
+        return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number,
+                    block.plain)
     begins = np.zeros(count, dtype=bool)
     begins[::size] = True
     if key == "target" or (key == "path_mm" and borders is not None):
@@ -221,4 +230,5 @@ def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
     weight = np.diff(starts, append=count).astype(float)
     place = samples.place[starts] if key == "target" else np.add.reduceat(samples.place, starts, axis=0) / weight[:, None]
     return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, np.add.reduceat(time, starts) / weight,
-                samples.line[starts], weight, np.bitwise_or.reduceat(block.flags, starts), block.number[starts])
+                samples.line[starts], weight, np.bitwise_or.reduceat(block.flags, starts), block.number[starts],
+                np.add.reduceat(block.plain, starts, axis=0) / weight[:, None])

@@ -67,17 +67,21 @@ def place_forces(
     index, share = target[placed], log.weight[placed]
     samples = np.bincount(index, share, minlength=count).astype(np.intp)
     mean, standard_error = _means(loads, index, share, count, log)
-    zero = zero_of(log, plan, cell, loads, index, share, _ranges(tare))
+    # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
+    before = log.plain[placed]
+    plain = mean if log.revolution is None else _mean(before, index, share, count)
+    zero = zero_of(log, plan, cell, before, index, share, _ranges(tare))
     findings += zero.findings
     if zero.offset.any():
-        mean = np.where(samples[:, None] > 0, mean - zero.offset, 0.0)
-        mean[np.abs(mean) < 1e-9] = 0.0
+        mean, plain = (np.where(samples[:, None] > 0, each - zero.offset, 0.0) for each in (mean, plain))
+        for each in (mean, plain):
+            each[np.abs(each) < 1e-9] = 0.0
     rows = np.bincount(index, minlength=count)
     if zero.noise is None:
-        forced, words = _told_apart(mean, standard_error, samples, rows), "a mean force that is not told apart from zero"
+        forced, words = _told_apart(plain, standard_error, samples, rows), "a mean force that is not told apart from zero"
     else:
         # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
-        sigma = np.abs(mean) / np.maximum(zero.noise / np.sqrt(np.maximum(samples, 1))[:, None], 1e-12)
+        sigma = np.abs(plain) / np.maximum(zero.noise / np.sqrt(np.maximum(samples, 1))[:, None], 1e-12)
         forced, words = (samples > 0) & (sigma > SIGMAS).any(axis=1), "a mean force within what the sensor shows in air"
     forced = _without_gaps(forced, samples > 0)
     silent = np.flatnonzero((samples > 0) & ~forced & np.any(mean != 0, axis=1))
@@ -158,6 +162,12 @@ def _world_positions(log: ForceLog, plan: Plan) -> Array:
     return used.workobjects[0].apply(log.place)
 
 
+def _mean(loads: Array, index: Indices, share: Array, count: int) -> Array:
+    """Mean (N, 6) of the samples of each target; 0 without any."""
+    divisor = np.maximum(np.bincount(index, share, minlength=count), 1)[:, None]
+    return np.column_stack([np.bincount(index, share * column, minlength=count) for column in loads.T]) / divisor
+
+
 def _means(loads: Array, index: Indices, share: Array, count: int, log: ForceLog) -> tuple[Array, Array]:
     """Mean (N, 6) of the samples of each target, and standard error (N, 3) of the mean force by batch means; row k of loads
     (m, 6) is the mean of share[k] samples.
@@ -168,8 +178,7 @@ def _means(loads: Array, index: Indices, share: Array, count: int, log: ForceLog
     """
     rows = np.bincount(index, minlength=count)
     samples = np.bincount(index, share, minlength=count)
-    divisor = np.maximum(samples, 1)[:, None]
-    mean = np.column_stack([np.bincount(index, share * column, minlength=count) for column in loads.T]) / divisor
+    mean = _mean(loads, index, share, count)
     order = np.argsort(index, kind="stable")
     rank = np.empty(len(index), dtype=np.intp)
     first = np.cumsum(rows) - rows

@@ -56,7 +56,7 @@ def base_from_log(plan: Plan, cell: Cell) -> Frame:
 def zero_of(
     log: ForceLog, plan: Plan, cell: Cell, loads: Array, index: Indices, share: Array, tare: Sequence[Range]
 ) -> Zero:
-    """The zero of a log placed on a path. loads (m, 6), index (m,) target and share (m,) samples of its rows.
+    """The zero of a log placed on a path: loads (m, 6) before any averaging, index (m,) target, share (m,) samples of its rows.
 
     A tare gives the bias; stretches of different orientation give mass and centre too, where cell.yaml names none. Without a
     tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log.
@@ -97,8 +97,7 @@ def zero_of(
 
 def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array, tare: Sequence[Range]) -> Air:
     """Means over the stretches. The noise is such that sigma of a mean of n samples is noise / sqrt(n), correlation between
-    neighbours included: from up to 32 consecutive batches, none under two revolutions of the spindle."""
-    window = log.rate * log.revolution if log.rate and log.revolution else 0.0
+    neighbours included: from up to 32 consecutive batches."""
     means, falls, squares, degrees = [], [], np.zeros(6), 0
     for first, last in tare:
         rows = np.flatnonzero((index >= first) & (index <= last))
@@ -108,8 +107,7 @@ def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array,
         samples = share[rows]
         means.append(np.average(loads[rows], axis=0, weights=samples))
         falls.append(np.average(fall[index[rows]], axis=0, weights=samples))
-        most = max(len(rows) // 4, 1) if not window else max(min(len(rows) // 4, int(samples.sum() / (2 * window))), 1)
-        batches = np.array_split(rows, min(32, most))
+        batches = np.array_split(rows, min(32, max(len(rows) // 4, 1)))
         if len(batches) > 1:
             each = np.array([np.average(loads[batch], axis=0, weights=share[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)

@@ -203,3 +203,22 @@ def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: floa
         stated.append(forces.standard_error[1:4])
     ratio = np.sqrt(np.mean(np.square(scatter)) / np.mean(np.square(stated)))
     assert 0.8 < ratio < 1.25
+
+
+@pytest.mark.parametrize("tare", [None, (0, 0)])
+def test_a_target_beside_the_cut_stays_without_force(tmp_path, tare) -> None:
+    """The cut begins exactly where the second target's stretch does: no mean over a revolution carries force into the first."""
+    from compensator.forces import place_forces
+    from tests.compensator.test_forces import plan
+
+    force = cutting(6000, 5 * 400, 4000.0)
+    force[:800] = 0
+    force += np.random.default_rng(1).normal(0, 0.5, force.shape)
+    path = written(tmp_path / "a.parquet", force, 4000.0, {"target": np.arange(2000) // 400})
+    here = plan(tmp_path)
+    forces = place_forces(read_force_log(path, spindle_rpm=6000), here, here.cell, tare=tare)
+    assert forces.forced.tolist() == [False, False, True, True, True]
+    assert not forces.wrench[:2].any()
+    # Half a revolution of a ramp lies on the other side of the edge: an eighth of a revolution's worth of force.
+    lost = 0.125 * 40 / 400
+    assert_allclose(forces.wrench[2:, 1], [-200 * (1 - lost), -200, -200], atol=1.0)
