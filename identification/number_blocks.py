@@ -260,8 +260,8 @@ def parquet_blocks(path: Path, names: Sequence[str], wanted: Sequence[str]) -> I
     import pyarrow.parquet as pq
 
     line = 2
-    with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted)):
+    with pq.ParquetFile(path, pre_buffer=False) as file:
+        for batch in file.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted), use_threads=False):
             number = np.arange(line, line + batch.num_rows)
             numbers = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
             sound = all(values.dtype == np.float64 and np.isfinite(values).all() for values in numbers.values())
@@ -276,7 +276,7 @@ def parquet_at(
     import pyarrow.parquet as pq
 
     held, frame = -1, pd.DataFrame()
-    with pq.ParquetFile(path) as file:
+    with pq.ParquetFile(path, pre_buffer=False) as file:
         ends = np.cumsum([file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)])
         for share in shares:
             place = int(share * max(file.metadata.num_rows - rows, 0))
