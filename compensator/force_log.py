@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,15 +70,14 @@ def read_force_log(
     window = rate / spindle if rate and spindle else None
     size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
     health = Health(str(path), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not uneven else None)
-    rows: list[Rows] = []
+    kept = Kept()
     with progress(f"reading {Path(path).name}", source.rows) as bar:
         for block in _quiet(source, health, window):
-            rows.append(_reduced(block, size, source.key, borders))
+            kept.add(_reduced(block, size, source.key, borders))
             bar.add(len(block.samples))
-    if not rows:
+    if not kept.count:
         raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
-    whole = Rows(*(np.concatenate(parts) for parts in zip(*(_fields(part) for part in rows), strict=True)))
-    del rows
+    whole = kept.rows()
     time = whole.time if not np.isnan(whole.time[0]) else None
     if time is None and rate:
         time = (whole.number + 0.5 * (whole.weight - 1)) / rate
@@ -210,8 +210,32 @@ class Rows:
     plain: Array
 
 
-def _fields(rows: Rows) -> tuple[NDArray[np.generic], ...]:
+def _fields(rows: Rows) -> tuple[NDArray[Any], ...]:
     return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number, rows.plain
+
+
+class Kept:
+    """Rows as they come in, in arrays that double: many small ones between large passing ones would tear memory to pieces."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._held: list[NDArray[Any]] = []
+
+    def add(self, rows: Rows) -> None:
+        """More rows, copied."""
+        fields, stop = _fields(rows), self.count + len(rows.line)
+        if not self._held or stop > len(self._held[0]):
+            grown = [np.empty((max(2 * stop, 1 << 16), *field.shape[1:]), dtype=field.dtype) for field in fields]
+            for new, old in zip(grown, self._held, strict=False):
+                new[:self.count] = old[:self.count]
+            self._held = grown
+        for held, field in zip(self._held, fields, strict=True):
+            held[self.count:stop] = field
+        self.count = stop
+
+    def rows(self) -> Rows:
+        """All of them."""
+        return Rows(*(held[:self.count] for held in self._held))
 
 
 def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
