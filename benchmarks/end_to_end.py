@@ -41,7 +41,7 @@ def sample(folder: Path) -> Corrected:
     stiffness = folder / "stiffness.json"
     stiffness.write_text(json.dumps(fit.model.as_dict()))
     inputs = Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
-    return correct_program(predict_program(inputs, Settings(tare=(0, 2))))
+    return correct_program(predict_program(inputs, Settings(tare=((0, 2),))))
 
 
 def accuracy(job: Corrected) -> None:

@@ -109,7 +109,7 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         by_target = job.correct(job.log(job.first, job.planned, "targets.csv", by_target=True), stiffness)
         known = job.correct(log, truth).commands
         exact = job.perfect_log(job.first, "perfect.csv")
-        perfect = job.correct(exact, truth, settings(tare=None), job.cell_in_base()).commands
+        perfect = job.correct(exact, truth, settings(tare=()), job.cell_in_base()).commands
         passes = {
             "mirrored once, literature k": job.mill(job.mirrored(log, job.springs("prior.json", np.array(PRIOR)))),
             "mirrored once, least squares k": job.mill(job.mirrored(log, job.springs("lsq.json", least_squares_k(job)))),

@@ -12,6 +12,7 @@ from compensator.design import design
 from compensator.pipeline_commands import correct_batch, is_batch, watch
 from compensator.post_command import post
 from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, Settings, with_settings
+from compensator.tare import tare
 from identification.console import EXISTING, PATH, READABLE, WRITABLE, Outcome, Session, command
 
 if TYPE_CHECKING:
@@ -193,4 +194,4 @@ def demo(session: Session, folder: Path) -> Outcome:
     return run_demo(session, folder)
 
 
-COMMANDS = (design, post, predict, correct, watch, demo)
+COMMANDS = (design, post, tare, predict, correct, watch, demo)

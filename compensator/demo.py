@@ -42,7 +42,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
     corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"],
-                               Settings(tare=TARE), overwrite=True)
+                               Settings(tare=(TARE,)), overwrite=True)
     pushed = _pushed(cell, at["offsets.csv"])
     session.inputs += [at[name] for name in SAMPLES]
     lines = [

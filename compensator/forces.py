@@ -2,47 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.force_log import ForceLog, read_force_log
 from compensator.placement import arc_length, match_forwards, nearest_target, polyline
 from compensator.planning import Plan
+from compensator.zero import Range, base_from_log, zero_of
 from identification.cell import Cell
 from identification.findings import Finding, Level, counted, error
-from identification.measurements import FORCES, JOINTS, MOMENTS
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame
-from identification.tables import Table, read_table
 
+__all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Key = Literal["target", "path_mm", "position", "joints"]
-POSITION = ("x_mm", "y_mm", "z_mm")
 BATCHES = 8
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
 SIGMAS, GROW, GAP = 5.0, 2.0, 3
-
-
-@dataclass(frozen=True, eq=False)
-class ForceLog:
-    """A logged pass, M samples in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
-
-    key: what places a sample; place: (M,) target index or path length [m], (M, 3) TCP position in the work object [m], or
-    (M, 6) joint angles [rad].
-    """
-
-    source: str
-    force: Array
-    moment: Array
-    has_moment: bool
-    key: Key
-    place: Array
-    line: Indices
-    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +30,8 @@ class TargetForces:
     """One wrench a target: wrench (N, 6) [N, N m] on the tool at the TCP, base frame; samples (N,) behind each.
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
-    forced (N,): the force is told apart from zero. tare (6,): what was subtracted, log frame, None without tare. named: the log
-    gave the target of each sample.
+    forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
+    named: the log gave the target of each sample.
     """
 
     wrench: Array
@@ -63,100 +43,85 @@ class TargetForces:
     named: bool = False
 
 
-def read_force_log(path: str | Path) -> ForceLog:
-    """Reads a force log. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty."""
-    table = read_table(path, required=FORCES, optional=(*MOMENTS, "target", "path_mm", *POSITION, *JOINTS, "time_s"),
-                       together=(MOMENTS, POSITION, JOINTS))
-    if not len(table):
-        raise error("CS3002", "no samples below the header line", file=table.source, hint="check the logger")
-    force = table.stack(*FORCES)
-    has_moment = any(name in table.numbers for name in MOMENTS)
-    moment = np.column_stack([table.numbers.get(name, np.zeros(len(table))) for name in MOMENTS])
-    key, place = _placing_columns(table)
-    others = [words for other, words in _KEY_WORDS.items() if other != key and _FIRST[other] in table.numbers]
-    unused = f"; not used: {', '.join(others)}" if others else ""
-    note = Finding("CS3003", "note", f"{counted(len(table), 'sample')}, placed by {_KEY_WORDS[key]}{unused}", file=table.source)
-    return ForceLog(table.source, force, moment, has_moment, key, place, table.line, (note, *table.findings))
-
-
-_KEY_WORDS = {"target": "target number", "path_mm": "path length", "position": "TCP position", "joints": "joint angles"}
-
-
-_FIRST = {"target": "target", "path_mm": "path_mm", "position": "x_mm", "joints": "q1_deg"}
-
-
-def _placing_columns(table: Table) -> tuple[Key, Array]:
-    if "target" in table.numbers:
-        target = table.numbers["target"]
-        broken = np.flatnonzero((target != np.round(target)) | (target < 0))
-        if len(broken):
-            row = int(broken[0])
-            raise error("CS3004", f"target {target[row]:g} is not a target number, expected 0, 1, 2 ...", file=table.source,
-                        line=int(table.line[row]), column=table.column("target"),
-                        hint="targets count from 0 in the order of the text; MoveC has two")
-        return "target", target
-    if "path_mm" in table.numbers:
-        return "path_mm", 1e-3 * table.numbers["path_mm"]
-    if all(name in table.numbers for name in POSITION):
-        return "position", 1e-3 * table.stack(*POSITION)
-    if all(name in table.numbers for name in JOINTS):
-        return "joints", np.radians(table.stack(*JOINTS))
-    alone = "time_s is there, but placing a log by time alone is not supported yet" if "time_s" in table.numbers else (
-        f"found {', '.join(table.columns)}")
-    raise error("CS3001", f"no column says where on the path a sample belongs: {alone}", file=table.source, line=1,
-                hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
-
-
 def place_forces(
-    log: ForceLog, plan: Plan, cell: Cell, *, tare: tuple[int, int] | None = None
+    log: ForceLog, plan: Plan, cell: Cell, *, tare: Range | Sequence[Range] | None = None
 ) -> TargetForces:
-    """Averages the samples around each target and turns the mean into the base frame at the TCP.
+    """Averages the samples around each target, takes off bias and weight, and turns the mean into the base frame at the TCP.
 
-    tare: first and last target of an air stretch. Its mean is the sensor's bias, and its scatter says what a mean of so many
-    samples shows without any force: targets within 5 sigma of that are without force. Without a tare the scatter about each
-    mean itself decides. Short gaps inside a cut belong to the cut.
-    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3006 no samples in the tare.
+    tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
+    says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
+    tare the scatter about each mean itself decides. Short gaps inside a cut belong to the cut.
+    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `zero_of` raises.
     """
     count = len(plan.toolpath)
     target, findings = _assign(log, plan)
     placed = target >= 0
+    number = int(log.weight.sum())
     if not placed.any():
-        raise error("CS3005", f"none of the {len(target)} samples lies on this path", file=log.source,
+        raise error("CS3005", f"none of the {number} samples lies on this path", file=log.source,
                     hint="is it the log of this program, with TCP positions in its work object?")
-    lost = int((~placed).sum())
+    lost = int(log.weight[~placed].sum())
     if lost:
-        level: Level = "warning" if lost > 0.01 * len(target) else "note"
-        findings.append(Finding("CS3007", level, f"{lost} of {counted(len(target), 'sample')} not on the path, not used",
+        level: Level = "warning" if lost > 0.01 * number else "note"
+        findings.append(Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
                                 file=log.source, line=int(log.line[np.argmin(placed)])))
     loads = np.concatenate([log.force, log.moment], axis=1)[placed]
-    index = target[placed]
-    samples = np.bincount(index, minlength=count)
-    mean, standard_error = _means(loads, index, samples)
-    subtracted = None
-    if tare is None:
-        forced, words = _told_apart(mean, standard_error, samples), "a mean force that is not told apart from zero"
+    index, share = target[placed], log.weight[placed]
+    samples = np.bincount(index, share, minlength=count).astype(np.intp)
+    mean, standard_error = _means(loads, index, share, count, log)
+    # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
+    before = log.plain[placed]
+    plain = mean if log.revolution is None else _mean(before, index, share, count)
+    zero = zero_of(log, plan, cell, before, index, share, _ranges(tare))
+    findings += zero.findings
+    if zero.offset.any():
+        mean, plain = (np.where(samples[:, None] > 0, each - zero.offset, 0.0) for each in (mean, plain))
+        for each in (mean, plain):
+            each[np.abs(each) < 1e-9] = 0.0
+    rows = np.bincount(index, minlength=count)
+    if zero.noise is None:
+        forced, words = _told_apart(plain, standard_error, samples, rows), "a mean force that is not told apart from zero"
     else:
-        subtracted, noise = _tare(log, loads, index, tare)
-        mean = np.where(samples[:, None] > 0, mean - subtracted, 0.0)
         # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
-        share = np.abs(mean) / np.maximum(noise / np.sqrt(np.maximum(samples, 1))[:, None], 1e-12)
-        forced, words = (samples > 0) & (share > SIGMAS).any(axis=1), "a mean force within what the sensor shows in air"
-        findings.append(Finding("CS3008", "note", f"bias {', '.join(f'{x:.2f}' for x in subtracted[:3])} N, mean of targets "
-                                f"{tare[0]} to {tare[1]}, was subtracted", file=log.source))
+        sigma = np.abs(plain) / np.maximum(zero.noise / np.sqrt(np.maximum(samples, 1))[:, None], 1e-12)
+        forced, words = (samples > 0) & (sigma > SIGMAS).any(axis=1), "a mean force within what the sensor shows in air"
     forced = _without_gaps(forced, samples > 0)
     silent = np.flatnonzero((samples > 0) & ~forced & np.any(mean != 0, axis=1))
     if len(silent):
         findings.append(Finding(
             "CS3009", "note", f"{counted(len(silent), 'target')} with {words} ({SIGMAS:g} sigma) taken as without force",
             file=plan.toolpath.source, line=int(plan.toolpath.line[silent[0]]), target=int(silent[0])))
-    mass = cell.tool_mass
-    if mass and cell.force_log.kind != "base":
-        findings.append(Finding("CS3013", "warning", f"tool.mass_kg {mass:g} kg: the payload is not "
-                                "subtracted from the log", file=log.source, hint="log with payload compensation on"))
+    findings += _weak(log, plan, forced, samples, index[log.saturated[placed]])
     wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
-    return TargetForces(wrench, samples, standard_error, forced, subtracted, (*log.findings, *findings), log.key == "target")
+    return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log.key == "target")
+
+
+def _ranges(tare: Range | Sequence[Range] | None) -> list[Range]:
+    """One stretch or several as several."""
+    if tare is None:
+        return []
+    if len(tare) == 2 and isinstance(tare[0], int) and isinstance(tare[1], int):
+        return [(tare[0], tare[1])]
+    return [one for one in tare if not isinstance(one, int)]
+
+
+def _weak(log: ForceLog, plan: Plan, forced: NDArray[np.bool_], samples: Indices, saturated: Indices) -> list[Finding]:
+    """Targets with force whose mean is not what it should be. saturated: target of each row with a saturated sample."""
+    found = []
+    hurt = np.flatnonzero(np.bincount(saturated, minlength=len(forced)).astype(bool) & forced)
+    if len(hurt):
+        found.append(Finding("CS3026", "warning", f"the force of {counted(len(hurt), 'target')} depends on saturated samples: "
+                             "it is larger than what is corrected for", file=plan.toolpath.source,
+                             line=int(plan.toolpath.line[hurt[0]]), target=int(hurt[0])))
+    if log.rate and log.revolution:
+        short = np.flatnonzero(forced & (samples < log.rate * log.revolution))
+        if len(short):
+            found.append(Finding("CS3029", "note", f"{counted(len(short), 'target')} with force and less than one revolution "
+                                 "of the spindle: the mean reaches into the neighbours' stretches", file=plan.toolpath.source,
+                                 line=int(plan.toolpath.line[short[0]]), target=int(short[0])))
+    return found
 
 
 def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
@@ -169,6 +134,10 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
                         f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
                         hint="is it the log of this program?")
         return log.place.astype(np.intp), []
+    if log.key == "time":
+        raise error("CS3001", "no column says where on the path a sample belongs: time is there, but placing a log by time "
+                    "alone is not supported yet", file=log.source, line=1,
+                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
@@ -195,55 +164,66 @@ def _world_positions(log: ForceLog, plan: Plan) -> Array:
     return used.workobjects[0].apply(log.place)
 
 
-def _means(loads: Array, index: Indices, samples: Indices) -> tuple[Array, Array]:
-    """Mean (N, 6) of the samples of each target, and standard error (N, 3) of the mean force by batch means.
+def _mean(loads: Array, index: Indices, share: Array, count: int) -> Array:
+    """Mean (N, 6) of the samples of each target; 0 without any."""
+    divisor = np.maximum(np.bincount(index, share, minlength=count), 1)[:, None]
+    return np.column_stack([np.bincount(index, share * column, minlength=count) for column in loads.T]) / divisor
+
+
+def _means(loads: Array, index: Indices, share: Array, count: int, log: ForceLog) -> tuple[Array, Array]:
+    """Mean (N, 6) of the samples of each target, and standard error (N, 3) of the mean force by batch means; row k of loads
+    (m, 6) is the mean of share[k] samples.
 
     Samples that follow each other are not independent (tooth passing, the sensor's own filter): the scatter is that of
-    up to 8 consecutive batches a target.
+    up to 8 consecutive batches a target. Of forces that are means over a revolution already, no batch is shorter than one
+    where there are two, and the scatter is put up by what white noise loses to that mean.
     """
-    count = len(samples)
-    divisor = np.maximum(samples, 1)[:, None]
-    mean = np.column_stack([np.bincount(index, column, minlength=count) for column in loads.T]) / divisor
+    rows = np.bincount(index, minlength=count)
+    samples = np.bincount(index, share, minlength=count)
+    mean = _mean(loads, index, share, count)
     order = np.argsort(index, kind="stable")
     rank = np.empty(len(index), dtype=np.intp)
-    first = np.cumsum(samples) - samples
+    first = np.cumsum(rows) - rows
     rank[order] = np.arange(len(index)) - first[index[order]]
-    batches = np.minimum(samples, BATCHES)
-    cell = index * BATCHES + rank * batches[index] // samples[index]
-    size = np.bincount(cell, minlength=count * BATCHES).reshape(count, BATCHES)
+    window = log.rate * log.revolution if log.rate and log.revolution else 0.0
+    most = np.clip(samples // window, 2, BATCHES).astype(np.intp) if window else BATCHES
+    batches = np.minimum(rows, most)
+    cell = index * BATCHES + rank * batches[index] // rows[index]
+    size = np.bincount(cell, share, minlength=count * BATCHES).reshape(count, BATCHES)
     errors = np.full((count, 3), np.nan)
-    enough = samples >= 2
+    enough = rows >= 2
     for axis in range(3):
-        total = np.bincount(cell, loads[:, axis], minlength=count * BATCHES).reshape(count, BATCHES)
+        total = np.bincount(cell, share * loads[:, axis], minlength=count * BATCHES).reshape(count, BATCHES)
         spread = np.where(size > 0, total / np.maximum(size, 1) - mean[:, axis, None], 0.0)
         variance = (spread**2).sum(axis=1) / np.maximum(batches - 1, 1) / np.maximum(batches, 1)
+        if window:
+            variance *= _lost_to_mean(samples, batches, window)
         errors[enough, axis] = np.sqrt(variance[enough])
     return mean, errors
 
 
-def _tare(log: ForceLog, loads: Array, index: Indices, tare: tuple[int, int]) -> tuple[Array, Array]:
-    """Mean (6,) of the air stretch, and the noise (6,) of one sample as a mean of many shows it: sigma of a mean of n is
-    noise / sqrt(n), correlation between neighbouring samples included, from up to 32 consecutive batches."""
-    air = np.flatnonzero((index >= tare[0]) & (index <= tare[1]))
-    if not len(air):
-        raise error("CS3006", f"no sample lies on the targets {tare[0]} to {tare[1]} of --tare", file=log.source,
-                    hint="name targets of an air move during which the log was already running")
-    batches = np.array_split(loads[air], min(32, max(len(air) // 4, 1)))
-    means = np.array([batch.mean(axis=0) for batch in batches])
-    size = len(air) / len(batches)
-    spread = means.std(axis=0, ddof=1) * np.sqrt(size) if len(batches) > 1 else np.zeros(6)
-    return np.asarray(loads[air].mean(axis=0)), np.asarray(spread)
+def _lost_to_mean(samples: Array | Indices, batches: Indices, window: float) -> Array:
+    """Variance (N,) of the mean of so many samples of white noise after a moving mean over `window`, in units of what batch
+    means make of it: those overlap, and so scatter too little."""
+
+    def variance(length: Array) -> Array:
+        longer, shorter = np.maximum(length, window), np.minimum(length, window)
+        return np.asarray((1 - shorter / (3 * longer)) / longer)
+
+    several = np.maximum(batches, 2)
+    whole, part = variance(np.maximum(samples, 1)), variance(np.maximum(samples, 1) / several)
+    return np.asarray(whole * (several - 1) / (part - whole))
 
 
-def _told_apart(mean: Array, standard_error: Array, samples: Indices) -> NDArray[np.bool_]:
+def _told_apart(mean: Array, standard_error: Array, samples: Indices, rows: Indices) -> NDArray[np.bool_]:
     """Runs of targets (N,) whose mean force is other than zero by its own scatter: each target by 2 sigma, and one of them,
     or their common mean, by 5.
 
     The error of one target comes from 8 batches; it is steadied by the lower quartile of all targets, which is the noise of
-    air where there is air. Under 8 samples any mean that is not zero is a force.
+    air where there is air. Under 8 rows of the log any mean that is not zero is a force.
     """
-    few = (samples > 0) & (samples < BATCHES)
-    many = np.flatnonzero(samples >= BATCHES)
+    few = (rows > 0) & (rows < BATCHES)
+    many = np.flatnonzero(rows >= BATCHES)
     other = np.any(mean != 0, axis=1)
     if not len(many):
         return np.asarray(few & other)
@@ -280,18 +260,14 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, plan: Plan, cell
     force, moment = frame.sign * mean[:, :3], frame.sign * mean[:, 3:]
     if frame.kind == "base":
         return np.concatenate([force, moment], axis=1), standard_error
-    if frame.kind == "tool":
-        base_from_log = Frame(plan.base_from_tcp.rotation, np.zeros(3))
-    else:
-        assert frame.flange_from_sensor is not None
-        base_from_log = plan.base_from_flange @ frame.flange_from_sensor
-        if log.has_moment:
-            # Moments are those at the sensor's origin: carried to the TCP, M_tcp = M_sensor + (sensor - tcp) x F.
-            lever = base_from_log.position - plan.base_from_tcp.position
-            carried = np.cross(lever, base_from_log.turn(force))
-            moment = moment + Frame(base_from_log.rotation, np.zeros(3)).inverse().turn(carried)
-    wrench = np.concatenate([base_from_log.turn(force), base_from_log.turn(moment)], axis=1)
-    variance = np.einsum("nij,nj->ni", np.broadcast_to(base_from_log.rotation, (len(mean), 3, 3)) ** 2, standard_error**2)
+    base_from_axes = base_from_log(plan, cell)
+    if log.has_moment:
+        # Moments are those about the log's origin: carried to the TCP, M_tcp = M_log + (log - tcp) x F.
+        lever = base_from_axes.position - plan.base_from_tcp.position
+        carried = np.cross(lever, base_from_axes.turn(force))
+        moment = moment + Frame(base_from_axes.rotation, np.zeros(3)).inverse().turn(carried)
+    wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
+    variance = np.einsum("nij,nj->ni", np.broadcast_to(base_from_axes.rotation, (len(mean), 3, 3)) ** 2, standard_error**2)
     return np.nan_to_num(wrench), np.sqrt(variance)
 
 

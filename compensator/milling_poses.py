@@ -28,7 +28,7 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> tuple[Mill
     findings = [*plan.toolpath.findings, *plan.findings]
     wrench = None
     if forces is not None:
-        placed = place_forces(read_force_log(forces), plan, cell)
+        placed = place_forces(read_force_log(forces, cell.force_log.form), plan, cell)
         findings += placed.findings
         wanted &= placed.forced
         wrench = placed.wrench

@@ -18,6 +18,7 @@ from compensator.densify import densified
 from compensator.engagement import engaged, read_offsets, two_passes
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
+from compensator.placement import borders
 from compensator.planning import Plan, plan_path
 from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.prediction import Prediction, predict_path
@@ -134,9 +135,11 @@ def _predicted(
 ) -> Predicted:
     """The program with the forces of one log."""
     source = program.toolpath
-    log = read_force_log(inputs.forces)
-    said: tuple[Finding, ...] = (*source.findings, *log.findings)
+    said: tuple[Finding, ...] = source.findings
     try:
+        log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log_format,
+                             spindle_rpm=settings.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
+        said = (*said, *log.findings)
         forces = place_forces(log, plan, cell, tare=settings.tare)
         said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
         targets, left = targets_to_correct(plan, forces)

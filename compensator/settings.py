@@ -26,7 +26,9 @@ ONE = Estimate(1.0)
 
 @dataclass(frozen=True)
 class Settings:
-    """tare: first and last target of an air move, whose mean force is the sensor's bias.
+    """tare: first and last target of air moves, whose mean force is the sensor's bias. log_format: a public form of the force
+    log, None for CSV and Parquet. spindle_rpm: the spindle's speed, whole revolutions of which are averaged; None: as cell.yaml
+    states it, or found in the log.
 
     confidence: probability with which a correction must make its point better; at 0.69 those larger than their own standard
     deviation are made in full, those below half of it left out. slope [m/m]: the steepest change of the offset along the
@@ -43,7 +45,9 @@ class Settings:
     split: most targets of a part, None to write one module; split_load: parts are loaded one after the other.
     """
 
-    tare: tuple[int, int] | None = None
+    tare: tuple[tuple[int, int], ...] = ()
+    log_format: str | None = None
+    spindle_rpm: float | None = None
     confidence: float = 0.69
     slope: float | None = None
     cutting_stiffness: Estimate | None = None
@@ -106,7 +110,7 @@ class Scaled(click.ParamType[float]):
             number = math.nan
         if not (math.isfinite(number) and number >= self.low):
             self.fail(f"'{value}' is not a number of at least {self.low:g}", param, ctx)
-        return self.factor * number
+        return float(f"{self.factor * number:.12g}")       # a default said in other units is the default again
 
 
 class ScaledEstimate(click.ParamType[Estimate]):
@@ -147,7 +151,12 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 # How the force log is read and placed: `predict` and `correct`.
 FORCE_OPTIONS: tuple[Decorator, ...] = (
-    click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias."),
+    click.option("--tare", type=TargetRange(), multiple=True,
+                 help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
+    click.option("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
+                 help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
+    click.option("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
+                 help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
     click.option("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.scale, metavar="VALUE[:STD]",
                  help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from identification.findings import error
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
@@ -48,13 +48,45 @@ class MeasurementFile(Strict):
     pose_offset_std_um: tuple[NotNegative, NotNegative, NotNegative] = ZERO
 
 
+class PayloadFile(Strict):
+    """What hangs on the force sensor, in the flange frame."""
+
+    mass_kg: NotNegative
+    centre_of_mass_mm: Triple | None = None
+
+
+# Columns of a force log by the names that files and cell.yaml give them; "-" is one that is not read.
+LOG_COLUMNS = frozenset((
+    "-", "target", "path_mm", "time_s", "time_ms", "sequence", "x_mm", "y_mm", "z_mm", *(f"q{k}_deg" for k in range(1, 7)),
+    *(f"{kind}{axis}_{unit}" for kind, units in (("f", ("n", "counts")), ("m", ("nm", "counts"))) for axis in "xyz"
+      for unit in units)))
+
+
+def _log_columns(names: tuple[str, ...]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in LOG_COLUMNS]
+    if unknown:
+        raise ValueError(f"must be column names of a force log, '-' for one that is not read; unknown: {', '.join(unknown)}")
+    return names
+
+
 class ForceLogFile(Strict):
-    """What frame and sign logged forces have."""
+    """What frame and sign logged forces have, and how this cell's logger writes them."""
 
     frame: Literal["base", "tool", "sensor"] = "base"
     sensor_quaternion: Quaternion | None = None
     sensor_position_mm: Triple | None = None
     sign: Literal["on_tool", "by_tool"] = "on_tool"
+    columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
+    rate_hz: Positive | None = None
+    counts_per_n: Positive | None = None
+    counts_per_nm: Positive | None = None
+    saturation_n: Positive | None = None
+    saturation_nm: Positive | None = None
+    spindle_rpm: Positive | None = None
+    bias_n: Triple | None = None
+    bias_nm: Triple | None = None
+    weight: Literal["in_log", "removed"] | None = None
+    payload: PayloadFile | None = None
 
 
 class LimitsFile(Strict):
@@ -113,11 +145,21 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class ForceLogFrame:
-    """kind: frame of logged forces. flange_from_sensor: where kind is "sensor". sign: +1 on the tool, -1 by the tool."""
+    """kind: frame of logged forces. flange_from_sensor: where kind is "sensor". sign: +1 on the tool, -1 by the tool.
+
+    bias (6,) [N, N m] as logged, None where it is not stated. mass [kg] and centre (3,) [m] in the flange frame of what hangs
+    on the sensor: force_log.payload, else the tool's. weight: whether the log holds it, None where that is not stated.
+    form: how the logger writes.
+    """
 
     kind: Literal["base", "tool", "sensor"]
     flange_from_sensor: Frame | None
     sign: float
+    bias: Array | None = None
+    mass: float | None = None
+    centre: Array | None = None
+    weight: Literal["in_log", "removed"] | None = None
+    form: ForceLogFile = field(default_factory=ForceLogFile)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,13 +216,23 @@ def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
             offset_stated="pose_offset_std_um" in measurement.model_fields_set,
         ),
         prior=prior,
-        force_log=ForceLogFrame(log.frame, sensor, 1.0 if log.sign == "on_tool" else -1.0),
+        force_log=_force_log(log, sensor, file.tool),
         max_offset=1e-3 * file.limits.max_offset_mm,
         max_tilt=float(np.radians(file.limits.max_tilt_deg)),
         modbus=file.modbus,
         tool_mass=file.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
     )
+
+
+def _force_log(log: ForceLogFile, sensor: Frame | None, tool: ToolFile) -> ForceLogFrame:
+    bias = None
+    if log.bias_n is not None or log.bias_nm is not None:
+        bias = np.array([*(log.bias_n or ZERO), *(log.bias_nm or ZERO)])
+    payload = log.payload or tool
+    centre = payload.centre_of_mass_mm
+    return ForceLogFrame(log.frame, sensor, 1.0 if log.sign == "on_tool" else -1.0, bias, payload.mass_kg,
+                         None if centre is None else 1e-3 * np.array(centre), log.weight, log)
 
 
 def _robot(name: str, cell: Path, geometry: bool) -> RobotModel:

@@ -94,9 +94,10 @@ def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Comman
 
 def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str, int]:
     """Runs the body: what it has to say, its status, its exit code. Nothing but a wrong call is raised."""
-    from identification import files
+    from identification import files, progress
     from identification.findings import CompstiffError, Finding
 
+    progress.shown.set(sys.stderr.isatty() and not session.quiet and not session.as_json)
     before = len(files.written)
     try:
         outcome = body()

@@ -71,10 +71,10 @@ def read_table(
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
     for name in [*required, *(name for name in optional if name in names)]:
-        values, bad = _floats(frame[name], empty=name in may_be_empty)
+        values, bad = as_floats(frame[name], empty=name in may_be_empty)
         numbers[name] = values
         findings += [
-            Finding("CS0203", "error", f"column '{name}': found {_shown(frame[name].iloc[row])}, expected a finite number",
+            Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number",
                     file=str(path), line=int(line[row]), column=names.index(name) + 1,
                     hint="mend the cell, or delete the row if the value is lost")
             for row in bad[:MOST_COMPLAINTS]
@@ -84,12 +84,12 @@ def read_table(
     labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
               for name in texts if name in names}
     known = (*required, *optional, *texts)
-    unread = _unread([name for name in names if name not in known], [name for name in known if name not in names])
-    notes = [Finding("CS0204", level, text, file=str(path), line=header_line) for level, text in unread]
+    other = unread([name for name in names if name not in known], [name for name in known if name not in names])
+    notes = [Finding("CS0204", level, text, file=str(path), line=header_line) for level, text in other]
     return Table(str(path), numbers, labels, line, tuple(names), tuple(notes))
 
 
-def _unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
+def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
     """What to say of columns that are not read: a warning for one that looks like a misspelt name."""
     said: list[tuple[Level, str]] = []
     others = []
@@ -104,11 +104,11 @@ def _unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, st
     return said
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     return "an empty cell" if value is None or value == "" or value is pd.NA or value != value else f"'{value}'"
 
 
-def _floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp]]:
+def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp]]:
     """The column as floats and the rows that are not finite numbers."""
     if column.dtype.kind in "fiu":
         values = column.to_numpy(dtype=float)

@@ -31,4 +31,4 @@ def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 @pytest.fixture(scope="session")
 def sample(sample_inputs: Inputs) -> Corrected:
     """The corrected sample program."""
-    return correct_program(predict_program(sample_inputs, Settings(tare=TARE)))
+    return correct_program(predict_program(sample_inputs, Settings(tare=(TARE,))))

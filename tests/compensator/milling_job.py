@@ -30,7 +30,7 @@ TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
 
 def settings(**wanted: Any) -> Settings:
     """Settings with the tare and the wanted fields."""
-    return Settings(**({"tare": TARE} | wanted))
+    return Settings(**({"tare": (TARE,)} | wanted))
 
 
 @dataclass(frozen=True)

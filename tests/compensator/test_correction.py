@@ -129,7 +129,7 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
     program = tmp_path / "insert.mod"
     program.write_bytes(text.replace(old, new))
     again = correct_program(predict_program(
-        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings(tare=(0, 2))))
+        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings(tare=((0, 2),))))
     # A sample on the border between two targets may fall to the other one by the last digit: a few nanometres there.
     assert_allclose(again.correction.offset, sample.correction.offset, atol=2e-8)
 

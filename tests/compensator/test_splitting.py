@@ -181,7 +181,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     (tmp_path / "two_001.mod").write_bytes((tmp_path / "one.mod").read_bytes())
     inside_out = Inputs(inputs.cell, tmp_path / "two_001.mod", inputs.stiffness, inputs.forces)
     with pytest.raises(CompstiffError, match="CS0006"):
-        run_correction(inside_out, tmp_path / "two.mod", None, None, Settings(split=25, tare=None), overwrite=True)
+        run_correction(inside_out, tmp_path / "two.mod", None, None, Settings(split=25, tare=()), overwrite=True)
     record = json.loads((tmp_path / "many.mod.json").read_text())
     assert [part["file"] for part in record["parts"]] == ["many_001.mod", "many_002.mod"]
     assert {"CS4300", "CS4302"} <= {finding["code"] for finding in record["findings"]}

@@ -1,0 +1,105 @@
+"""The weight of what hangs on the force sensor, at any orientation; its mass, its centre and the sensor's bias from still ones.
+
+With g the acceleration of free fall in the log's axes, a reading without contact is (log frame, moments about its origin)
+
+    F = b_F + m g,      M = b_M + (m c) x g,
+
+linear in the ten parameters b_F, m, b_M, m c. Only orientations that differ separate b_F from m; the centre needs g to turn in
+two directions, since a moment arm along g does not show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.gravity import FREE_FALL
+
+Array = NDArray[np.float64]
+# g must turn by about this much [rad], RMS over the readings, for what depends on it to be told apart from the bias.
+TURN = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """What still readings (n) say: 10 parameters with standard deviations; all in the log's frame and sign `on tool`.
+
+    bias, bias_std (6,) [N, N m], moments NaN where there are none; mass, mass_std [kg]; centre, centre_std (3,) [m], None where
+    the orientations do not separate it, or there are no moments. force_dof, moment_dof: degrees of freedom behind the standard
+    deviations. force_scatter [N], moment_scatter [N m]: of one reading about the law. turn (2,) [rad]: how far g turned, RMS:
+    in all, and the least over two directions.
+    """
+
+    bias: Array
+    bias_std: Array
+    mass: float
+    mass_std: float
+    centre: Array | None
+    centre_std: Array | None
+    force_dof: int
+    moment_dof: int
+    force_scatter: float
+    moment_scatter: float
+    turn: Array
+
+
+def weight(fall: Array, mass: float, arm: Array | None) -> Array:
+    """Wrench (n, 6) [N, N m] of a mass; fall (n, 3) [m/s^2] and arm (3,) or (n, 3) [m] in the log's axes, None: no moment."""
+    force = mass * fall
+    moment = np.zeros_like(force) if arm is None else np.cross(arm, force)
+    return np.concatenate([force, moment], axis=1)
+
+
+def turns(fall: Array) -> Array:
+    """How far g turns over readings (n, 3) [rad], RMS: in all, and what an arm in the worst direction sees."""
+    off = (fall - fall.mean(axis=0)) / FREE_FALL
+    spread = off.T @ off / len(off)
+    seen = np.trace(spread) * np.eye(3) - spread
+    return np.sqrt([np.trace(spread), max(float(np.linalg.eigvalsh(seen)[0]), 0.0)])
+
+
+def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload | None:
+    """Bias, mass and centre from still readings: fall (n, 3) [m/s^2] and load (n, 6) in the log's axes, one row a still
+    orientation. None where the orientations do not tell the mass from the bias, or leave no degree of freedom."""
+    count = len(fall)
+    turn = turns(fall)
+    if count < 2 or turn[0] < TURN:
+        return None
+    force = np.zeros((3 * count, 4))
+    force[:, :3] = np.tile(np.eye(3), (count, 1))
+    force[:, 3] = fall.ravel()
+    found, covariance, scatter, dof = _least_squares(force, load[:, :3].ravel())
+    mass, mass_std = float(found[3]), float(np.sqrt(covariance[3, 3]))
+    bias, bias_std = np.full(6, np.nan), np.full(6, np.nan)
+    bias[:3], bias_std[:3] = found[:3], np.sqrt(np.diag(covariance)[:3])
+    centre = centre_std = None
+    moment_scatter, moment_dof = float("nan"), 0
+    if has_moment and count > 2 and turn[1] >= TURN and mass > 3 * mass_std:
+        moment = np.zeros((3 * count, 6))
+        moment[:, :3] = np.tile(np.eye(3), (count, 1))
+        # (m c) x g = -[g]x (m c)
+        for k, axis in enumerate(np.eye(3)):
+            moment[:, 3 + k] = np.cross(axis, fall).ravel()
+        arm, arm_covariance, moment_scatter, moment_dof = _least_squares(moment, load[:, 3:].ravel())
+        bias[3:], bias_std[3:] = arm[:3], np.sqrt(np.diag(arm_covariance)[:3])
+        centre = arm[3:] / mass
+        centre_std = np.sqrt(np.diag(arm_covariance)[3:] + (centre * mass_std) ** 2) / mass
+    return Payload(bias, bias_std, mass, mass_std, centre, centre_std, dof, moment_dof, scatter, moment_scatter, turn)
+
+
+def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float, int]:
+    """Estimates, their covariance from the scatter about the law, that scatter, and its degrees of freedom."""
+    normal = np.linalg.inv(design.T @ design)
+    found = normal @ design.T @ values
+    dof = int(len(values) - design.shape[1])
+    scatter = float(np.sqrt(np.sum((values - design @ found) ** 2) / dof))
+    return found, np.asarray(scatter**2 * normal), scatter, dof
+
+
+def interval_factor(dof: int) -> float:
+    """Half a 95 % interval in standard deviations that have so many degrees of freedom (Student)."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(dof, 0.975))
