@@ -1,9 +1,9 @@
 """The path between the targets as the robot drives it: straight and circular legs, blended corners, stops, on a fine grid.
 
-A fly-by zone is a parabola from the zone's radius before the target to the zone's radius behind it (at most half a leg), position
-and orientation alike. Fine points, zones that are not known, turns sharper than SHARPEST, and every change between linear moves
-and joint moves or between tools are stops. A corner that needs little acceleration at the programmed feed is one grid point whose
-curvature is that of its parabola; other corners are resolved.
+A fly-by zone is a parabola from the zone's radius before the target to the zone's radius behind it (at most half a leg),
+position and orientation alike. Fine points, zones that are not known, turns sharper than SHARPEST, and every change between
+linear moves and joint moves or between tools are stops. A corner that needs little acceleration at the programmed feed is one
+grid point whose curvature is that of its parabola; other corners are resolved.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Legs:
     """The moves to N targets; leg i ends at target i.
 
     linear (N,): driven with the TCP on a line or an arc, judged by its feed. joint (N,): driven by joint angles. A leg that is
-    neither is not known. length (N,) [m], chord or arc. same (N,): the target lies where the one before lies. first, last (N, 3)
-    unit tangents; turn (N, 3) [rad] rotation vector of the leg, base frame. centre, axis (N, 3), angle (N,) [rad] of an arc, 0 for
-    a line. radius (N,) [m] of the blend at the leg's end; stop (N,): the robot stands still at the leg's end; corner (N,) [rad].
-    before (N,): the target at which the leg starts.
+    neither is not known. same (N,): the target lies where the one before lies. before (N,): the target at which the leg starts.
+    length (N,) [m], chord or arc. first, last (N, 3) unit tangents; turn (N, 3) [rad] rotation vector of the leg, base frame.
+    centre [m], axis (N, 3), angle (N,) [rad] of an arc, angle 0 for a line.
+    At the leg's end: radius (N,) [m] of the blend; stop (N,): the robot stands still; corner (N,) [rad]; unknown_zone (N,).
     """
 
     linear: Flags
@@ -71,10 +71,10 @@ class Legs:
 class Route:
     """Grid points (K) of the linear legs, one behind the other, and what the joints do there.
 
-    leg (K,): target the point is on the way to. s (K,) [m]: path length within a run; at a stop the point stands twice, as the
-    end of one run and the start of the next, `GAP` apart. feed (K,) [m/s], inf where unknown. theta (K, 6) [rad]; slope (K, 6)
-    [rad/m] and bend (K, 6) [rad/m^2]: its first and second derivative by s. stop (K,): the robot stands still. position (K, 3) [m]
-    in the base frame. lost (N,): legs along which no joint angles were found.
+    leg (K,): target the point is on the way to. s (K,) [m]: path length; at a stop inside the program the point stands twice,
+    as the end of one run and the start of the next, `GAP` apart. feed (K,) [m/s], inf where unknown, the slower one within a
+    blend. theta (K, 6) [rad]; slope (K, 6) [rad/m] and bend (K, 6) [rad/m^2]: its first and second derivative by s. stop (K,):
+    the robot stands still. lost (N,): legs along which no joint angles were found.
     """
 
     legs: Legs
@@ -85,7 +85,6 @@ class Route:
     slope: Array
     bend: Array
     stop: Flags
-    position: Array
     lost: Flags
 
 
@@ -104,7 +103,7 @@ class Poses:
 def build_legs(plan: Plan, poses: Poses) -> Legs:
     """The legs of a program driven through these poses."""
     path, count = plan.toolpath, len(plan.toolpath)
-    reached = ~np.isnan(poses.theta).any(axis=1)
+    reached = np.asarray(~np.isnan(poses.theta).any(axis=1))
     position = np.where(reached[:, None], poses.base_from_tcp.position, 0.0)
     before = np.maximum(np.arange(count) - 1, 0)
     chord = position - position[before]
@@ -137,8 +136,8 @@ def build_legs(plan: Plan, poses: Poses) -> Legs:
             first[bent] = np.cross(axis[bent], start) / radius[:, None]
             last[bent] = np.cross(axis[bent], position[bent] - centre[bent]) / radius[:, None]
     return _corners(path.move, path.zone, Legs(
-        linear, joint, same, before, length, first, last, turn, centre, axis, angle, np.zeros(count), np.ones(count, dtype=bool),
-        np.zeros(count), np.zeros(count, dtype=bool)))
+        linear, joint, same, before, length, first, last, turn, centre, axis, angle, np.zeros(count),
+        np.ones(count, dtype=bool), np.zeros(count), np.zeros(count, dtype=bool)))
 
 
 def _corners(move: NDArray[np.uint8], zone: Array, legs: Legs) -> Legs:
@@ -236,14 +235,15 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
     step[inside] = np.linalg.norm(np.diff(position, axis=0)[inside], axis=1)
     step[ends[:-1]] = GAP
     s = np.concatenate([[0.0], np.cumsum(step)]) if len(leg) else np.empty(0)
-    bound = feed[leg]
     corner = (d == legs.length[leg]) & ~stop
-    bound[corner] = both[leg[corner]]
+    # Within a blend the slower feed counts.
+    shared = np.where(blend >= 0, blend, np.where(corner, leg, -1))
+    bound = np.where(shared >= 0, both[shared], feed[leg])
     slope, bend = _derivatives(theta, s, ends)
     single = np.flatnonzero(corner & ~sharp[leg] & (legs.radius[leg] > 0))
     width = 0.5 * (s[single + 1] - s[single - 1])[:, None]
     bend[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
-    return Route(legs, leg, s, bound, theta, slope, bend, stop, position, lost)
+    return Route(legs, leg, s, bound, theta, slope, bend, stop, lost)
 
 
 def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array, sharp: Flags) -> tuple[Indices, Array]:

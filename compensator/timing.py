@@ -1,8 +1,9 @@
 """The fastest run along a route under the joints' speed and acceleration limits and the programmed feed (TOPPRA).
 
-The path parameter is the TCP's path length [m], so that its rate is the TCP's speed and the feed a bound on it, as a joint's speed
-is. Long programs are solved in windows. A window ends at a stop, or runs on beyond its end by more than the robot needs to brake:
-what is kept is then the same as in one solve of the whole. Legs by joint angles are trapezoids of the slowest joint.
+The path parameter is the TCP's path length [m], so that its rate is the TCP's speed and the feed a bound on it, as a joint's
+speed is. Where the feed is simply held nothing is solved, and long programs are solved in windows. A window ends at a stop, or
+runs on beyond its end by more than the robot needs to brake: what is kept is the same as in one solve of the whole. Legs by joint
+angles are trapezoids of the slowest joint.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from numpy.typing import NDArray
 
 from compensator.planning import Plan
 from compensator.route import Poses, Route, build_route
-from identification.findings import error
+from identification.findings import CompstiffError, error
+from identification.model.kinematics import chunks
 from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
@@ -33,8 +35,8 @@ OVERRUN, FEWEST = 2.0, 50
 class Drive:
     """A program as the robot can drive it.
 
-    speed (K,) [m/s] at the route's grid points. duration (N,) [s] of each target's leg, from rest where the robot stands; NaN where
-    it is not known. programmed (N,) [s]: its length over its feed, NaN for unknown feed, 0 for legs not judged by feed.
+    speed (K,) [m/s] at the route's grid points. duration (N,) [s] of each target's leg; NaN where it is not known.
+    programmed (N,) [s]: its length over its feed, NaN for unknown feed, 0 for legs not judged by feed.
     """
 
     route: Route
@@ -94,35 +96,61 @@ def speed_bound(route: Route, robot: RobotModel) -> Array:
 
 
 def fastest(route: Route, robot: RobotModel, plan: Plan, window: int = WINDOW) -> Array:
-    """TCP speed (K,) [m/s] of the fastest run, window by window."""
+    """TCP speed (K,) [m/s] of the fastest run, window by window; where the feed is simply held nothing is solved."""
     count = len(route.s)
-    speed = np.zeros(count)
+    if not count:
+        return np.zeros(0)
     bound = speed_bound(route, robot)
-    start = 0
-    while start < count - 1:
-        keep = end = min(start + window, count - 1)
-        if end < count - 1:
-            stops = np.flatnonzero(route.stop[start + window // 2:end + 1])
+    kept = np.flatnonzero(_unsettled(route, robot, bound))
+    speed = np.zeros(len(kept))
+    s, limit = route.s[kept], bound[kept]
+    start, last = 0, len(kept) - 1
+    while start < last:
+        keep = end = min(start + window, last)
+        if end < last:
+            stops = np.flatnonzero(route.stop[kept[start + window // 2:end + 1]])
             if len(stops):
                 keep = end = start + window // 2 + int(stops[-1])
             else:
-                ahead = slice(keep, min(keep + window, count))
-                with np.errstate(divide="ignore"):
-                    push = float(np.min(robot.acceleration / np.abs(route.slope[ahead])))
-                braking = OVERRUN * float(np.max(bound[ahead])) / (2 * push)
-                end = min(max(int(np.searchsorted(route.s, route.s[keep] + braking)), keep + FEWEST), count - 1)
-        part = slice(start, end + 1)
-        solved = _solve(route, robot, bound[part], part, float(speed[start]))
+                ahead = slice(keep, min(keep + window, last))
+                braking = OVERRUN * float(np.max(_braking(route, robot, kept[ahead], limit[ahead])))
+                end = min(max(int(np.searchsorted(s, s[keep] + braking)), keep + FEWEST), last)
+        part = kept[start:end + 1]
+        solved = _solve(s[start:end + 1] - s[start], route.slope[part], route.bend[part], limit[start:end + 1], robot,
+                        float(speed[start]))
         if solved is None:
-            _explain(route, plan, part)
-        else:
-            speed[start:keep + 1] = solved[:keep + 1 - start]
+            raise _failure(route, plan, part)
+        speed[start:keep + 1] = solved[:keep + 1 - start]
         start = keep
-    return speed
+    return np.asarray(np.sqrt(np.interp(route.s, s, speed**2)))
 
 
-def _solve(route: Route, robot: RobotModel, bound: Array, part: slice, first: float) -> Array | None:
-    """Speed (k,) [m/s] on one window from speed `first` to rest; None where TOPPRA finds none."""
+def _braking(route: Route, robot: RobotModel, where: Indices, bound: Array) -> Array:
+    """Path length (n,) [m] to stop from the squared speed `bound` (n,) with the joints' accelerations there."""
+    return np.asarray(bound / (2 * np.min(robot.acceleration / np.maximum(np.abs(route.slope[where]), 1e-12), axis=1)))
+
+
+def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool_]:
+    """Grid points (K,) whose speed must be worked out. Elsewhere the robot drives at the feed: the bound does not change, the
+    joints can hold it at constant speed, and the next place where that is not so is farther than two braking distances."""
+    count = len(bound)
+    restless = np.zeros(count, dtype=bool)
+    for part in chunks(count):
+        restless[part] = (np.abs(route.bend[part]) * bound[part, None] > 0.95 * robot.acceleration).any(axis=1)
+    steps = np.flatnonzero(np.abs(np.diff(bound)) > 1e-9 * bound[1:])
+    restless[steps] = restless[steps + 1] = True
+    restless[[0, -1]] = True
+    places = np.flatnonzero(restless)
+    reach = OVERRUN * np.maximum.reduce([_braking(route, robot, near, bound[near]) for near in (
+        places, np.maximum(places - 1, 0), np.minimum(places + 1, count - 1))])
+    change = np.zeros(count + 1, dtype=np.intp)
+    np.add.at(change, np.maximum(np.searchsorted(route.s, route.s[places] - reach) - 2, 0), 1)
+    np.add.at(change, np.minimum(np.searchsorted(route.s, route.s[places] + reach) + 2, count), -1)
+    return np.asarray(np.cumsum(change[:-1]) > 0)
+
+
+def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel, first: float) -> Array | None:
+    """Speed (k,) [m/s] along s (k,) [m] from 0 on, from speed `first` to rest; None where TOPPRA finds none."""
     import toppra
     from toppra.algorithm import TOPPRA, ParameterizationReturnCode
     from toppra.constraint import DiscretizationType, JointAccelerationConstraint, LinearConstraint
@@ -132,10 +160,10 @@ def _solve(route: Route, robot: RobotModel, bound: Array, part: slice, first: fl
 
         dof = len(robot.acceleration)
         waypoints = None
-        path_interval = np.array([0.0, route.s[part.stop - 1] - route.s[part.start]])
+        path_interval = np.array([0.0, s[-1]])
 
         def __call__(self, grid: Array, order: int = 0) -> Array:
-            return (route.theta, route.slope, route.bend)[order][part]
+            return (slope, slope, bend)[order]
 
     class SpeedBound(LinearConstraint):  # type: ignore[misc]
         """0 <= speed^2 <= bound."""
@@ -143,24 +171,23 @@ def _solve(route: Route, robot: RobotModel, bound: Array, part: slice, first: fl
         def compute_constraint_params(self, *_: Any, **__: Any) -> tuple[Any, ...]:
             return None, None, None, None, None, None, np.column_stack([np.zeros(len(bound)), bound])
 
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)      # its failures are told by their place below
+    logging.getLogger("toppra").setLevel(logging.CRITICAL)      # a failure is told by its place, `_failure`
     limits = np.column_stack([-robot.acceleration, robot.acceleration])
     solver = TOPPRA([SpeedBound(), JointAccelerationConstraint(limits, DiscretizationType.Interpolation)], Sampled(),
-                    gridpoints=route.s[part] - route.s[part.start], solver_wrapper="seidel",
-                    parametrizer="ParametrizeConstAccel")
+                    gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
     _, speed, _ = solver.compute_parameterization(first, 0.0)
     if solver.problem_data.return_code != ParameterizationReturnCode.Ok or speed is None:
         return None
     return np.asarray(speed)
 
 
-def _explain(route: Route, plan: Plan, part: slice) -> None:
-    """Raises CompstiffError (CS4409) at the place of a window where the joints move fastest by the path's length."""
+def _failure(route: Route, plan: Plan, part: Indices) -> CompstiffError:
+    """CS4409 at the place of a window where the joints move fastest by the path's length."""
     relative = np.abs(route.slope[part]) / plan.cell.robot.speed
     place, joint = np.unravel_index(int(np.nanargmax(relative)), relative.shape)
-    target = int(route.leg[part.start + int(place)])
+    target = int(route.leg[part[place]])
     path = plan.toolpath
-    raise error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
-                f"{1e-3 * np.degrees(abs(route.slope[part][place, joint])):.3g} deg a millimetre of path",
-                file=path.source, line=int(path.line[target]), column=int(path.column[target]), target=target,
-                hint="is the tool near the wrist singularity there? Run without --check-feed to correct all the same")
+    return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
+                 f"{1e-3 * np.degrees(abs(route.slope[part[place], joint])):.3g} deg a millimetre of path",
+                 file=path.source, line=int(path.line[target]), column=int(path.column[target]), target=target,
+                 hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")
