@@ -39,8 +39,8 @@ class Feasibility:
 
     ratio (N,): the lowest share of the programmed feed that the joints can hold on the way to each target, 1 where all of it;
     NaN where the move is not judged by its feed. joint (N,) index and by_speed (N,): what holds it back there, at the grid
-    point `point` (N,). wrist (N,) [rad]: the smallest distance from the wrist singularity on the way. outside (N,): a joint limit
-    or the rod's window is left between the targets. lost (N,) [s]: over length / feed.
+    point `point` (N,). wrist (N,) [rad]: the smallest distance from the wrist singularity on the way. outside (N,): a joint
+    limit or the rod's window is left between the targets. lost (N,) [s]: over length / feed.
     """
 
     drive: Drive
@@ -60,11 +60,11 @@ class Feasibility:
 
 @dataclass(frozen=True, eq=False)
 class FeedCheck:
-    """Before and after correction; after is None for a prediction. forced (N,): the moves that cut."""
+    """Before and after correction. cutting (N,): the moves with force at both of their ends."""
 
     before: Feasibility
     after: Feasibility | None
-    forced: Flags
+    cutting: Flags
     findings: tuple[Finding, ...]
 
     @property
@@ -84,7 +84,7 @@ def judge(plan: Plan, poses: Poses | None = None) -> Feasibility:
     wrist, outside = np.full(count, np.inf), np.zeros(count, dtype=bool)
     for part in chunks(len(route.s), 65_536):
         leg, feed = route.leg[part], route.feed[part, None]
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):      # an unknown feed is infinite, a joint may rest
             of_speed = robot.speed / np.abs(route.slope[part]) / feed
             of_push = np.sqrt(robot.acceleration / np.abs(route.bend[part])) / feed
         share = np.minimum(of_speed, of_push)
@@ -106,33 +106,36 @@ def judge(plan: Plan, poses: Poses | None = None) -> Feasibility:
 def check_feed(plan: Plan, forces: TargetForces, corrected: Poses | None, *, strict: bool) -> FeedCheck:
     """The verdict on the planned program and, where there is one, on the corrected one.
 
-    strict: Refused (CS4402) where a move with force cannot hold its feed in the program that would be written.
+    strict: Refused (CS4402) where a cut cannot hold its feed in the program that would be written.
     """
     before = judge(plan)
     after = None if corrected is None else judge(plan, corrected)
-    check = FeedCheck(before, after, forces.forced, ())
+    # A single noisy target on an air move is no cut.
+    cutting = forces.forced & forces.forced[before.drive.route.legs.before]
+    check = FeedCheck(before, after, cutting, ())
     last = check.last
-    if strict and (last.slow & forces.forced).any():
+    if strict and (last.slow & cutting).any():
         raise Refused(*_cuts(plan, check, "CS4402", "error"))
     findings = [*_cuts(plan, check, "CS4401", "warning"), *_air(plan, check),
                 *_places(plan, before, after, forces), *_assumed(plan, last)]
-    return FeedCheck(before, after, forces.forced, tuple(findings))
+    return FeedCheck(before, after, cutting, tuple(findings))
 
 
 def figures(check: FeedCheck) -> dict[str, Any]:
     """What `--json` tells, JSON values: before and after correction."""
-    return {when: _figures(one, check.forced) for when, one in (("planned", check.before), ("corrected", check.after))
+    return {when: _figures(one, check.cutting) for when, one in (("planned", check.before), ("corrected", check.after))
             if one is not None}
 
 
-def _figures(one: Feasibility, forced: Flags) -> dict[str, Any]:
+def _figures(one: Feasibility, cutting: Flags) -> dict[str, Any]:
     held_back = one.slow
     judged = ~np.isnan(one.ratio)
-    lowest = [float(np.nanmin(one.ratio[mask], initial=1.0)) for mask in (judged, judged & forced)]
+    lowest = [float(np.nanmin(one.ratio[mask], initial=1.0)) for mask in (judged, judged & cutting)]
     return {
         "time_s": round(float(one.drive.time[-1]), 4), "programmed_time_s": round(float(np.nansum(one.drive.programmed)), 4),
         "joint_moves_s": round(float(np.nansum(one.drive.duration[one.drive.route.legs.joint])), 4),
-        "judged": int(judged.sum()), "held_back": int(held_back.sum()), "held_back_with_force": int((held_back & forced).sum()),
+        "judged": int(judged.sum()), "held_back": int(held_back.sum()),
+        "held_back_with_force": int((held_back & cutting).sum()),
         "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
         "lost_held_back_s": round(float(np.nansum(one.lost[held_back])), 4),
         "lost_ramps_s": round(float(np.nansum(one.lost[judged & ~held_back])), 4),
@@ -160,7 +163,7 @@ def _reason(plan: Plan, one: Feasibility, target: int) -> str:
 def _cuts(plan: Plan, check: FeedCheck, code: str, level: Level) -> list[Finding]:
     """One finding a stretch of moves with force that cannot hold their feed, the worst first; the rest counted."""
     one = check.last
-    places = np.flatnonzero(one.slow & check.forced)
+    places = np.flatnonzero(one.slow & check.cutting)
     if not len(places):
         return []
     runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
@@ -184,7 +187,7 @@ def _cuts(plan: Plan, check: FeedCheck, code: str, level: Level) -> list[Finding
 def _air(plan: Plan, check: FeedCheck) -> list[Finding]:
     """One note for all moves without force that cannot hold their feed."""
     one = check.last
-    places = np.flatnonzero(one.slow & ~check.forced)
+    places = np.flatnonzero(one.slow & ~check.cutting)
     if not len(places):
         return []
     target = int(places[np.argmin(one.ratio[places])])

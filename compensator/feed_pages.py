@@ -70,8 +70,8 @@ def _places(plan: Plan, check: FeedCheck) -> Figure:
          "line": {"color": "#bbb", "width": 1}, "hoverinfo": "skip"}]
     joints = one.drive.route.legs
     for name, mask, colour in (
-        ("cut below its feed", one.slow & check.forced, "#b3261e"),
-        ("air move below its feed", one.slow & ~check.forced, "#e0a100"),
+        ("cut below its feed", one.slow & check.cutting, "#b3261e"),
+        ("air move below its feed", one.slow & ~check.cutting, "#e0a100"),
         ("near the wrist singularity", one.wrist < NEARLY_SINGULAR, "#6a3d9a"), ("outside a joint limit", one.outside, "#000"),
         ("joint move", joints.joint, "#3878b0"), ("not judged", one.drive.route.lost, "#0a0"),
     ):

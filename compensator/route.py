@@ -2,8 +2,8 @@
 
 A fly-by zone is a parabola from the zone's radius before the target to the zone's radius behind it (at most half a leg),
 position and orientation alike. Fine points, zones that are not known, turns sharper than SHARPEST, and every change between
-linear moves and joint moves or between tools are stops. A corner that needs little acceleration at the programmed feed is one
-grid point whose curvature is that of its parabola; other corners are resolved.
+linear moves and joint moves or between tools are stops. A slight corner that needs little acceleration at the programmed feed
+is one grid point whose curvature is that of its parabola; other corners are resolved.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ SAME_PLACE, SAME_TURN = 1e-6, 1e-5
 SHARPEST = np.radians(150.0)
 # Grid points are at most so far apart [m], [rad of orientation or of an arc].
 SPACING, TURNING = 10e-3, np.radians(3.0)
-# A corner that takes less than this share of a joint's acceleration at full feed needs no grid of its own.
-GENTLE = 0.25
+# A corner of at most this turn [rad] that takes less than this share of a joint's acceleration at full feed needs no grid of
+# its own: the parabola is hardly shorter than the corner.
+NEARLY_STRAIGHT, GENTLE = np.radians(10.0), 0.25
 BLEND = np.linspace(0.0, 1.0, 13)
 # Where a ramp from or to a slower speed is resolved, as shares of its length.
 RAMP = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3])
@@ -163,9 +164,9 @@ def _corners(move: NDArray[np.uint8], zone: Array, legs: Legs) -> Legs:
     return legs
 
 
-def joint_rates(plan: Plan, theta: Array, targets: Indices, direction: Array) -> Array:
-    """Derivatives (n, 6) [rad/m] of the joint angles by the path length at `targets` (n,), for the TCP's direction (n, 6): unit
-    tangent and turning [rad/m], base frame."""
+def joint_rates(plan: Plan, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
+    """Derivatives (n, 6) [rad/m] of the joint angles by the path length at `targets` (n,), along the legs `leg` (n,) whose unit
+    tangents there are the rows `leg` of tangent (N, 3)."""
     rates = np.empty((len(targets), 6))
     tools = plan.toolpath.tool[targets]
     for tool in np.unique(tools):
@@ -174,7 +175,9 @@ def joint_rates(plan: Plan, theta: Array, targets: Indices, direction: Array) ->
         for part in chunks(len(places), BATCH):
             here = places[part]
             matrix = jacobian(plan.cell.robot, theta[targets[here]], frame, "drive") + 1e-12 * np.eye(6)
-            rates[here] = np.linalg.solve(matrix, direction[here, :, None])[:, :, 0]
+            one = leg[here]
+            direction = np.concatenate([tangent[one], legs.turn[one] / legs.length[one, None]], axis=1)
+            rates[here] = np.linalg.solve(matrix, direction[:, :, None])[:, :, 0]
     return rates
 
 
@@ -199,23 +202,8 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
     driven = np.flatnonzero(legs.linear)
     after = np.full(count, -1)
     after[legs.before[driven]] = driven
-    # How the joints move at both ends of each leg decides where ramps and corners need a finer grid.
-    twist = legs.turn / np.maximum(legs.length, SAME_PLACE)[:, None]
-    start_rate, end_rate = np.zeros((count, 6)), np.zeros((count, 6))
-    start_rate[driven] = joint_rates(plan, poses.theta, legs.before[driven],
-                                     np.concatenate([legs.first, twist], axis=1)[driven])
-    end_rate[driven] = joint_rates(plan, poses.theta, driven, np.concatenate([legs.last, twist], axis=1)[driven])
-    push = np.full(count, np.inf)
-    with np.errstate(divide="ignore"):
-        push[driven] = np.min(robot.acceleration / np.abs(np.stack([start_rate[driven], end_rate[driven]])), axis=(0, 2))
-    jump, flying = np.zeros((count, 6)), np.flatnonzero((legs.radius > 0) & (after >= 0))
-    jump[flying] = start_rate[after[flying]] - end_rate[flying]
-    jump[plan.toolpath.move == Move.ARC_VIA] = 0.0
     both = np.minimum(feed, np.where(after >= 0, feed[after], np.inf))
-    usual = np.minimum(both, 10.0)
-    sharp = np.zeros(count, dtype=bool)
-    sharp[flying] = (np.abs(jump[flying]) * usual[flying, None]**2 > GENTLE * robot.acceleration * 2
-                     * legs.radius[flying, None]).any(axis=1)
+    push, jump, sharp = _demands(plan, poses, legs, driven, after, np.minimum(both, 10.0))
     leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), push, sharp)
 
     theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
@@ -244,6 +232,29 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
     width = 0.5 * (s[single + 1] - s[single - 1])[:, None]
     bend[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
     return Route(legs, leg, s, bound, theta, slope, bend, stop, lost)
+
+
+def _demands(
+    plan: Plan, poses: Poses, legs: Legs, driven: Indices, after: Indices, feed: Array
+) -> tuple[Array, Array, Flags]:
+    """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6)
+    [rad/m] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,) [m/s]."""
+    limits, count = plan.cell.robot.acceleration, len(legs.linear)
+    push, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
+    rate = joint_rates(plan, poses.theta, driven, legs, driven, legs.last)
+    with np.errstate(divide="ignore"):
+        push[driven] = np.min(limits / np.abs(rate), axis=1)
+    jump[driven] = -rate
+    rate = joint_rates(plan, poses.theta, legs.before[driven], legs, driven, legs.first)
+    with np.errstate(divide="ignore"):
+        push[driven] = np.minimum(push[driven], np.min(limits / np.abs(rate), axis=1))
+    jump[legs.before[driven]] += rate
+    jump[~((legs.radius > 0) & (after >= 0)) | (plan.toolpath.move == Move.ARC_VIA)] = 0.0
+    flying = np.flatnonzero((legs.radius > 0) & (after >= 0))
+    sharp[flying] = legs.corner[flying] > NEARLY_STRAIGHT
+    sharp[flying] |= (np.abs(jump[flying]) * feed[flying, None] ** 2 > 2 * GENTLE * limits
+                      * legs.radius[flying, None]).any(axis=1)
+    return push, jump, sharp
 
 
 def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array, sharp: Flags) -> tuple[Indices, Array]:

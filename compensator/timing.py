@@ -2,8 +2,8 @@
 
 The path parameter is the TCP's path length [m], so that its rate is the TCP's speed and the feed a bound on it, as a joint's
 speed is. Where the feed is simply held nothing is solved, and long programs are solved in windows. A window ends at a stop, or
-runs on beyond its end by more than the robot needs to brake: what is kept is the same as in one solve of the whole. Legs by joint
-angles are trapezoids of the slowest joint.
+runs on beyond its end by more than the robot needs to brake: what is kept is the same as in one solve of the whole. Legs by
+joint angles are trapezoids of the slowest joint.
 """
 
 from __future__ import annotations
