@@ -26,26 +26,33 @@ SLOWEST, FASTEST = 0.4, 1.5
 # Feeds whose gap is at least this factor are cutting feed and air feed.
 AIR_FACTOR = 2.0
 # Bins of the coarse and of the fine search, at most.
-COARSE, FINE = 2000, 12_000
+COARSE, FINE = 1000, 3000
 # The smallest difference of log likelihoods to the best other alignment, and share of the force's variance explained, that are
 # believed.
 LOWEST_SCORE, LOWEST_SHARE = 10.0, 0.2
 # How many best places of the coarse search are refined.
-CANDIDATES = 6
+CANDIDATES = 5
 # Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
 LEAD_SHARE, LEAD_LEAST = 0.1, 1e-3
 # The edge of a cut is this wide [m].
 EDGE = 4e-3
+# Feeds whose cuts have a force of their own.
+KINDS = 2
+# The slip of a stretch against the straight line: at most REACH periods, WALK periods (1 sigma) from stretch to stretch, on so many
+# states; stretches are cut into pieces of at most LONGEST [s].
+REACH, WALK, STATES, LONGEST, ROUNDS = 0.4, 0.03, 61, 10.0, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What the program says: time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move to the
-    target does not cut; direction (N, 3): unit vector of the move to it, in the log's frame."""
+    """What the program says: time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move to
+    the target does not cut; kind (N,): moves of one number cut alike, such as those of one feed; direction (N, 3): unit vector
+    of the move to it, in the log's frame."""
 
     time: Array
     length: Array
     air: Flags
+    kind: Indices
     direction: Array
 
 
@@ -82,35 +89,47 @@ def air_moves(feed: Array, by_joints: Flags) -> Flags:
     return np.asarray(by_joints | (feed >= feeds[1:][np.argmax(ratio)]))
 
 
+def kinds_of_cut(feed: Array, air: Flags, length: Array) -> Indices:
+    """Number (N,) of the kind of cut of each move: one for each of the KINDS feeds with most path, one for all others."""
+    step = np.diff(length, prepend=length[:1])
+    feeds, which = np.unique(np.round(feed, 6), return_inverse=True)
+    share = np.bincount(which, np.where(air, 0.0, step))
+    rank = np.argsort(np.argsort(-share, kind="stable"), kind="stable")
+    return np.asarray(np.minimum(rank[which], min(KINDS, len(feeds) - 1)))
+
+
 def place_by_time(program: Program, time: Array, force: Array) -> TimePlacement:
     """Places samples at times (M,) [s], ascending, with force (M, 3) [N]."""
     span = float(time[-1] - time[0])
     bins = int(np.clip(8 * span / max(_period(program), 1e-3), 64, COARSE))
     candidates = _coarse(program, *_binned(time, force, span / bins), span / bins)
     middle = 0.5 * float(time[0] + time[-1])
-    fine = max(span / FINE, 0.02)
-    model = _Model(program, *_binned(time, force, fine), middle)
-    refined = [model.refine(np.array([override * (middle - start), np.log(override), 0.0, 0.0])) for start, override in candidates]
-    values = np.array([model.value(one) for one in refined])
-    best = refined[int(np.argmin(values))]
+    model = _Model(program, *_binned(time, force, max(span / FINE, 0.02)), middle)
+    refined, slipped = [], []
+    for start, override in candidates:
+        x = model.refine(np.array([override * (middle - start), np.log(override), 0.0, 0.0]))
+        # With the stretches in their places the leads show, and with the leads the places.
+        x = model.refine(x, model.slips(x).slip)
+        refined.append(x)
+        slipped.append(model.slips(x))
+    values = np.array([one.value for one in slipped])
+    number = int(np.argmin(values))
+    best, slips = refined[number], slipped[number]
     # An alignment is another one if it puts the samples elsewhere by more than half a stretch on average.
-    apart = np.array([model.apart(best, one) for one in refined])
+    apart = np.array([float(np.mean(np.abs(one.planned - slips.planned))) for one in slipped])
     others = np.flatnonzero(apart > 0.5 * _stretch(program))
-    independent = model.independent(best)
     rival = int(others[np.argmin(values[others])]) if len(others) else -1
-    score = 0.5 * independent * float(values[rival] - values.min()) if rival >= 0 else np.inf
-    covariance = model.covariance(best, independent)
-    slip, slip_std = model.slips(best, independent)
-    planned = model.planned(best, time)
-    planned = planned + np.interp(time, model.time, slip)
+    score = slips.independent * float(values[rival] - values[number]) if rival >= 0 else np.inf
+    covariance = model.covariance(best, slips)
+    override = float(np.exp(best[1]))
+    planned = best[0] + override * (time - middle) + np.interp(time, model.time, slips.slip)
     inside = (planned >= program.time[0]) & (planned <= program.time[-1])
     place = np.where(inside, np.interp(planned, program.time, program.length), np.nan)
-    away = np.exp(best[1]) * (time - middle)
+    away = override * (time - middle)
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
-    std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, model.time, slip_std) ** 2)
-    override = float(np.exp(best[1]))
-    return TimePlacement(place, middle - float(best[0]) / override, override, float(np.max(np.abs(slip), initial=0.0)), score,
-                         model.share(best), float(apart[rival]) if rival >= 0 else np.inf, np.asarray(std))
+    std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, model.time, slips.std) ** 2)
+    return TimePlacement(place, middle - float(best[0]) / override, override, float(np.max(np.abs(slips.slip), initial=0.0)),
+                         score, slips.share, float(apart[rival]) if rival >= 0 else np.inf, np.asarray(std))
 
 
 def _runs(program: Program) -> list[tuple[int, int]]:
@@ -140,16 +159,25 @@ def _binned(time: Array, force: Array, width: float) -> tuple[Array, Array, Arra
     return time[0] + (np.arange(len(count)) + 0.5) * width, mean, (count > 0).astype(float)
 
 
-def _features(program: Program, planned: Array, lead_in: float, lead_out: float) -> Array:
-    """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4); zero outside the program."""
-    leg = np.clip(np.searchsorted(program.time, planned, side="left"), 1, len(program.time) - 1)
-    s = np.interp(planned, program.time, program.length)
+def _stretch_ends(program: Program) -> tuple[Array, Array]:
+    """Path length (N,) [m] at the start and the end of the stretch that each leg belongs to; 0 on air moves."""
     first, last = np.zeros(len(program.time)), np.zeros(len(program.time))
     for a, b in _runs(program):
         first[a + 1:b + 1], last[a + 1:b + 1] = program.length[a], program.length[b]
+    return first, last
+
+
+def _features(
+    program: Program, ends: tuple[Array, Array], planned: Array, lead_in: float, lead_out: float
+) -> tuple[Array, Indices]:
+    """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the program; and
+    the leg (n,)."""
+    leg = np.clip(np.searchsorted(program.time, planned, side="left"), 1, len(program.time) - 1)
+    s = np.interp(planned, program.time, program.length)
+    first, last = ends
     engaged = np.clip((s - first[leg] - lead_in) / EDGE + 0.5, 0, 1) * np.clip((last[leg] - lead_out - s) / EDGE + 0.5, 0, 1)
     engaged *= ~program.air[leg] & (planned >= program.time[0]) & (planned <= program.time[-1])
-    return np.asarray(engaged[:, None] * np.column_stack([np.ones(len(leg)), program.direction[leg]]))
+    return np.asarray(engaged[:, None] * np.column_stack([np.ones(len(leg)), program.direction[leg]])), leg
 
 
 def _coarse(program: Program, time: Array, force: Array, weight: Array, width: float) -> list[tuple[float, float]]:
@@ -162,13 +190,13 @@ def _coarse(program: Program, time: Array, force: Array, weight: Array, width: f
     energy = float(np.sum(centred**2))
     count = weight.sum()
     found: list[tuple[float, float, float]] = []
-    stretch = _stretch(program)
+    stretch, ends_of = _stretch(program), _stretch_ends(program)
     step = 0.5 * width * 2 / max(total, n * width)
     for override in np.exp(np.arange(np.log(SLOWEST), np.log(FASTEST), step)):
         m = int(np.ceil(total / override / width)) + 1
         size = next_fast_len(n + m, real=True)
         planned = program.time[0] + override * width * (np.arange(m) + 0.5)
-        phi = _features(program, planned, 0.0, 0.0)
+        phi, _ = _features(program, ends_of, planned, 0.0, 0.0)
         pairs = [(i, j) for i in range(4) for j in range(i, 4)]
         of_features = np.conj(rfft(np.column_stack([phi, *(phi[:, i] * phi[:, j] for i, j in pairs)]), size, axis=0))
         of_log = rfft(np.column_stack([weight, centred]), size, axis=0)
@@ -196,6 +224,19 @@ def _coarse(program: Program, time: Array, force: Array, weight: Array, width: f
     return kept
 
 
+@dataclass(frozen=True, eq=False)
+class _Slips:
+    """An alignment whose stretches slip: slip (n,) [s] of each fine bin and its 1 sigma (n,), planned (n,) [s] with it. value:
+    minus the log likelihood over `independent`, the number of independent values of the residual. share: explained."""
+
+    slip: Array
+    std: Array
+    planned: Array
+    value: float
+    independent: float
+    share: float
+
+
 class _Model:
     """The regression on fine bins. Parameters x: planned time at the log's middle [s], ln override, lead-in, lead-out [m]."""
 
@@ -204,123 +245,132 @@ class _Model:
         self.program, self.time, self.middle = program, time[kept], middle
         self.force = force[kept] - force[kept].mean(axis=0)
         self.energy = float(np.sum(self.force**2))
+        self.ends = _stretch_ends(program)
 
-    def planned(self, x: Array, time: Array) -> Array:
-        return np.asarray(x[0] + np.exp(x[1]) * (time - self.middle))
+    def planned(self, x: Array) -> Array:
+        return np.asarray(x[0] + np.exp(x[1]) * (self.time - self.middle))
 
-    def _design(self, x: Array, slip: float = 0.0) -> Array:
-        phi = _features(self.program, self.planned(x, self.time) + slip, float(x[2]), float(x[3]))
-        return np.column_stack([np.ones(len(phi)), phi])
+    def _design(self, x: Array, slip: Array | float = 0.0) -> Array:
+        phi, leg = _features(self.program, self.ends, self.planned(x) + slip, float(x[2]), float(x[3]))
+        kind = self.program.kind[leg]
+        return np.column_stack([np.ones(len(phi)), *(phi * (kind == one)[:, None] for one in range(KINDS + 1))])
 
-    def _fit(self, x: Array) -> tuple[Array, Array]:
-        """Coefficients (5, 3) and residual (n, 3) [N]."""
-        design = self._design(x)
-        gram = design.T @ design + 1e-6 * len(design) * np.eye(5)
+    def _fit(self, x: Array, slip: Array | float = 0.0) -> tuple[Array, Array]:
+        """Coefficients (13, 3) and residual (n, 3) [N]."""
+        design = self._design(x, slip)
+        gram = design.T @ design + 1e-6 * len(design) * np.eye(design.shape[1])
         coefficients = np.linalg.solve(gram, design.T @ self.force)
         return coefficients, self.force - design @ coefficients
 
-    def value(self, x: Array) -> float:
-        """ln of the unexplained share, with the prior that lead-in and lead-out are alike."""
-        sum_of_leads = max(float(x[2] + x[3]), 0.0)
-        spread = LEAD_SHARE * sum_of_leads + LEAD_LEAST
+    def value(self, x: Array, slip: Array | float = 0.0, independent: float = 100.0) -> float:
+        """Minus the log likelihood over `independent`, with the prior that lead-in and lead-out are alike."""
+        spread = LEAD_SHARE * max(float(x[2] + x[3]), 0.0) + LEAD_LEAST
         prior = ((x[2] - x[3]) / spread) ** 2 + np.sum(np.minimum(x[2:] / LEAD_LEAST, 0.0) ** 2)
-        _, residual = self._fit(x)
-        # The prior counts as two of about a hundred independent values of the residual.
-        return float(np.log(np.sum(residual**2) / self.energy)) + 0.01 * float(prior)
+        return 0.5 * float(np.log(np.sum(self._fit(x, slip)[1] ** 2) / self.energy) + prior / independent)
 
-    def share(self, x: Array) -> float:
-        return 1.0 - float(np.sum(self._fit(x)[1] ** 2)) / self.energy
-
-    def refine(self, x: Array) -> Array:
+    def refine(self, x: Array, slip: Array | float = 0.0) -> Array:
+        """The likeliest alignment near x, lead-in and lead-out included, with this slip (n,) [s] beside it."""
         from scipy.optimize import minimize
 
         typical = np.median([self.program.length[b] - self.program.length[a] for a, b in _runs(self.program)] or [0.0])
         period = _period(self.program)
-        best = x.copy()
-        for lead in (0.02, 0.1, 0.2):
-            start = x.copy()
-            start[2:] = lead * typical
-            if self.value(start) < self.value(best):
-                best = start
+        starts = [np.append(x[:2], [lead * typical, lead * typical]) for lead in (0.0, 0.03, 0.1, 0.2, 0.3)]
+        best = min((x, *starts), key=lambda one: self.value(one, slip))
         steps = np.array([0.1 * period, 0.1 * period / max(self.time[-1] - self.time[0], 1e-3), 0.05 * typical, 0.05 * typical])
         for _ in range(2):
             simplex = best + np.concatenate([np.zeros((1, 4)), np.diag(steps)])
-            best = minimize(self.value, best, method="Nelder-Mead",
-                            options={"initial_simplex": simplex, "maxfev": 250, "xatol": 1e-6, "fatol": 1e-7}).x
+            best = minimize(self.value, best, (slip,), method="Nelder-Mead",
+                            options={"initial_simplex": simplex, "maxfev": 100, "xatol": 1e-6, "fatol": 1e-5}).x
             steps = 0.2 * steps
         return np.asarray(best)
 
-    def apart(self, x: Array, other: Array) -> float:
-        """Mean distance [s] of two alignments in planned time."""
-        return float(np.mean(np.abs(self.planned(x, self.time) - self.planned(other, self.time))))
-
-    def independent(self, x: Array) -> float:
-        """How many independent values the residual has: its bins over its correlation time."""
-        _, residual = self._fit(x)
-        n = len(residual)
-        size = 1 << int(np.ceil(np.log2(2 * n)))
-        spectrum = np.fft.rfft(residual, size, axis=0)
-        correlation = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), size)[:n]
-        correlation /= correlation[0]
-        below = np.flatnonzero(correlation < 0.05)
-        reach = int(below[0]) if len(below) else n
-        return float(n / (1 + 2 * np.sum(correlation[1:reach])))
-
-    def covariance(self, x: Array, independent: float) -> Array:
-        """Of x (4, 4), from the curvature of the log likelihood by differences as wide as the answer is uncertain."""
-        steps = np.array([0.05, 0.05 / max(self.time[-1] - self.time[0], 1e-3) * 4, 1e-3, 1e-3])
+    def covariance(self, x: Array, slips: _Slips) -> Array:
+        """Of x (4, 4), from the curvature of the log likelihood by differences about as wide as the answer is uncertain."""
+        steps = np.array([0.05, 0.2 / max(self.time[-1] - self.time[0], 1e-3), 1e-3, 1e-3])
+        covariance = np.diag(steps**2)
         for _ in range(2):
-            hessian = self._hessian(x, steps) * 0.5 * independent
+            hessian = self._hessian(x, steps, slips) * slips.independent
             values, vectors = np.linalg.eigh(hessian * np.outer(steps, steps))
             covariance = (vectors / np.maximum(values, 1e-2)) @ vectors.T * np.outer(steps, steps)
             steps = np.clip(np.sqrt(np.diag(covariance)), 0.3 * steps, 10 * steps)
         return np.asarray(covariance)
 
-    def _hessian(self, x: Array, steps: Array) -> Array:
+    def _hessian(self, x: Array, steps: Array, slips: _Slips) -> Array:
         result = np.empty((4, 4))
         for i in range(4):
             for j in range(i, 4):
                 a, b = np.zeros(4), np.zeros(4)
                 a[i], b[j] = steps[i], steps[j]
-                values = [self.value(x + a + b), self.value(x + a - b), self.value(x - a + b), self.value(x - a - b)]
+                values = [self.value(x + step, slips.slip, slips.independent) for step in (a + b, a - b, b - a, -a - b)]
                 result[i, j] = result[j, i] = (values[0] - values[1] - values[2] + values[3]) / (4 * steps[i] * steps[j])
         return result
 
-    def slips(self, x: Array, independent: float) -> tuple[Array, Array]:
-        """Departure (n,) [s] of planned time from the straight line, and its 1 sigma (n,), a value a stretch, steadied between
-        neighbours."""
-        coefficients, residual = self._fit(x)
-        planned = self.planned(x, self.time)
-        reach = 0.4 * _period(self.program)
-        tried = np.linspace(-reach, reach, 81)
-        errors = np.array([np.sum((self.force - self._design(x, slip) @ coefficients) ** 2, axis=1) for slip in tried])
-        noise = np.sum(residual**2) / independent
-        middles, found, spread = [], [], []
-        gaps = [self.program.time[0], *(0.5 * (self.program.time[b] + self.program.time[a]) for (_, b), (a, _) in zip(
-            _runs(self.program)[:-1], _runs(self.program)[1:], strict=True)), self.program.time[-1]]
-        for low, high in zip(gaps[:-1], gaps[1:], strict=True):
-            part = (planned >= low) & (planned < high)
-            if part.sum() < 5:
-                continue
-            likelihood = -0.5 * errors[:, part].sum(axis=1) / noise
-            weight = np.exp(likelihood - likelihood.max())
-            weight /= weight.sum()
-            mean = float(weight @ tried)
-            middles.append(0.5 * (low + high))
-            found.append(mean)
-            spread.append(float(np.sqrt(weight @ (tried - mean) ** 2 + (tried[1] - tried[0]) ** 2 / 12)))
-        if len(found) < 2:
-            return np.zeros(len(planned)), np.zeros(len(planned))
-        value, sigma = _steadied(np.array(found), np.array(spread))
-        return np.interp(planned, middles, value), np.interp(planned, middles, sigma)
+    def slips(self, x: Array) -> _Slips:
+        """How each stretch slips against the straight line: a random walk from stretch to stretch, its states weighed by the
+        residual of that stretch alone (forward and backward), the regression with it in turn."""
+        period = _period(self.program)
+        tried = np.linspace(-REACH * period, REACH * period, STATES)
+        walk = -0.5 * ((tried[:, None] - tried) / (WALK * period)) ** 2
+        start = -0.5 * (tried / (0.5 * REACH * period)) ** 2
+        borders = self._borders()
+        planned, slip, std = self.planned(x), np.zeros(len(self.time)), np.zeros(len(self.time))
+        number = np.searchsorted(borders, planned, side="right") - 1
+        valid = (number >= 0) & (number < len(borders) - 1)
+        middles = 0.5 * (borders[1:] + borders[:-1])
+        for _ in range(ROUNDS):
+            coefficients, residual = self._fit(x, slip)
+            independent = self._independent(residual)
+            noise = np.sum(residual**2) / independent
+            errors = np.array([np.bincount(number[valid], np.sum((self.force - self._design(x, one) @ coefficients) ** 2, axis=1)[
+                valid], minlength=len(middles)) for one in tried])
+            mean, spread = _smoothed(-0.5 * errors.T / noise, walk, start, tried)
+            slip, std = np.interp(planned, middles, mean), np.interp(planned, middles, spread)
+        _, residual = self._fit(x, slip)
+        independent = self._independent(residual)
+        left = float(np.sum(residual**2)) / self.energy
+        penalty = 0.5 * float(np.sum((np.diff(mean) / (WALK * period)) ** 2))
+        return _Slips(slip, std, planned + slip, 0.5 * float(np.log(left)) + penalty / independent, independent, 1 - left)
+
+    def _borders(self) -> Array:
+        """Planned times [s] half way through the air between stretches: what lies between two of them slips together."""
+        time, runs = self.program.time, _runs(self.program)
+        between = [0.5 * (time[b] + time[a]) for (_, b), (a, _) in zip(runs[:-1], runs[1:], strict=True)]
+        # A program of one long stretch slips piece by piece all the same.
+        pieces = [np.linspace(low, high, 1 + max(int((high - low) / LONGEST), 1))[:-1] for low, high in zip(
+            [time[0], *between], [*between, time[-1]], strict=True)]
+        return np.append(np.concatenate(pieces), time[-1])
+
+    @staticmethod
+    def _independent(residual: Array) -> float:
+        """How many independent values the residual (n, 3) has: its bins over its correlation time."""
+        n = len(residual)
+        size = 1 << int(np.ceil(np.log2(2 * n)))
+        spectrum = np.fft.rfft(residual, size, axis=0)
+        correlation = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), size)[:n]
+        correlation /= max(correlation[0], 1e-300)
+        below = np.flatnonzero(correlation < 0.05)
+        reach = int(below[0]) if len(below) else n
+        return float(n / (1 + 2 * np.sum(correlation[1:reach])))
 
 
-def _steadied(value: Array, std: Array) -> tuple[Array, Array]:
-    """A random walk through values (k,) with their stds: its mean and std; its step's size from the values themselves."""
-    difference = np.diff(value)
-    walk = max(float(np.median(difference**2)) / 0.455 - 2 * float(np.median(std**2)), (1e-3) ** 2)
-    precision = np.diag(1 / std**2)
-    link = np.diff(np.eye(len(value)), axis=0)
-    precision += link.T @ link / walk
-    covariance = np.linalg.inv(precision)
-    return np.asarray(covariance @ (value / std**2)), np.sqrt(np.diag(covariance))
+def _smoothed(likelihood: Array, walk: Array, start: Array, states: Array) -> tuple[Array, Array]:
+    """Posterior mean and std (k,) of a walk over states (m,) with log likelihoods (k, m), log steps (m, m), log start (m,)."""
+    count = len(likelihood)
+    ahead, behind = np.zeros_like(likelihood), np.zeros_like(likelihood)
+    ahead[0] = start + likelihood[0]
+    for k in range(1, count):
+        ahead[k] = likelihood[k] + _log_sum(ahead[k - 1][:, None] + walk)
+    for k in range(count - 2, -1, -1):
+        behind[k] = _log_sum((likelihood[k + 1] + behind[k + 1])[:, None] + walk)
+    total = ahead + behind
+    weight = np.exp(total - total.max(axis=1, keepdims=True))
+    weight /= weight.sum(axis=1, keepdims=True)
+    mean = weight @ states
+    variance = np.einsum("km,km->k", weight, (states - mean[:, None]) ** 2) + (states[1] - states[0]) ** 2 / 12
+    return np.asarray(mean), np.sqrt(variance)
+
+
+def _log_sum(values: Array) -> Array:
+    """ln of the sum of exp over the first axis."""
+    largest = values.max(axis=0)
+    return np.asarray(largest + np.log(np.sum(np.exp(values - largest), axis=0)))
