@@ -1,18 +1,18 @@
 """Where on the path the samples of a force log were taken when the log has nothing but time.
 
-The log's clock starts anywhere, and the feed override scales the program's time: planned time = override * (t - start). Which start
-and override it were is estimated from what the program says of the force, without a model of the engagement: none on air moves, and
-on the others, behind an air lead-in and before an air lead-out of unknown lengths, a constant plus a linear function of the
-direction of travel (the sensor's bias is the constant everywhere). For every start and override that is a linear regression; all
-of them are looked at on a coarse grid (correlations by FFT), the best ones refined with the lead lengths. Passes of a raster
-resemble each other, so the answer is believed only if the best alignment beats the best one elsewhere by far: the score is the
-difference of their log likelihoods. Afterwards each stretch of the program may slip a little against the clock, as far as its own
-samples say so.
+The log's clock starts anywhere, and the feed override scales the program's time: planned time = override * (t - start). Both
+are estimated from what the program says of the force, without a model of the engagement: none on air moves; on the others,
+behind an air lead-in and before an air lead-out of unknown lengths, a constant plus a linear function of the direction of
+travel (the sensor's bias is a constant everywhere). For every start and override that is a linear regression: all are tried on
+a coarse grid (correlations by FFT), the best ones refined with the lead lengths. Then each stretch of the program may slip a
+little against the clock, a random walk, as far as its own samples say so. Passes of a raster resemble each other, so the answer
+is believed only if it beats the best alignment elsewhere by far: the score is the difference of their log likelihoods.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,9 @@ SLOWEST, FASTEST = 0.4, 1.5
 AIR_FACTOR = 2.0
 # Bins of the coarse and of the fine search, at most.
 COARSE, FINE = 1000, 3000
-# The smallest difference of log likelihoods to the best other alignment, and share of the force's variance explained, that are
-# believed.
-LOWEST_SCORE, LOWEST_SHARE = 10.0, 0.2
+# The smallest score, and share of the force's variance explained, that are believed (docs/benchmarks.md: logs of the right
+# program score 40 and more, others 5 at most).
+LOWEST_SCORE, LOWEST_SHARE = 15.0, 0.5
 # How many best places of the coarse search are refined.
 CANDIDATES = 5
 # Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
@@ -38,16 +38,16 @@ LEAD_SHARE, LEAD_LEAST = 0.1, 1e-3
 EDGE = 4e-3
 # Feeds whose cuts have a force of their own.
 KINDS = 2
-# The slip of a stretch against the straight line: at most REACH periods, WALK periods (1 sigma) from stretch to stretch, on so many
-# states; stretches are cut into pieces of at most LONGEST [s].
+# The slip of a stretch against the straight line: at most REACH periods, WALK periods (1 sigma) from stretch to stretch, on so
+# many states; stretches are cut into pieces of at most LONGEST [s].
 REACH, WALK, STATES, LONGEST, ROUNDS = 0.4, 0.03, 61, 10.0, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What the program says: time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move to
-    the target does not cut; kind (N,): moves of one number cut alike, such as those of one feed; direction (N, 3): unit vector
-    of the move to it, in the log's frame."""
+    """What the program says: time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move
+    to the target does not cut; kind (N,): moves of one number cut alike, such as those of one feed; direction (N, 3): unit
+    vector of the move to it, in the log's frame."""
 
     time: Array
     length: Array
@@ -61,8 +61,8 @@ class TimePlacement:
     """Arc length (M,) [m] of each sample, NaN before the start and after the end of the program.
 
     start [s]: the log's clock at the program's start; override: actual over planned speed; slip [s]: the largest departure from
-    these two. score: log likelihood over that of the best other alignment; share: of the force's variance that is explained; rival
-    [s]: how far, in planned time, the best other alignment is. std (M,) [s]: 1 sigma of a sample's planned time.
+    these two. score: log likelihood over that of the best other alignment; share: of the force's variance that is explained;
+    rival [s]: how far, in planned time, the best other alignment is. std (M,) [s]: 1 sigma of a sample's planned time.
     """
 
     place: Array
@@ -170,8 +170,8 @@ def _stretch_ends(program: Program) -> tuple[Array, Array]:
 def _features(
     program: Program, ends: tuple[Array, Array], planned: Array, lead_in: float, lead_out: float
 ) -> tuple[Array, Indices]:
-    """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the program; and
-    the leg (n,)."""
+    """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the program;
+    and the leg (n,)."""
     leg = np.clip(np.searchsorted(program.time, planned, side="left"), 1, len(program.time) - 1)
     s = np.interp(planned, program.time, program.length)
     first, last = ends
@@ -209,9 +209,9 @@ def _coarse(program: Program, time: Array, force: Array, weight: Array, width: f
         gram += ridge[:, None, None] * np.eye(4)
         explained = np.einsum("nic,nic->n", cross, np.linalg.solve(gram, cross)) / energy
         lag = np.arange(size)
-        lag[lag > n] -= size            # a lag: bin of the log at which the program starts
+        lag[lag > n] -= size            # the bin of the log at which the program starts
         for place in np.argsort(explained)[::-1][:CANDIDATES * 3]:
-            found.append((float(explained[place]), float(time[0] + (lag[place] - 0.0) * width - 0.5 * width), float(override)))
+            found.append((float(explained[place]), float(time[0] + (lag[place] - 0.5) * width), float(override)))
     found.sort(reverse=True)
     kept: list[tuple[float, float]] = []
     ends = np.array([time[0], time[-1]])
@@ -321,8 +321,8 @@ class _Model:
             coefficients, residual = self._fit(x, slip)
             independent = self._independent(residual)
             noise = np.sum(residual**2) / independent
-            errors = np.array([np.bincount(number[valid], np.sum((self.force - self._design(x, one) @ coefficients) ** 2, axis=1)[
-                valid], minlength=len(middles)) for one in tried])
+            errors = np.array([np.bincount(number[valid], error[valid], minlength=len(middles)) for error in (
+                np.sum((self.force - self._design(x, one) @ coefficients) ** 2, axis=1) for one in tried)])
             mean, spread = _smoothed(-0.5 * errors.T / noise, walk, start, tried)
             slip, std = np.interp(planned, middles, mean), np.interp(planned, middles, spread)
         _, residual = self._fit(x, slip)
@@ -334,7 +334,7 @@ class _Model:
     def _borders(self) -> Array:
         """Planned times [s] half way through the air between stretches: what lies between two of them slips together."""
         time, runs = self.program.time, _runs(self.program)
-        between = [0.5 * (time[b] + time[a]) for (_, b), (a, _) in zip(runs[:-1], runs[1:], strict=True)]
+        between = [0.5 * (time[b] + time[a]) for (_, b), (a, _) in pairwise(runs)]
         # A program of one long stretch slips piece by piece all the same.
         pieces = [np.linspace(low, high, 1 + max(int((high - low) / LONGEST), 1))[:-1] for low, high in zip(
             [time[0], *between], [*between, time[-1]], strict=True)]
