@@ -2,10 +2,10 @@
 
     python benchmarks/time_placement.py [--runs 12]
 
-The sample's force log (a milling model's, samples/cutting.py) loses its positions; its clock is shifted by seconds, the override
-set between 60 and 110 %, the robot slows down by up to 70 % within 6 mm of corners over 20 degrees (not what the package assumes
-of corners), and noise is added. The truth is the place in the sample's own log. Wrong programs: the sample's passes with other
-lengths, and a raster of 20 passes that are alike, logged whole and in part.
+The sample's force log (a milling model's, samples/cutting.py) loses its positions; its clock is shifted by seconds, the
+override set between 60 and 110 %, the robot slows down by up to 70 % within 6 mm of corners over 20 degrees (not what the
+package assumes of corners), and noise is added. The truth is the place in the sample's own log. Wrong programs: the sample's
+passes with other lengths, and a raster of 20 passes that are alike, logged whole and in part.
 """
 
 from __future__ import annotations
@@ -95,7 +95,8 @@ def raster_log(program: Program, rng: np.random.Generator, first: float, last: f
 
 
 def words(found: TimePlacement) -> str:
-    return (f"share {found.share:.2f}, score {found.score:7.1f}, {'placed' if found.believed else 'refused'}; "
+    verdict = "placed" if found.believed else "refused"
+    return (f"share {found.share:.2f}, score {found.score:7.1f}, {len(found.odd)} odd, {verdict}; "
             f"override {100 * found.override:.1f} %, 1 sigma {1e3 * np.median(found.std):.0f} ms")
 
 
@@ -121,8 +122,8 @@ def main(runs: int) -> None:
             within.append(np.mean(late[good] <= 1.96 * found.std[good]))
         print(f"override {100 * override:5.1f} %, corners slowed by {100 * slowing:2.0f} %, "
               f"{'part' if seed % 3 == 0 else 'whole'}: {words(found)}; error [mm] median {np.median(off):.2f}, "
-              f"95 % {np.quantile(off, 0.95):.2f}, {100 * np.mean(late[good] <= 1.96 * found.std[good]):.0f} % within 1.96 sigma; "
-              f"{spent:.1f} s of CPU", flush=True)
+              f"95 % {np.quantile(off, 0.95):.2f}, {100 * np.mean(late[good] <= 1.96 * found.std[good]):.0f} % within "
+              f"1.96 sigma; {spent:.1f} s of CPU", flush=True)
     every = np.concatenate(errors)
     print(f"placed {len(errors)} of {runs}: error median {np.median(every):.2f} mm, 95 % {np.quantile(every, 0.95):.2f} mm, "
           f"largest {every.max():.1f} mm; {100 * np.mean(within):.1f} % within 1.96 sigma")

@@ -13,6 +13,7 @@ from compensator.planning import Plan
 from compensator.time_placement import (
     LOWEST_SCORE,
     LOWEST_SHARE,
+    MOST_ODD,
     Program,
     TimePlacement,
     air_moves,
@@ -89,7 +90,8 @@ def place_log(plan: Plan, source: str, time: Array, force: Array, line: Indices)
         raise Refused(Finding(
             "CS3061", "error", f"the log cannot be placed by time alone: {100 * found.share:.0f} % of the force follows the "
             f"program, at least {100 * LOWEST_SHARE:.0f} % must; its score is {found.score:.1f} against {_rival(found)}, at "
-            f"least {LOWEST_SCORE:g} is needed", file=source,
+            f"least {LOWEST_SCORE:g} is needed; {_odd(program, found)}",
+            file=source,
             hint=f"is it the log of {path}, from before its start to after its end? Passes that are alike cannot be told "
                  f"apart: {HINT}"))
     inside = ~np.isnan(found.place)
@@ -101,11 +103,26 @@ def place_log(plan: Plan, source: str, time: Array, force: Array, line: Indices)
         f"{100 * found.override:.1f} %, stretches slip by up to {found.slip:.2f} s; {100 * found.share:.0f} % of the force "
         f"follows the program, score {found.score:.0f} against {_rival(found)}; 1 sigma of the time {np.median(found.std):.3f} "
         f"s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the targets)", file=source)
-    return Placed(target, doubt, (note,))
+    findings = [note]
+    if found.odd:
+        low, high = (int(np.searchsorted(program.time, time)) for time in found.odd[0])
+        findings.append(Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the "
+                                "program: is there no stock, or did the program stand still?", file=path,
+                                line=int(plan.toolpath.line[min(low, len(plan.toolpath) - 1)])))
+    return Placed(target, doubt, tuple(findings))
 
 
 def _rival(found: TimePlacement) -> str:
     return f"the best other place {found.rival:.1f} s away" if np.isfinite(found.rival) else "no other place"
+
+
+def _odd(program: Program, found: TimePlacement) -> str:
+    if not found.odd:
+        return "every stretch follows the program"
+    ends = [np.searchsorted(program.time, stretch) for stretch in found.odd[:5]]
+    places = ", ".join(f"{low} to {high}" for low, high in ends)
+    return (f"in {len(found.odd)} of its stretches (targets {places}"
+            f"{' ...' if len(found.odd) > 5 else ''}) the force does not follow the program, at most {MOST_ODD} may be so")
 
 
 def _doubt(program: Program, target: Indices, found: TimePlacement) -> Array:

@@ -28,8 +28,11 @@ AIR_FACTOR = 2.0
 # Bins of the coarse and of the fine search, at most.
 COARSE, FINE = 1000, 3000
 # The smallest score, and share of the force's variance explained, that are believed (docs/benchmarks.md: logs of the right
-# program score 40 and more, others 5 at most).
+# program score 26 and more, others 5 at most).
 LOWEST_SCORE, LOWEST_SHARE = 15.0, 0.5
+# A stretch is odd whose residual is more than this share of the energy of its force and of what the program predicts. Where the
+# program stood still for longer than stretches may slip, several are.
+ODD, MOST_ODD = 0.5, 1
 # How many best places of the coarse search are refined.
 CANDIDATES = 5
 # Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
@@ -62,7 +65,8 @@ class TimePlacement:
 
     start [s]: the log's clock at the program's start; override: actual over planned speed; slip [s]: the largest departure from
     these two. score: log likelihood over that of the best other alignment; share: of the force's variance that is explained;
-    rival [s]: how far, in planned time, the best other alignment is. std (M,) [s]: 1 sigma of a sample's planned time.
+    rival [s]: how far, in planned time, the best other alignment is. odd: stretches, from and to which planned time [s], whose
+    force does not follow the program. std (M,) [s]: 1 sigma of a sample's planned time.
     """
 
     place: Array
@@ -72,12 +76,13 @@ class TimePlacement:
     score: float
     share: float
     rival: float
+    odd: tuple[tuple[float, float], ...]
     std: Array
 
     @property
     def believed(self) -> bool:
-        """The score and the share are high enough."""
-        return self.score >= LOWEST_SCORE and self.share >= LOWEST_SHARE
+        """The score and the share are high enough, and no more than one stretch is odd."""
+        return self.score >= LOWEST_SCORE and self.share >= LOWEST_SHARE and len(self.odd) <= MOST_ODD
 
 
 def air_moves(feed: Array, by_joints: Flags) -> Flags:
@@ -129,7 +134,7 @@ def place_by_time(program: Program, time: Array, force: Array) -> TimePlacement:
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
     std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, model.time, slips.std) ** 2)
     return TimePlacement(place, middle - float(best[0]) / override, override, float(np.max(np.abs(slips.slip), initial=0.0)),
-                         score, slips.share, float(apart[rival]) if rival >= 0 else np.inf, np.asarray(std))
+                         score, slips.share, float(apart[rival]) if rival >= 0 else np.inf, slips.odd, np.asarray(std))
 
 
 def _runs(program: Program) -> list[tuple[int, int]]:
@@ -227,7 +232,8 @@ def _coarse(program: Program, time: Array, force: Array, weight: Array, width: f
 @dataclass(frozen=True, eq=False)
 class _Slips:
     """An alignment whose stretches slip: slip (n,) [s] of each fine bin and its 1 sigma (n,), planned (n,) [s] with it. value:
-    minus the log likelihood over `independent`, the number of independent values of the residual. share: explained."""
+    minus the log likelihood over `independent`, the number of independent values of the residual. share: explained. odd: as in
+    `TimePlacement`."""
 
     slip: Array
     std: Array
@@ -235,6 +241,7 @@ class _Slips:
     value: float
     independent: float
     share: float
+    odd: tuple[tuple[float, float], ...]
 
 
 class _Model:
@@ -325,11 +332,17 @@ class _Model:
                 np.sum((self.force - self._design(x, one) @ coefficients) ** 2, axis=1) for one in tried)])
             mean, spread = _smoothed(-0.5 * errors.T / noise, walk, start, tried)
             slip, std = np.interp(planned, middles, mean), np.interp(planned, middles, spread)
-        _, residual = self._fit(x, slip)
+        coefficients, residual = self._fit(x, slip)
         independent = self._independent(residual)
         left = float(np.sum(residual**2)) / self.energy
         penalty = 0.5 * float(np.sum((np.diff(mean) / (WALK * period)) ** 2))
-        return _Slips(slip, std, planned + slip, 0.5 * float(np.log(left)) + penalty / independent, independent, 1 - left)
+        force = self.force - coefficients[0]
+        sums = [np.bincount(number[valid], np.sum(values[valid] ** 2, axis=1), minlength=len(middles)) for values in (
+            residual, force, force - residual)]
+        energy = sums[1] + sums[2]
+        odd = np.flatnonzero((sums[0] > ODD * energy) & (energy > 0.1 * np.median(energy)))
+        return _Slips(slip, std, planned + slip, 0.5 * float(np.log(left)) + penalty / independent, independent, 1 - left,
+                      tuple((float(borders[k]), float(borders[k + 1])) for k in odd))
 
     def _borders(self) -> Array:
         """Planned times [s] half way through the air between stretches: what lies between two of them slips together."""

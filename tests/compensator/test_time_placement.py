@@ -52,6 +52,19 @@ def test_another_programs_log_is_not_believed() -> None:
     assert not place_by_time(other_lengths(program, np.random.default_rng(5)), logged, force).believed
 
 
+def test_a_program_that_stood_still_is_noticed() -> None:
+    """Six seconds in air after a tenth of the program: most of it fits, the passes before would be one pass off."""
+    plan, force, place = sample_log()
+    program = program_of(plan)
+    logged = clock(plan, place, 0.9, 5.0, 0.3)
+    leg = np.clip(np.searchsorted(program.length, place), 0, len(program.air) - 1)
+    still = int(np.flatnonzero(program.air[leg] & (np.arange(len(place)) > 0.1 * len(place)))[0])
+    logged[still:] += 6.0
+    found = place_by_time(program, logged, force)
+    assert len(found.odd) > 1
+    assert not found.believed
+
+
 def test_a_raster_of_equal_passes_needs_its_ends() -> None:
     """Logged whole, the first and the last pass fix it; from the middle of it any pass may be any other."""
     rng = np.random.default_rng(3)
