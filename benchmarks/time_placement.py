@@ -94,6 +94,19 @@ def raster_log(program: Program, rng: np.random.Generator, first: float, last: f
             np.where(planned <= program.time[-1], place, np.nan))
 
 
+def stood_still(
+    program: Program, time: np.ndarray, force: np.ndarray, place: np.ndarray, share: float, seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The log with `seconds` of standstill in the first air move behind `share` of it: time, force, true path length."""
+    leg = np.clip(np.searchsorted(program.length, place), 0, len(program.air) - 1)
+    first = int(np.flatnonzero(program.air[leg] & (np.arange(len(place)) > share * len(place)))[0])
+    count = int(seconds * 1500)
+    rest = time[first] + (np.arange(count) + 1) / 1500
+    return (np.concatenate([time[:first + 1], rest, time[first + 1:] + seconds]),
+            np.concatenate([force[:first + 1], np.tile(force[:first + 1][:500].mean(axis=0), (count, 1)), force[first + 1:]]),
+            np.concatenate([place[:first + 1], np.full(count, place[first]), place[first + 1:]]))
+
+
 def words(found: TimePlacement) -> str:
     verdict = "placed" if found.believed else "refused"
     return (f"share {found.share:.2f}, score {found.score:7.1f}, {len(found.odd)} odd, {verdict}; "
@@ -132,6 +145,12 @@ def main(runs: int) -> None:
     for _ in range(4):
         print("another program (other lengths):", words(place_by_time(other_lengths(program, rng), logged, force)), flush=True)
     print("another program (raster):", words(place_by_time(raster(), logged, force)), flush=True)
+    logged = clock(plan, place, 0.9, 5, 0.3)
+    for share, seconds in ((0.05, 6), (0.1, 6), (0.3, 20), (0.5, 8), (0.8, 5), (0.5, 2)):
+        times, values, truth = stood_still(program, logged, force, place, share, seconds)
+        found = place_by_time(program, times, values)
+        print(f"stood still for {seconds} s at {100 * share:.0f} %: {words(found)}; error 95 % "
+              f"{1e3 * np.nanquantile(np.abs(found.place - truth), 0.95):.1f} mm", flush=True)
     for first, last in ((0.0, 1.0), (0.1, 1.0), (0.2, 0.7)):
         times, values, truth = raster_log(raster(), rng, first, last)
         found = place_by_time(raster(), times, values)

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.time_placement import clock, other_lengths, raster, raster_log
+from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
 from benchmarks.time_placement import sample as sample_log
 from compensator.pipeline import Corrected, Inputs, predict_program
 from compensator.program_time import program_of
@@ -57,10 +57,8 @@ def test_a_program_that_stood_still_is_noticed() -> None:
     plan, force, place = sample_log()
     program = program_of(plan)
     logged = clock(plan, place, 0.9, 5.0, 0.3)
-    leg = np.clip(np.searchsorted(program.length, place), 0, len(program.air) - 1)
-    still = int(np.flatnonzero(program.air[leg] & (np.arange(len(place)) > 0.1 * len(place)))[0])
-    logged[still:] += 6.0
-    found = place_by_time(program, logged, force)
+    time, values, _ = stood_still(program, logged, force, place, 0.1, 6.0)
+    found = place_by_time(program, time, values)
     assert len(found.odd) > 1
     assert not found.believed
 
