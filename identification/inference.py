@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.extension import Term, predicted_deflection, response, with_terms
 from identification.findings import error
-from identification.marginal import averaged, shrunk
+from identification.marginal import Draws, posterior_draws, shrunk
 from identification.measurements import Measurements
 from identification.model.compliance import signature
 from identification.noise import NoiseModel, NoiseSize, Weights, noise_model, student_weights
 from identification.priors import PriorModel
-from identification.sizes import fit_sizes, size_spread
+from identification.sizes import SizePosterior, fit_sizes, size_spread, size_trials
 
 Array = NDArray[np.float64]
 
@@ -56,18 +56,18 @@ class Posterior:
     """mean (6 + P,) and covariance of x = (ln c, parameters of terms); map: the MAP of x; laplace: its inverse curvature.
 
     size: estimated noise sizes; size_spread (3, 3): covariance of their ln. row_weight (n,) of the fitted rows.
-    effective_draws: of the importance weights, 0 where they were not used. chi2: against the stated noise.
+    chi2: against the stated noise.
     readings: measured components. at_map: the linearised model there. prior: with the terms' parameters.
     """
 
     mean: Array
     covariance: Array
+    draws: Draws
     map: Array
     laplace: Array
     size: NoiseSize
     size_spread: Array
     row_weight: Array
-    effective_draws: float
     chi2: float
     readings: int
     at_map: Linearised
@@ -80,8 +80,8 @@ class Posterior:
         seen = Linearised(at.design[:, :, :6], at.residual, at.noise, at.weights, at.information[:6, :6])
         none = np.empty(0)
         prior = replace(self.prior, term_mean=none, term_std=none, term_low=none, term_high=none)
-        return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], map=self.map[:6],
-                       laplace=self.laplace[:6, :6], at_map=seen, prior=prior, terms=())
+        return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], draws=self.draws.first(6),
+                       map=self.map[:6], laplace=self.laplace[:6, :6], at_map=seen, prior=prior, terms=())
 
     @property
     def size_log_std(self) -> Array:
@@ -108,7 +108,7 @@ def posterior(
         before, last_weight = size, row_weight
         noise = noise_model(cell, rows, np.exp(x[:6]))
         design, residual = _linearised(cell, rows, z, noise, x, terms)
-        size = fit_sizes(noise, size, row_weight, design, residual, prior, x)
+        size = fit_sizes(SizePosterior(noise, row_weight, design, residual, prior, x), size)
         row_weight, degrees = student_weights(noise, size, noise.weights(size, row_weight), residual)
         size = NoiseSize(size.sensor, size.force, size.offset, degrees)
         weights = noise.weights(size, row_weight)
@@ -121,9 +121,10 @@ def posterior(
     stated = noise.weights(NoiseSize(1.0, float(noise.stated[1]), float(noise.stated[2])))
     at_map = Linearised(design, residual, noise, weights, information)
     laplace = np.asarray(np.linalg.inv(shrunk(information, size) + prior.precision(x)), dtype=float)
-    spread = size_spread(noise, size, row_weight, design, residual, prior, x)
-    mean, covariance, effective = averaged(noise, design, residual, size, spread, row_weight, prior, x)
-    return Posterior(mean, covariance, x, laplace, size, spread, row_weight, effective,
+    sizes = SizePosterior(noise, row_weight, design, residual, prior, x)
+    spread = size_spread(sizes, size)
+    draws = posterior_draws(noise, design, residual, size, size_trials(sizes, size, spread), row_weight, prior, x)
+    return Posterior(draws.mean, draws.covariance, draws, x, laplace, size, spread, row_weight,
                      float(stated.inner(column, column)[0, 0]), int(noise.measured.sum()), at_map, prior, terms)
 
 
