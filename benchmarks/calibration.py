@@ -1,21 +1,22 @@
 """Is the stated uncertainty true? Coverage and simulation-based calibration of the posterior, beside two baselines.
 
-    OMP_NUM_THREADS=1 python benchmarks/calibration.py [DATA_SETS] [FIRST_SEED] [--baselines] [--processes N]
+    OMP_NUM_THREADS=1 python benchmarks/calibration.py [DATA_SETS] [FIRST_SEED] [--baselines]
 
 Each data set: true stiffnesses drawn from the prior, poses drawn at random, noise drawn, identified as a user would. Coverage
 counts how often the 50, 80 and 95 % intervals of a stiffness hold the truth, and the ellipsoids of all six; the ranks of the
 truth in its posterior must be uniform (largest distance of their distribution function from the diagonal), also for the
-deflection predicted at a task pose. `predict`: how often mean +- 1.96 std of a component of that deflection holds it, as `predict`
-and `correct` state it from stiffness.json.
+deflection predicted at a task pose. `predict`: how often mean +- 1.96 std of a component of that deflection holds it, as
+`predict` and `correct` state it from stiffness.json.
 
 Designs: `loads5` 5 poses with one load each; `poses20` 20 poses, one load each; `ladder12` 12 poses, load cycle 0 +100 +200
 +300 0 -150 -300 N along one axis each.
 
 Noise at fixed sizes: `white` 2 um and nothing else, as the cell file states; otherwise sensor 2 um Student with 4 degrees of
-freedom (each component on its own), 1 % force error, 5 um re-seating a pose, which the cell file states (`stated`) or of which it
-states the sensor's 2 um alone (`unstated`). Proper simulation-based calibration: sizes and degrees of freedom are drawn from their
-own priors too, about what the cell file states (`drawn`), or states of the sensor alone (`drawn bare`); a miss there is a defect of
-the computation. Baselines: unweighted least squares in k, and the paper's MAP in k (Gaussian prior, its symmetric interval).
+freedom (each component on its own), 1 % force error, 5 um re-seating a pose, which the cell file states (`stated`) or of which
+it states the sensor's 2 um alone (`unstated`). Proper simulation-based calibration: sizes and degrees of freedom are drawn from
+their own priors too, about what the cell file states (`drawn`), or states of the sensor alone (`drawn bare`); a miss there is a
+defect of the computation. Baselines: unweighted least squares in k, and the paper's MAP in k (Gaussian prior, its symmetric
+interval).
 """
 
 from __future__ import annotations
@@ -194,7 +195,8 @@ def report(design: str, noise: str, cases: list[Case]) -> None:
     covered = [np.mean(np.abs(rank - 0.5) <= 0.5 * level, axis=0) for level in LEVELS]
     line = f"{design:<9}{noise:<11}"
     for level, shares in zip(LEVELS, covered, strict=True):
-        line += f"{100 * shares.mean():>6.1f}{mark(float(shares.mean()), level)}({100 * shares.min():3.0f}-{100 * shares.max():3.0f})"
+        line += f"{100 * shares.mean():>6.1f}{mark(float(shares.mean()), level)}"
+        line += f"({100 * shares.min():3.0f}-{100 * shares.max():3.0f})"
     distance = np.array([case.distance_rank for case in cases])
     for level in LEVELS:
         inside = float(np.mean(distance <= level))
@@ -220,17 +222,19 @@ def main() -> None:
     parser.add_argument("first", nargs="?", type=int, default=500_000)
     parser.add_argument("--baselines", action="store_true")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--designs", nargs="+", choices=DESIGNS, default=list(DESIGNS))
+    parser.add_argument("--noises", nargs="+", choices=STATED, default=list(STATED))
     wanted = parser.parse_args()
     count, first = wanted.count, wanted.first
     band = 1.63 / np.sqrt(count)
     print(f"{count} data sets a line, seeds from {first}; * outside the 99 % binomial band; in brackets the lowest and highest "
           f"joint; 99 % band of one rank distance {band:.3f}\n"
-          f"{'design':<9}{'noise':<11}{'50 %':>6}{'':10}{'80 %':>6}{'':10}{'95 %':>6}{'':10}{'ellipsoid 50 80 95':>21}{'out':>6}"
-          f"{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}")
+          f"{'design':<9}{'noise':<11}{'50 %':>6}{'':10}{'80 %':>6}{'':10}{'95 %':>6}{'':10}{'ellipsoid 50 80 95':>21}"
+          f"{'out':>6}{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}")
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(wanted.processes) as pool:
         write_cells(Path(folder))
-        for design in DESIGNS:
-            for noise in STATED:
+        for design in wanted.designs:
+            for noise in wanted.noises:
                 jobs = [(design, noise, seed, folder, wanted.baselines) for seed in range(first, first + count)]
                 report(design, noise, list(pool.map(one, jobs, chunksize=10)))
 

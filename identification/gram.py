@@ -64,5 +64,6 @@ def _inverse(matrix: Array) -> tuple[Array, Array]:
     d, e, f = matrix[..., 1, 1], matrix[..., 1, 2], matrix[..., 2, 2]
     first, second, third = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * first + b * second + c * third
-    cofactors = np.stack([first, second, third, second, a * f - c * c, b * c - a * e, third, b * c - a * e, a * d - b * b], axis=-1)
+    middle, crossed, last = a * f - c * c, b * c - a * e, a * d - b * b
+    cofactors = np.stack([first, second, third, second, middle, crossed, third, crossed, last], axis=-1)
     return np.asarray((cofactors / determinant[..., None]).reshape(matrix.shape)), determinant

@@ -48,7 +48,8 @@ class JointGrade:
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """95 % ellipsoid of the six ln k (paper eq. 15; as large as the posterior's own tails ask): volume, semi-axes (6,) longest first, directions (6, 6) in rows, words."""
+    """95 % ellipsoid of the six ln k (paper eq. 15), as large as the posterior's own tails ask: volume, semi-axes (6,) longest
+    first, directions (6, 6) in rows, words."""
 
     volume: float
     semi_axes: Array
