@@ -92,7 +92,7 @@ def draw_sizes(noise: str, rng: np.random.Generator) -> Sizes:
     sensor = 2e-6 * about_stated()
     if noise == "drawn":
         return Sizes(sensor, 0.01 * about_stated(), 5e-6 * about_stated(), degrees, by_row=True)
-    return Sizes(sensor, 0.005 * rng.standard_exponential(), 3e-6 * rng.standard_exponential(), degrees, by_row=True)
+    return Sizes(sensor, 0.01 * rng.standard_exponential(), 6e-6 * rng.standard_exponential(), degrees, by_row=True)
 
 
 def simulate(cell: Cell, design: str, size: Sizes, truth: np.ndarray, rng: np.random.Generator) -> Measurements:

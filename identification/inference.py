@@ -150,7 +150,12 @@ def _maximise(
     value, damping = cost(x, residual), 0.0
     for number in range(MAX_STEPS):
         curvature = weights.inner(design, design) + prior.search_curvature(x)
-        gradient = weights.inner(design, residual[:, :, None])[:, 0] - prior.gradient(x)
+        pull = weights.inner(design, residual[:, :, None])[:, 0]
+        gradient = pull - prior.gradient(x)
+        # eta is linear in c, not in ln c: where the data want a smaller c, its curvature is larger than Gauss-Newton's, which
+        # would step to and fro for ever.
+        joints = np.arange(6)
+        curvature[joints, joints] += np.maximum(-pull[:6], 0.0)
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         step = prior.inside(x + step * min(1.0, 1.0 / max(np.max(np.abs(step / step_limit)), 1e-300))) - x
         change = float(np.sqrt(step @ curvature @ step))

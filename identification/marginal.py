@@ -84,11 +84,14 @@ def posterior_draws(
     covariance = np.asarray(np.linalg.inv(information + prior.precision(x)), dtype=float)
     shift = np.einsum("sij,sj->si", covariance, pull - prior.gradient(x))
     root = np.linalg.cholesky(covariance)
-    normal = rng.standard_normal((len(number), len(x)))
+    # In pairs, mirrored: Laplace's mean comes out exactly.
+    normal = rng.standard_normal((DRAWS // 2, len(x)))
+    normal, number = np.concatenate([normal, -normal]), np.concatenate([number, number])
     gaussian = Draws(x + shift[number] + np.einsum("dij,dj->di", root[number], normal), np.full(DRAWS, 1 / DRAWS), 0.0)
     if prior.kind == "gaussian":
         return gaussian
-    wide = normal * np.sqrt(PROPOSAL_DEGREES / rng.chisquare(PROPOSAL_DEGREES, len(number)))[:, None]
+    stretch = np.sqrt(PROPOSAL_DEGREES / rng.chisquare(PROPOSAL_DEGREES, DRAWS // 2))
+    wide = normal * np.concatenate([stretch, stretch])[:, None]
     draws = x + shift[number] + np.einsum("dij,dj->di", root[number], wide)
     log_weight = (_log_posterior(draws, x, information[number], pull[number], prior)
                   - _laplace_log_evidence(information, pull, covariance, prior, x)[number]
@@ -107,10 +110,10 @@ def posterior_draws(
 def _grams(
     noise: NoiseModel, design: Array, residual: Array, size: NoiseSize, trials: Trials, row_weight: Array
 ) -> tuple[Array, NDArray[np.intp]]:
-    """Gram (S, q, q) of the rows for some noise sizes, and which of them each draw (DRAWS,) has."""
+    """Gram (S, q, q) of the rows for some noise sizes, and which of them each draw of a half (DRAWS / 2,) has."""
     share = np.cumsum(trials.weight)
     if trials.gram is not None:
-        number = np.searchsorted(share, (np.arange(DRAWS) + 0.5) / DRAWS * share[-1])
+        number = np.searchsorted(share, (np.arange(DRAWS // 2) + 0.5) / (DRAWS // 2) * share[-1])
         used, number = np.unique(number, return_inverse=True)
         return trials.gram[used], number
     # So many rows tell the sizes well: equal shares of the trials, in the order of the first part, stand for all.
@@ -119,7 +122,7 @@ def _grams(
     columns = np.concatenate([design, residual[:, :, None]], axis=2)
     grams = [weights.inner(columns, columns) for weights in (
         noise.weights(size.with_logs(trials.logs[one]), row_weight) for one in chosen)]
-    return np.array(grams), np.arange(DRAWS) % SIZES_OF_MANY_ROWS
+    return np.array(grams), np.arange(DRAWS // 2) % SIZES_OF_MANY_ROWS
 
 
 def _log_posterior(draws: Array, x: Array, information: Array, pull: Array, prior: PriorModel) -> Array:

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 # Scale of ln s about ln 1 where the part is stated, and for a sensor of which only the default is known.
 STATED_LOG_SCALE = 0.3
 UNSTATED_LOG_SCALE = 0.7
+# Mean size of force error and re-seating that are not stated, in units of the usual ones.
+UNSTATED_MEAN = 2.0
 # Above 1 the logarithm has a Student distribution, below a normal one.
 LOG_DEGREES = 4.0
 
@@ -24,7 +26,7 @@ def log_prior(model: NoiseModel, logs: Array) -> Array:
     """ln prior (S,) of the logarithms (S, 3) of the sizes (sensor, force, offset), each without its constant.
 
     Stated, or the sensor: about 1 in the logarithm, normal below and Student above. Force error and re-seating that are not
-    stated: exponential in the size, in units of the usual one.
+    stated: exponential in the size, with a mean of twice the usual one.
     """
     total = np.zeros(len(logs))
     for part, stated in enumerate(model.stated):
@@ -33,5 +35,5 @@ def log_prior(model: NoiseModel, logs: Array) -> Array:
             squared = (log / (STATED_LOG_SCALE if stated else UNSTATED_LOG_SCALE)) ** 2
             total -= 0.5 * np.where(log < 0, squared, (LOG_DEGREES + 1) * np.log1p(squared / LOG_DEGREES))
         else:
-            total += log - np.exp(log)
+            total += log - np.exp(log) / UNSTATED_MEAN
     return total

@@ -87,7 +87,7 @@ def random_walk(cell: Cell, rows: Measurements, start: np.ndarray, stated: bool 
             value += about_stated(logs[:, 1]) + about_stated(logs[:, 2])
         else:
             force, offset = 0.005 * np.exp(logs[:, 1]), 3e-6 * np.exp(logs[:, 2])
-            value += np.sum(logs[:, 1:] - np.exp(logs[:, 1:]), axis=1)
+            value += np.sum(logs[:, 1:] - np.exp(logs[:, 1:]) / 2, axis=1)
         sigma = (sensor**2 + offset**2)[:, None, None, None] * np.eye(3) + (force**2)[:, None, None, None] * (
             carried @ np.swapaxes(carried, 1, 2))
         quadratic = np.einsum("wni,wni->w", residual, np.linalg.solve(sigma, residual[..., None])[..., 0])
