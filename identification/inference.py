@@ -7,11 +7,11 @@ Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal 
 weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
-2. The noise sizes are not known exactly: the posterior is averaged over them, at the points mean +- sqrt(3) sigma of each of
-   their principal axes (the fifth-degree rule's nodes), which widens it where a few rows must tell both; a little more
-   stands in for the heavier tails that this gives it.
+2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior (sizes.py), and every draw
+   of x has one of them. This widens the posterior where a few rows must tell both, and gives it heavier tails than normal.
 3. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
-   barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries.
+   barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals
+   and the ellipsoid are quantiles of the draws.
 """
 
 from __future__ import annotations
@@ -53,7 +53,8 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """mean (6 + P,) and covariance of x = (ln c, parameters of terms); map: the MAP of x; laplace: its inverse curvature.
+    """mean (6 + P,) and covariance of x = (ln c, parameters of terms), those of the draws; map: the MAP of x; laplace: its
+    inverse curvature.
 
     size: estimated noise sizes; size_spread (3, 3): covariance of their ln. row_weight (n,) of the fitted rows.
     chi2: against the stated noise.
