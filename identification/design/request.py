@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import Domain
 from identification.design.exchange import Demand, free_demand
 from identification.design.information import Instrument, instrument
-from identification.design.loads import Slot, slot
+from identification.design.loads import FREE, Slot, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.design.procedure import Task
 from identification.findings import Finding, error
@@ -33,6 +34,7 @@ class Request:
     protocol: str = "cycle"
     axes: str = "xyz"
     every_axis: bool = False
+    free: bool = False
     force_n: float = 300.0
     positions_mm: tuple[tuple[float, float, float], ...] = ()
     box_mm: tuple[float, ...] | None = None
@@ -44,7 +46,8 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """task, and about what it is linearised; before: in words, what is known before the runs."""
+    """task, and about what it is linearised; before: in words, what is known before the runs. plainer: a task without what
+    makes this one's loads rich, and what that is in words, None where they are not."""
 
     task: Task
     rig: Instrument
@@ -52,6 +55,7 @@ class Prepared:
     place: str
     weight: Array | None
     findings: tuple[Finding, ...]
+    plainer: tuple[Task, str] | None = None
 
 
 def default_position(robot: RobotModel) -> Array:
@@ -66,9 +70,16 @@ def prepare(cell: Cell, wanted: Request, milling: MillingPoses | None) -> Prepar
     weight = None if milling is None else prediction_weight(rig, milling)
     positions, box, place = _place(cell.robot, wanted, milling)
     slots, demand = _runs(wanted)
-    domain = Domain(rig, slots, positions, box, phi=None if wanted.phi_deg >= 180 else float(np.radians(wanted.phi_deg)))
+    margins = Margins(phi=None if wanted.phi_deg >= 180 else float(np.radians(wanted.phi_deg)))
+    domain = Domain(rig, slots, positions, box, margins)
     task = Task(domain, _criterion(cell, wanted, weight, rig), precision, demand, wanted.replicates)
-    return Prepared(task, rig, before, place, weight, findings)
+    plainer = None
+    if wanted.free or wanted.preset == "outlook":
+        other = replace(wanted, free=False, preset="paper" if wanted.preset else None)
+        slots, demand = _runs(other)
+        words = "the paper's plan" if wanted.preset else "as many runs with loads along base axes"
+        plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words
+    return Prepared(task, rig, before, place, weight, findings, plainer)
 
 
 def _known(cell: Cell, wanted: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:
@@ -123,6 +134,8 @@ def _runs(wanted: Request) -> tuple[tuple[Slot, ...], Demand]:
     count = wanted.measurements or (4 if wanted.preset else DEFAULT_RUNS)
     if wanted.preset == "outlook":
         return (slot("xyz", "single", wanted.force_n),), free_demand(1, count)
+    if wanted.free:
+        return (slot(FREE, wanted.protocol, wanted.force_n),), free_demand(1, count)
     slots = (slot(wanted.axes, wanted.protocol, wanted.force_n),) if wanted.every_axis else tuple(
         slot(axis, wanted.protocol, wanted.force_n) for axis in wanted.axes)
     return slots, free_demand(len(slots), count)

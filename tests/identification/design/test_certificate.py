@@ -40,7 +40,7 @@ def test_no_plan_beats_the_bound(plan, domain, prior):
 
 def test_the_plan_is_admissible_and_its_value_true(plan, domain, prior):
     runs = plan.runs
-    assert domain.excess(runs.theta, runs.slot, runs.place).max() <= 1e-6
+    assert domain.excess(runs).max() <= 1e-6
     seen = domain.look(runs.theta)
     assert np.abs(seen.tcp - domain.positions[0]).max() < 1e-6
     value = plan.task.criterion.value(prior + runs.information.sum(axis=0))
@@ -81,7 +81,7 @@ def test_refinement_and_climbing_never_lose_and_stay_admissible(domain, pool, pr
         before = float(d_criterion().value(prior + start.information.sum(axis=0)))
         after = refine(domain, d_criterion(), prior, start)
         runs = after.runs
-        assert after.feasible == (domain.excess(runs.theta, runs.slot, runs.place).max() <= 1e-6)
+        assert after.feasible == (domain.excess(runs).max() <= 1e-6)
         if after.feasible:
             ended += 1
             assert after.value >= before

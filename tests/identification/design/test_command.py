@@ -59,7 +59,8 @@ def test_the_written_rows_keep_every_limit(written):
     assert np.abs(tcp - tcp[0]).max() < 1e-6
     domain = Domain(instrument(cell), tuple(slot(axis, "cycle", 300.0) for axis in "xyz"), tcp[:1])
     axis = np.array([np.argmax(np.abs(force[rows.visit == visit]).max(axis=0)) for visit in rows.visit])
-    assert domain.excess(rows.theta, axis, np.zeros(len(rows), dtype=int)).max() <= 2e-6
+    runs = domain.runs(rows.theta, axis, np.zeros(len(rows), dtype=int), np.tile([1.0, 0, 0], (len(rows), 1)))
+    assert domain.excess(runs).max() <= 2e-6
     assert np.isnan(rows.deflection).all()
     # The law of the window itself, |phi| <= 80 deg, with angles and not with cosines.
     lever = domain.look(rows.theta).lever
