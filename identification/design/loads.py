@@ -55,7 +55,7 @@ class Slot:
     def peaks(self) -> Array:
         """The largest force (A, 3) [N] along each axis that is loaded."""
         largest = np.abs(self.forces).max(axis=0)
-        return np.diag(largest)[largest > 0]
+        return np.asarray(np.diag(largest)[largest > 0], dtype=float)
 
 
 @dataclass(frozen=True, eq=False)

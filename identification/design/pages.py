@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
 PLAN, POSSIBLE, KEPT = "#c0392b", "#b8c4d0", "#777777"
 MOST_POINTS = 1500
+# Half the length of the bar that shows the line of a load [m].
+BAR_M = 0.15
+# Room below for the axis' title.
+ROOMY = {"l": 70, "r": 20, "t": 30, "b": 75}
 
 
 def design_report(plan: Plan, findings: Sequence[Finding], content: dict[str, Any]) -> str:
@@ -31,12 +35,12 @@ def design_report(plan: Plan, findings: Sequence[Finding], content: dict[str, An
     figures = [_arms(plan.prepared.task.domain, rows), _shares(found, rows), _certificate(found)]
     if expected.runs:
         figures.append(_by_length(expected))
-    tables = [_visits(rows), _joints(expected), _causes(expected)]
+    tables = [_visits(rows), _joints(expected, plan.prepared.before), _causes(expected)]
     if plan.settled is not None:
         tables.insert(1, _pairs(plan.settled))
     return render(f"Measurement plan: {len(found.task.demand)} runs, criterion {found.task.criterion.name}",
-                  [*worth(plan), "Collisions were not checked: drive the poses in manual mode first."], tables, figures,
-                  findings, content)
+                  [*worth(plan, joints=False), "Collisions were not checked: drive the poses in manual mode first."], tables,
+                  figures, findings, content)
 
 
 def _visits(rows: Sheet) -> ReportTable:
@@ -60,9 +64,9 @@ def _pairs(settled: Settled) -> ReportTable:
                        [[one, other, f"{sigmas:.1f}"] for one, other, sigmas in settled.pairs], numbers=(2,))
 
 
-def _joints(expected: Forecast) -> ReportTable:
+def _joints(expected: Forecast, before: str) -> ReportTable:
     header = ["stiffness", "before", "after (1 sigma)", "grade", "trades off with"]
-    return ReportTable("What it will tell of the joints", header, [
+    return ReportTable(f"What it will tell of the joints, starting from {before}", header, [
         [f"k{one.joint}", spread(one.before), spread(one.after), one.grade,
          f"k{one.partner} ({one.correlation:+.2f})" if one.partner else ""] for one in expected.joints])
 
@@ -92,9 +96,28 @@ def _arms(domain: Domain, rows: Sheet) -> Figure:
         colour = KEPT if rows.validate[i] else AXIS_COLOURS[int(np.argmax(force))]
         data.append({"type": "scatter3d", "mode": "lines+markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
                      "name": f"{label} {along(rows, i)}", "line": {"color": colour, "width": 5}, "marker": {"size": 2.5}})
-    return Figure("The poses", "The arm from its base to the TCP; colour: the load's axis (x blue, y orange, z green).", data,
+        data += [_load(tcp[i], force, colour) for force in _lines(rows.force[rows.visit == i])]
+    said = ("The arm from its base to the TCP. Colour: the base axis nearest to its load (x blue, y orange, z green), grey: "
+            "kept back for validation. The thick bar at the TCP is the line of the load. Collisions were not checked.")
+    return Figure("The poses", said, data,
                   {"scene": {"aspectmode": "data", "xaxis": {"title": {"text": "x [m]"}}, "yaxis": {"title": {"text": "y [m]"}},
                              "zaxis": {"title": {"text": "z [m]"}}}}, height=620)
+
+
+def _lines(forces: Array) -> list[Array]:
+    """The directions (3,) along which a visit is loaded."""
+    found: list[Array] = []
+    for force in forces[np.linalg.norm(forces, axis=1) > 0]:
+        line = force / np.linalg.norm(force)
+        if not any(abs(line @ other) > 0.999 for other in found):
+            found.append(line)
+    return found
+
+
+def _load(tcp: Array, line: Array, colour: str) -> dict[str, Any]:
+    ends = tcp + np.outer([-BAR_M, BAR_M], line)
+    return {"type": "scatter3d", "mode": "lines", "x": ends[:, 0], "y": ends[:, 1], "z": ends[:, 2], "showlegend": False,
+            "hoverinfo": "skip", "line": {"color": colour, "width": 14}, "opacity": 0.5}
 
 
 def _shares(found: Design, rows: Sheet) -> Figure:
@@ -127,7 +150,7 @@ def _certificate(found: Design) -> Figure:
                        "y": gain[rows] / level, "name": "possible runs", "line": {"color": POSSIBLE, "width": 3}},
                       {"type": "scatter", "mode": "markers", "x": 1 + np.searchsorted(-gain[order], -plan * level), "y": plan,
                        "name": "this plan's runs", "marker": {"color": PLAN, "size": 9}}], {
-                      "xaxis": {"type": "log", "title": {"text": "rank of the run"}, **GRID},
+                      "xaxis": {"type": "log", "title": {"text": "rank of the run"}, **GRID}, "margin": ROOMY,
                       "yaxis": {"title": {"text": "worth of a run"}, "rangemode": "tozero", **GRID}})
 
 
@@ -136,5 +159,5 @@ def _by_length(expected: Forecast) -> Figure:
                   "without refinement.", [
                       {"type": "scatter", "mode": "lines+markers", "x": list(expected.runs),
                        "y": [100 * std for std in expected.stds], "line": {"color": PLAN}}], {
-                      "xaxis": {"title": {"text": "runs"}, **GRID},
+                      "xaxis": {"title": {"text": "runs"}, **GRID}, "margin": ROOMY,
                       "yaxis": {"type": "log", "title": {"text": "1 sigma of ln k [%]"}, **GRID}})

@@ -108,8 +108,8 @@ def along(rows: Sheet, visit: int) -> str:
     return "({:+.2f} {:+.2f} {:+.2f})".format(*(largest / np.linalg.norm(largest)))
 
 
-def worth(plan: Plan) -> list[str]:
-    """What the plan is worth and what it will tell, in words."""
+def worth(plan: Plan, joints: bool = True) -> list[str]:
+    """What the plan is worth and what it will tell, in words; joints: a line for each, which a table may say as well."""
     found, rows, expected, place = plan.found, plan.rows, plan.expected, plan.prepared.place
     task, certificate = found.task, found.certificate
     kept = int(rows.validate.sum())
@@ -122,8 +122,9 @@ def worth(plan: Plan) -> list[str]:
     if plan.gain is not None:
         lines.append(f"against {plan.gain.against}: criterion {plan.gain.ratio:.2f} times as good, the least known stiffness "
                      f"known {spread(plan.gain.largest)} instead of {spread(plan.gain.other_largest)}")
-    lines.append(f"expected, starting from {plan.prepared.before}:")
-    for one in expected.joints:
+    if joints:
+        lines.append(f"expected, starting from {plan.prepared.before}:")
+    for one in expected.joints if joints else ():
         trade = f", trades off with k{one.partner} ({one.correlation:+.2f})" if one.partner else ""
         lines.append(f"k{one.joint}  known {spread(one.after)} (1 sigma; before {spread(one.before)}), {one.grade}{trade}")
     prediction = prediction_std_um(plan.prepared, found)

@@ -127,29 +127,35 @@ def fitted_rivals(cell: Cell, measurements: Measurements, told: Diagnosed) -> di
 def settling_design(
     task: Task, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, effort: Effort | None = None
 ) -> tuple[Design, Settled]:
-    """A plan whose runs settle the diagnosis first, and what it is worth by the task's criterion.
-
-    The runs are taken from a random pool as they are; what they settle does not hang on a degree. Raises CompstiffError
-    (CS1601) where no run is admissible.
-    """
+    """A plan whose runs settle the diagnosis first, and what it is worth by the task's criterion. Raises CompstiffError
+    (CS1601) where no run is admissible."""
     effort = effort or Effort()
-    domain, count = task.domain, len(task.demand)
-    pool = random_pool(domain, effort.poses, rng)
+    pool = random_pool(task.domain, effort.poses, rng)
+    runs, settled = settling_runs(task, rivals, pool, rng)
+    if len(runs) < len(task.demand):
+        runs = runs.joined(_by_criterion(task, runs, pool, len(task.demand) - len(runs), rng, effort))
+    value = float(task.criterion.value(total_information(task, runs)))
+    certificate = certify(task.domain, task.criterion, task.prior, task.demand, runs, pool, rng, replicates=task.replicates,
+                          starts=effort.climbs // 2)
+    return Design(task, runs, total_information(task, runs), certificate, 0, 0, 0, value, pool), settled
+
+
+def settling_runs(
+    task: Task, rivals: dict[str, tuple[Posterior, float]], pool: Pool, rng: np.random.Generator
+) -> tuple[Pool, Settled]:
+    """The runs of a random pool that settle the diagnosis, as many as the task asks for or as are needed. They are taken as
+    they are: what they settle does not hang on a degree."""
+    domain = task.domain
     tried = pool.take(_spread_of(pool, len(domain.slots), rng))
     forces = np.stack([domain.slots[s].along(line) for s, line in zip(tried.slot, tried.line, strict=True)])
-    found = separation(domain.rig.cell, planned_rows(tried.theta, forces, DWELL_S), rivals, next(iter(rivals.values()))[0])
+    rows = planned_rows(tried.theta, forces, DWELL_S)
+    found = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
     _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
-    chosen = np.array(settling(found, count, pose.ravel()), dtype=np.intp)
+    chosen = np.array(settling(found, len(task.demand), pose.ravel()), dtype=np.intp)
     doubt = [float(found.mistaken(found.of(chosen[:k]))) for k in range(len(chosen) + 1)]
     needed = next((k for k, value in enumerate(doubt) if k and value <= SETTLED), len(chosen))
-    runs = tried.take(chosen[:needed])
-    if len(runs) < count:
-        runs = runs.joined(_by_criterion(task, runs, pool, count - len(runs), rng, effort))
-    value = float(task.criterion.value(total_information(task, runs)))
-    certificate = certify(domain, task.criterion, task.prior, task.demand, runs, pool, rng, replicates=task.replicates,
-                          starts=effort.climbs // 2)
     settled = Settled(found.names, found.probability, doubt[0], doubt[needed], needed, _pairs(found, chosen[:needed]))
-    return Design(task, runs, total_information(task, runs), certificate, 0, 0, 0, value, pool), settled
+    return tried.take(chosen[:needed]), settled
 
 
 def _spread_of(pool: Pool, slots: int, rng: np.random.Generator) -> NDArray[np.intp]:
