@@ -4,8 +4,8 @@
 
 Cases: of the seeds FIRST_SEED … FIRST_SEED + CASES - 1 of benchmarks/hidden_effects.py (one effect of the dictionary, realistic
 noise) those in which the answer is a set with the truth in it. Each policy plans N further runs at once, from the same random
-pool of admissible ones (one TCP position, load cycles of 300 N along one base axis); they are measured in the virtual cell and
-all is diagnosed again. Settled: the truth is named, or has more than 95 %.
+pool of admissible ones (TCP in the box about the measured poses, load cycles of 300 N along one base axis); they are measured
+in the virtual cell and all is diagnosed again. Settled: the truth is named, or has more than 95 %.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from identification.design.exchange import free_demand, many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.procedure import Task
-from identification.design.request import default_position
+from identification.design.request import measured_place
 from identification.design.settling import Diagnosed, fitted_rivals, settling_runs
 from identification.diagnosis.procedure import Diagnosis
+from identification.model.kinematics import forward
 from tests.hidden_effects.cases import hidden_in
 from tests.hidden_effects.judge import truth_names
 from tests.hidden_effects.more_rows import measured_further
@@ -44,7 +45,8 @@ def task_after(cell: Cell, found: Diagnosis, runs: int) -> Task:
     model = found.plain
     rig = instrument(cell, np.exp(model.mean[:6]))
     slots = tuple(slot(axis, "cycle", FORCE_N) for axis in "xyz")
-    domain = Domain(rig, slots, np.round(default_position(cell.robot)[None], 2))
+    tcp = forward(cell.robot, found.rows.theta, cell.flange_from_tcp).position
+    domain = Domain(rig, slots, *measured_place(tcp))
     return Task(domain, d_criterion(), np.linalg.inv(model.covariance[:6, :6]), free_demand(3, runs))
 
 

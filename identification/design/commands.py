@@ -143,9 +143,9 @@ def design_command(read_milling: Callable[[], MillingReader], templates: Callabl
             files[report] = design_report(plan, findings, content).encode()
         json.dumps(content, allow_nan=False)
         write_whole(files)
-        return Outcome(content, tuple(findings), summary(plan),
-                       next_step=f"measure it, fill in dx_um dy_um dz_um, then compstiff identify {cell_file} {output} "
-                       "-o stiffness.json")
+        then = (f"append the rows to {add[1]}, then compstiff diagnose {cell_file} {add[1]} -o diagnosis.json" if add
+                else f"then compstiff identify {cell_file} {output} -o stiffness.json")
+        return Outcome(content, tuple(findings), summary(plan), next_step=f"measure it, fill in dx_um dy_um dz_um, {then}")
 
     return design
 

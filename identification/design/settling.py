@@ -36,6 +36,8 @@ POSES = 150
 SETTLED = 0.02
 # Two rivals that no run separates by more sigmas than this are the same for the plan.
 ALIKE_SIGMAS = 1.0
+# Above this probability of a wrong name it is said what else may help.
+DOUBTFUL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +80,14 @@ class Settled:
                  f"(without them {_share(self.before)}), if one of them is the truth"]
         lines += [f"  {one} and {other} stay alike: {sigmas:.1f} sigma apart" for one, other, sigmas in self.pairs
                   if sigmas < ALIKE_SIGMAS]
+        if self.after > DOUBTFUL:
+            lines.append("  more runs, more room (--box), --direction free or the checks that the diagnosis names may settle "
+                         "more")
         return lines
 
 
 def _share(value: float) -> str:
-    return f"{100 * value:.2g} %" if value >= 1e-3 else "under 0.1 %"
+    return f"{100 * value:.0f} %" if value >= 0.01 else "under 1 %"
 
 
 def read_diagnosis(path: Path, cell: Cell) -> Diagnosed:
@@ -152,7 +157,9 @@ def settling_runs(
     found = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
     _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
     chosen = np.array(settling(found, len(task.demand), pose.ravel()), dtype=np.intp)
-    doubt = [float(found.mistaken(found.of(chosen[:k]))) for k in range(len(chosen) + 1)]
+    # Nobody errs more than by always naming the likeliest: the bound may say more than that.
+    most = 1.0 - float(found.probability.max())
+    doubt = [min(most, float(found.mistaken(found.of(chosen[:k])))) for k in range(len(chosen) + 1)]
     needed = next((k for k, value in enumerate(doubt) if k and value <= SETTLED), len(chosen))
     settled = Settled(found.names, found.probability, doubt[0], doubt[needed], needed, _pairs(found, chosen[:needed]))
     return tried.take(chosen[:needed]), settled
