@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -139,6 +139,17 @@ def correction_lines(corrected: Corrected) -> list[str]:
         f"{figures['turn_deg']['largest']:.4f} deg",
         f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um "
         "(the rounding of the written numbers)",
+        *([] if figures["feed_check"] is None else _feed_lines(figures["feed_check"]["corrected"])),
+    ]
+
+
+def _feed_lines(feed: dict[str, Any]) -> list[str]:
+    held, judged = feed["held_back"], feed["judged"]
+    return [
+        f"feed: {judged - held} of {judged} moves can hold it, {feed['held_back_with_force']} of the others with force; the "
+        f"lowest share {100 * feed['lowest_feed_ratio']:.0f} % ({100 * feed['lowest_feed_ratio_with_force']:.0f} % with force)",
+        f"time: {feed['time_s']:.1f} s, of them {feed['lost_held_back_s']:.2f} s lost where the feed cannot be held and "
+        f"{feed['lost_ramps_s']:.2f} s at stops and changes of feed",
     ]
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.placement import arc_length, match_forwards, nearest_target, polyline
 from compensator.planning import Plan
+from compensator.program_time import force_by_place, place_log
 from identification.cell import Cell
 from identification.findings import Finding, Level, counted, error
 from identification.measurements import FORCES, JOINTS, MOMENTS
@@ -20,7 +21,7 @@ from identification.tables import Table, read_table
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Key = Literal["target", "path_mm", "position", "joints"]
+Key = Literal["target", "path_mm", "position", "joints", "time"]
 POSITION = ("x_mm", "y_mm", "z_mm")
 BATCHES = 8
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
@@ -31,8 +32,8 @@ SIGMAS, GROW, GAP = 5.0, 2.0, 3
 class ForceLog:
     """A logged pass, M samples in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
 
-    key: what places a sample; place: (M,) target index or path length [m], (M, 3) TCP position in the work object [m], or
-    (M, 6) joint angles [rad].
+    key: what places a sample; place: (M,) target index or path length [m], (M, 3) TCP position in the work object [m], (M, 6)
+    joint angles [rad], or (M,) time [s].
     """
 
     source: str
@@ -71,16 +72,17 @@ def read_force_log(path: str | Path) -> ForceLog:
     has_moment = any(name in table.numbers for name in MOMENTS)
     moment = np.column_stack([table.numbers.get(name, np.zeros(len(table))) for name in MOMENTS])
     key, place = _placing_columns(table)
-    others = [words for other, words in _KEY_WORDS.items() if other != key and _FIRST[other] in table.numbers]
+    others = [words for other, words in _KEY_WORDS.items() if other not in (key, "time") and _FIRST[other] in table.numbers]
     unused = f"; not used: {', '.join(others)}" if others else ""
     note = Finding("CS3003", "note", f"{counted(len(table), 'sample')}, placed by {_KEY_WORDS[key]}{unused}", file=table.source)
     return ForceLog(table.source, force, moment, has_moment, key, place, table.line, (note, *table.findings))
 
 
-_KEY_WORDS = {"target": "target number", "path_mm": "path length", "position": "TCP position", "joints": "joint angles"}
+_KEY_WORDS = {"target": "target number", "path_mm": "path length", "position": "TCP position", "joints": "joint angles",
+              "time": "time alone"}
 
 
-_FIRST = {"target": "target", "path_mm": "path_mm", "position": "x_mm", "joints": "q1_deg"}
+_FIRST = {"target": "target", "path_mm": "path_mm", "position": "x_mm", "joints": "q1_deg", "time": "time_s"}
 
 
 def _placing_columns(table: Table) -> tuple[Key, Array]:
@@ -99,10 +101,11 @@ def _placing_columns(table: Table) -> tuple[Key, Array]:
         return "position", 1e-3 * table.stack(*POSITION)
     if all(name in table.numbers for name in JOINTS):
         return "joints", np.radians(table.stack(*JOINTS))
-    alone = "time_s is there, but placing a log by time alone is not supported yet" if "time_s" in table.numbers else (
-        f"found {', '.join(table.columns)}")
-    raise error("CS3001", f"no column says where on the path a sample belongs: {alone}", file=table.source, line=1,
-                hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
+    if "time_s" in table.numbers:
+        return "time", table.numbers["time_s"]
+    raise error("CS3001", f"no column says where on the path a sample belongs: found {', '.join(table.columns)}",
+                file=table.source, line=1,
+                hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg, or time_s")
 
 
 def place_forces(
@@ -116,7 +119,7 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3006 no samples in the tare.
     """
     count = len(plan.toolpath)
-    target, findings = _assign(log, plan)
+    target, doubt, findings = _assign(log, plan)
     placed = target >= 0
     if not placed.any():
         raise error("CS3005", f"none of the {len(target)} samples lies on this path", file=log.source,
@@ -152,13 +155,16 @@ def place_forces(
         findings.append(Finding("CS3013", "warning", f"tool.mass_kg {mass:g} kg: the payload is not "
                                 "subtracted from the log", file=log.source, hint="log with payload compensation on"))
     wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
+    if doubt is not None:
+        standard_error = np.hypot(standard_error, force_by_place(plan, wrench[:, :3]) * doubt[:, None])
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
     return TargetForces(wrench, samples, standard_error, forced, subtracted, (*log.findings, *findings))
 
 
-def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
-    """Target (M,) of each sample, -1 where it is not on the path."""
+def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, Array | None, list[Finding]]:
+    """Target (M,) of each sample, -1 where it is not on the path; and how uncertain the place is (N,) [m], 1 sigma, where it is
+    estimated."""
     count = len(plan.toolpath)
     if log.key == "target":
         if log.place.max() >= count:
@@ -166,17 +172,20 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
             raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has "
                         f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
                         hint="is it the log of this program?")
-        return log.place.astype(np.intp), []
+        return log.place.astype(np.intp), None, []
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     if log.key == "path_mm":
         inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
-        return np.where(inside, nearest_target(length, log.place), -1), []
+        return np.where(inside, nearest_target(length, log.place), -1), None, []
+    if log.key == "time":
+        placed = place_log(plan, log.source, log.place, log.force, log.line)
+        return placed.target, placed.doubt, list(placed.findings)
     place = match_forwards(*polyline(plan.world_position, plan.toolpath.move), _world_positions(log, plan))
     on_path = ~np.isnan(place)
-    return np.where(on_path, nearest_target(length, np.where(on_path, place, 0.0)), -1), []
+    return np.where(on_path, nearest_target(length, np.where(on_path, place, 0.0)), -1), None, []
 
 
 def _world_positions(log: ForceLog, plan: Plan) -> Array:

@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction import Correction, Prediction, correct_path, predict_path, targets_to_correct
+from compensator.feasibility import FeedCheck, check_feed
+from compensator.feasibility import figures as feed_figures
 from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.planning import Plan, plan_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
+from compensator.route import Poses
 from compensator.settings import DEFAULTS, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
@@ -61,12 +64,13 @@ class Predicted:
 @dataclass(frozen=True, eq=False)
 class Corrected:
     """One program, corrected. content: the bytes to write. residual (M,) [m]: distance of the loaded tool from the plan
-    with the numbers as written; from_plan (M,) [m]: without correction."""
+    with the numbers as written; feed: the feed check, None where it was not asked for."""
 
     predicted: Predicted
     correction: Correction
     content: bytes
     residual: Array
+    feed: FeedCheck | None
     findings: tuple[Finding, ...]
 
 
@@ -106,19 +110,24 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
 
 
 def correct_program(predicted: Predicted) -> Corrected:
-    """The corrected program. Raises what `correct_path` raises, and CS4203 where the written text does not read back."""
+    """The corrected program. Raises what `correct_path` and, if asked for, `check_feed` raise, and CS4203 where the written
+    text does not read back."""
     targets = predicted.prediction.targets
     correction = correct_path(predicted.plan, predicted.forces, predicted.model, targets)
     written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
-    residual = _read_back(predicted, correction, written.content)
-    findings = (*predicted.findings, *correction.findings, *written.findings)
-    return Corrected(predicted, correction, written.content, residual, findings)
+    residual, poses = _read_back(predicted, correction, written.content)
+    settings = predicted.settings
+    feed = None
+    if settings.check_feed or settings.strict_feed:
+        feed = check_feed(predicted.plan, predicted.forces, poses, strict=settings.strict_feed)
+    findings = (*predicted.findings, *correction.findings, *written.findings, *(feed.findings if feed else ()))
+    return Corrected(predicted, correction, written.content, residual, feed, findings)
 
 
-def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> Array:
+def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> tuple[Array, Poses]:
     """Reads the written program again: every corrected number there, every other target as it was. Returns the residual
-    (M,) [m] of the loaded tool with the numbers as written."""
+    (M,) [m] of the loaded tool with the numbers as written, and the poses (N) they command."""
     before, targets = predicted.program.toolpath, correction.targets
     after = read_rapid(content, before.source).toolpath
     intact = len(after) == len(before)
@@ -139,11 +148,15 @@ def _read_back(predicted: Predicted, correction: Correction, content: bytes) -> 
     object_from_tcp = Frame.from_quaternion(after.position[targets], after.quaternion[targets])
     base_from_object = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets])
     flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
-    base_from_flange = base_from_object @ object_from_tcp @ flange_from_tcp.inverse()
+    base_from_tcp = base_from_object @ object_from_tcp
+    base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
     theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
                                 correction.theta)
     loaded = loaded_path(plan, predicted.forces, predicted.model, targets, theta)
-    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
+    commanded, joints = Frame(plan.base_from_tcp.rotation.copy(), plan.base_from_tcp.position.copy()), plan.theta.copy()
+    commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position
+    joints[targets] = theta
+    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1)), Poses(commanded, joints)
 
 
 def check_not_corrected(toolpath: Path) -> None:
@@ -202,6 +215,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
             "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),
             "residual_um": _figures(1e6 * corrected.residual),
+            "feed_check": feed_figures(corrected.feed) if corrected.feed else None,
         }
     return figures
 

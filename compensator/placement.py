@@ -40,14 +40,14 @@ def arc_length(position: Array, move: NDArray[np.uint8]) -> Array:
 
 def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
     """Lengths (n,) of both parts of the circular arcs through three points (n, 3); the chord where they are in line."""
-    straight, centre, axis = _circle(start, via, end)
+    straight, centre, axis = circle(start, via, end)
     radius = np.linalg.norm(start - centre, axis=1)
-    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * _turned(axis, start - centre, via - centre))
-    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * _turned(axis, via - centre, end - centre))
+    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * turned_angle(axis, start - centre, via - centre))
+    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * turned_angle(axis, via - centre, end - centre))
     return first, second
 
 
-def _circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+def circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     """Of the circles through three points (n, 3): whether they are in line (n,), centre and axis (n, 3); the arc from start
     over via to end turns in the positive sense about the axis."""
     to_via, to_end = via - start, end - start
@@ -61,7 +61,7 @@ def _circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Ar
     return straight, centre, normal / np.sqrt(safe)
 
 
-def _turned(axis: Array, first: Array, second: Array) -> Array:
+def turned_angle(axis: Array, first: Array, second: Array) -> Array:
     """Angle (n,) from first to second about the axis, 0 to 2 pi [rad]."""
     sine = np.einsum("ij,ij->i", axis, np.cross(first, second))
     return np.asarray(np.mod(np.arctan2(sine, np.einsum("ij,ij->i", first, second)), 2 * np.pi))
@@ -76,7 +76,7 @@ def polyline(position: Array, move: NDArray[np.uint8]) -> tuple[Array, Array]:
     via = np.flatnonzero((kind[1:-1] == Move.ARC_VIA) & (kind[2:] == Move.ARC_END))
     if not len(via):
         return points, s
-    straight, centre, axis = _circle(points[via], points[via + 1], points[via + 2])
+    straight, centre, axis = circle(points[via], points[via + 1], points[via + 2])
     extra_points, extra_s = [points], [s]
     for arc in np.flatnonzero(~straight):
         for first in (via[arc], via[arc] + 1):

@@ -12,9 +12,12 @@ import click
 
 @dataclass(frozen=True)
 class Settings:
-    """tare: first and last target of an air move, whose mean force is the sensor's bias."""
+    """tare: first and last target of an air move, whose mean force is the sensor's bias. check_feed: work out whether the robot
+    can hold the programmed feed; strict_feed: and refuse a cut that cannot."""
 
     tare: tuple[int, int] | None = None
+    check_feed: bool = False
+    strict_feed: bool = False
 
 
 DEFAULTS = Settings()
@@ -41,7 +44,10 @@ FORCE_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), help="Targets of an air move: their mean force is the sensor's bias."),
 )
 # How the program is corrected: `correct` alone.
-CORRECTION_OPTIONS: tuple[Decorator, ...] = ()
+CORRECTION_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
+    click.option("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
+)
 
 
 def with_settings(*options: Decorator) -> Decorator:
