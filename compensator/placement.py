@@ -174,7 +174,8 @@ def _rms_off(segments: _Segments, samples: Array, here: float) -> float:
 
 def _follow(segments: _Segments, samples: Array, here: float, *, leap: bool = True) -> tuple[Array, Array]:
     """Arc length (k,) [m] of samples (k, 3), one after the other from the place `here` on, NaN where one is not on the path,
-    and how far off it they are (k,) [m], at most OFF_PATH. leap: to a place farther ahead, where the log left out some of the path.
+    and how far off it they are (k,) [m], at most OFF_PATH. leap: to a place farther ahead, where the log left out some of the
+    path.
 
     Each depends on the one before and looks at a few segments: plain numbers are quicker here than small arrays, and
     are made of the arrays piece by piece.
