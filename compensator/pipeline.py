@@ -31,7 +31,7 @@ from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
-from identification.model.inverse import inverse, nearest_solution
+from identification.model.inverse import nearest_angles
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import read_stiffness
@@ -254,8 +254,7 @@ def _read_back(predicted: Predicted, forces: TargetForces, correction: Correctio
     flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
     base_from_tcp = base_from_object @ object_from_tcp
     base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
-    theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
-                                correction.theta)
+    theta = nearest_angles(predicted.cell.robot, base_from_flange, correction.theta)
     loaded = loaded_path(plan, forces, predicted.model, targets, theta)
     commanded, joints = Frame(plan.base_from_tcp.rotation.copy(), plan.base_from_tcp.position.copy()), plan.theta.copy()
     commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position
