@@ -102,7 +102,7 @@ def fit_stiffness(
         "prior": {"kind": prior_kind, "gamma": gamma} if prior_kind == "gaussian" else {"kind": prior_kind},
     }
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
-                            tuple(grade.grade for grade in grades), figures)
+                            tuple(grade.grade for grade in grades), figures, interval=found.draws.interval(0.95))
     findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior))
     std = residual_std(cell, measurements, found.size, np.exp(found.mean))
     return Fit(model, found, residual, std, row_weight, grades, ellipsoid(found),
