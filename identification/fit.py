@@ -156,7 +156,7 @@ def _against_prior(source: str, found: Posterior, grades: tuple[JointGrade, ...]
     if not seen.any():
         return []
     expected = -np.log(prior.prior.stiffness)
-    off = (found.mean - expected)[seen] / prior.log_std
+    off = ((found.mean - expected) / prior.log_std)[seen]
     p_value = float(chi2.sf(np.sum(off**2), int(seen.sum())))
     if p_value > PRIOR_CONFLICT:
         return []

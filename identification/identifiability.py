@@ -69,7 +69,7 @@ def grade_joints(cell: Cell, rows: Measurements, found: Posterior, prior: PriorM
     signal = np.max(np.abs(found.at_map.design), axis=(0, 1)) / found.size.sensor
     grades = []
     for i in range(6):
-        shrinkage = float(std[i] / prior.log_std)
+        shrinkage = float(std[i] / prior.log_std[i])
         grade = "reliable" if std[i] <= RELIABLE_LOG_STD else "tentative"
         if shrinkage > UNSEEN_SHRINKAGE:
             grade = "not identifiable"
@@ -131,4 +131,4 @@ def ellipsoid(found: Posterior) -> Ellipsoid:
 def information_spectrum(found: Posterior, prior: PriorModel) -> Array:
     """Eigenvalues (6,), largest first, of the data's information on ln k in units of the prior's: above 1 the data say more
     than the prior, below 1 less."""
-    return np.asarray(np.linalg.eigvalsh(found.at_map.information)[::-1] * prior.log_std**2)
+    return np.asarray(np.linalg.eigvalsh(found.at_map.information * np.outer(prior.log_std, prior.log_std))[::-1])

@@ -155,5 +155,5 @@ def _with_unseen(found: Draws, information: Array, prior: PriorModel) -> Draws:
     off -= (x[:, seen] - mean[seen]) @ np.linalg.solve(covariance[np.ix_(seen, seen)], covariance[np.ix_(seen, unseen)])
     spread = (off * found.weight[:, None]).T @ off
     white = np.linalg.solve(np.linalg.cholesky(spread), off.T).T
-    x[:, unseen] = -np.log(prior.prior.stiffness[unseen]) + prior.prior.log_std * white
+    x[:, unseen] = -np.log(prior.prior.stiffness[unseen]) + prior.prior.log_std[unseen] * white
     return Draws(x, found.weight, found.effective)

@@ -120,7 +120,7 @@ def test_the_paper_s_x_only_data_say_nothing_of_joint_6(tmp_path) -> None:
     for joint in (0, 3, 5):
         assert fit.model.grades[joint] == "not identifiable"
         assert_allclose(fit.model.stiffness[joint], cell.prior.stiffness[joint], rtol=1e-9)
-        assert_allclose(fit.model.log_std[joint], cell.prior.log_std, rtol=1e-9)
+        assert_allclose(fit.model.log_std[joint], cell.prior.log_std[joint], rtol=1e-9)
     unseen = [finding for finding in fit.findings if finding.code == "CS1012"]
     assert [finding.message[:2] for finding in unseen] == ["k1", "k4", "k6"]
     assert all("was never loaded" in finding.message for finding in unseen)
