@@ -105,11 +105,14 @@ class IdentifiedModel:
         return np.exp(-self.mean[:6] + 0.5 * np.diag(self.covariance)[:6])
 
     def scaled(self, factor: float, std: float = 0.0) -> IdentifiedModel:
-        """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are."""
+        """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are.
+
+        The intervals are then those of N(mean, covariance): the factor's error is not in the posterior's own.
+        """
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[:6] += np.log(factor)
         covariance[:6, :6] += (std / factor) ** 2
-        return replace(self, mean=mean, covariance=covariance)
+        return replace(self, mean=mean, covariance=covariance, interval=None)
 
     def situation(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Situation:
         """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench
