@@ -20,11 +20,11 @@ from compensator.feasibility import FeedCheck, check_feed
 from compensator.feasibility import figures as feed_figures
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
+from compensator.log_path import on_path
 from compensator.placement import borders
 from compensator.planning import Plan, plan_path
 from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.prediction import Prediction, predict_path
-from compensator.program_time import on_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
 from compensator.route import Poses
 from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
@@ -145,8 +145,7 @@ def _predicted(
         log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log_format,
                              spindle_rpm=settings.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
         said = (*said, *log.findings)
-        if log.key == "time":
-            log = on_path(log, plan)
+        log = on_path(log, plan)
         forces = place_forces(log, plan, cell, tare=settings.tare)
         said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
         targets, left = targets_to_correct(plan, forces)
