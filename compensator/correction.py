@@ -228,7 +228,7 @@ def _restrained(
     if len(steep):
         findings.append(at(plan, int(targets[steep[np.argmax(changed[steep])]]), "CS4113", "warning",
                            f"the correction would change by more than {1e3 * restraint.slope:g} um a millimetre: it is "
-                           f"blended at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
+                           f"reduced at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
                            "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
     return result, findings
 

@@ -89,12 +89,7 @@ def engaged(
     The uncertainty of the stiffness joins the force's standard error. Raises CompstiffError (CS4123) where the force would
     vanish or more than double: then the stiffness does not fit the log.
     """
-    direction, across = across_feed(plan, forces.wrench[:, :3])
-    deeper = np.einsum("ni,ni->n", standing(plan, prediction, offsets), direction)
-    chosen = np.zeros(len(across), dtype=bool)
-    chosen[prediction.targets] = True
-    chosen &= across > 0
-    per_newton = np.where(chosen, deeper / np.maximum(across, 1e-300), 0.0)
+    per_newton, chosen = _deeper(plan, forces, prediction, offsets)
     growth = stiffness.value * per_newton
     worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
     if len(growth) and abs(growth[worst]) >= 1:
@@ -113,6 +108,23 @@ def engaged(
         "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.value:.3g} N/mm the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=plan.toolpath.source),)
+
+
+def left_as_logged(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> Array:
+    """How far off the plan (M,) [m] each N/m of cutting stiffness leaves the tool, to first order, where the forces are taken
+    as logged: the deviation grows as its force does."""
+    per_newton, _ = _deeper(plan, forces, prediction, offsets)
+    return np.asarray(np.linalg.norm(prediction.position, axis=1) * np.abs(per_newton[prediction.targets]))
+
+
+def _deeper(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:
+    """(e . n) / F_n (N,) [m/N], and where there is such a force (N,)."""
+    direction, across = across_feed(plan, forces.wrench[:, :3])
+    deeper = np.einsum("ni,ni->n", standing(plan, prediction, offsets), direction)
+    chosen = np.zeros(len(across), dtype=bool)
+    chosen[prediction.targets] = True
+    chosen &= across > 0
+    return np.where(chosen, deeper / np.maximum(across, 1e-300), 0.0), chosen
 
 
 def two_passes(

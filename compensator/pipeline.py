@@ -15,7 +15,7 @@ from compensator.advice import Advice, advise
 from compensator.corners import corners, with_tighter_zones
 from compensator.correction import Correction, Restraint, correct_path, targets_to_correct
 from compensator.densify import densified
-from compensator.engagement import engaged, read_offsets, two_passes
+from compensator.engagement import engaged, left_as_logged, read_offsets, two_passes
 from compensator.feasibility import FeedCheck, check_feed
 from compensator.feasibility import figures as feed_figures
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
@@ -81,8 +81,9 @@ class Predicted:
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written. cutting: the force was made to follow the cut. advice: on
-    the posture, and feed: the feed check, where they were asked for.
+    loaded tool from the plan with the numbers as written. cutting (M,) [m per N/m]: how far off the cutting stiffness leaves
+    the tool, None where the force was made to follow the cut. advice: on the posture, and feed: the feed check, where they were
+    asked for.
     """
 
     planned: Predicted
@@ -92,7 +93,7 @@ class Corrected:
     content: bytes
     residual: Array
     findings: tuple[Finding, ...]
-    cutting: bool = False
+    cutting: Array | None = None
     advice: Advice | None = None
     feed: FeedCheck | None = None
 
@@ -168,12 +169,15 @@ def correct_program(planned: Predicted) -> Corrected:
     predicted, kept = _densified(planned)
     told = (*told, *cut_off)
     forces, prediction, targets = predicted.forces, predicted.prediction, predicted.prediction.targets
+    cutting = None
+    if offsets is not None:
+        offsets = np.column_stack([np.interp(np.arange(len(predicted.plan.toolpath)), kept, axis) for axis in offsets.T])
     if stiffness is not None:
-        if offsets is not None:
-            offsets = np.column_stack([np.interp(np.arange(len(predicted.plan.toolpath)), kept, axis) for axis in offsets.T])
         forces, more = engaged(predicted.plan, forces, prediction, stiffness, offsets)
         prediction = predict_path(predicted.plan, forces, predicted.model, targets)
         told = (*told, *more)
+    else:
+        cutting = left_as_logged(predicted.plan, forces, prediction, offsets)
     slope = settings.slope or (np.inf if forces.named else SLOPE)
     restraint = Restraint(prediction, settings.confidence, slope)
     correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
@@ -185,8 +189,7 @@ def correct_program(planned: Predicted) -> Corrected:
         feed = check_feed(predicted.plan, forces, poses, strict=settings.strict_feed)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings, *(feed.findings if feed else ()))
     advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.advise else None
-    return Corrected(given, predicted, kept, correction, written.content, residual, findings, stiffness is not None, advice,
-                     feed)
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings, cutting, advice, feed)
 
 
 def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
@@ -325,11 +328,19 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "residual_um": _figures(1e6 * corrected.residual),
             "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
             "expected_worse": round(float(corrected.correction.harm.sum()), 2),
+            "left_per_10_n_per_mm_um": None if corrected.cutting is None else _figures(1e10 * corrected.cutting),
             "feed_check": feed_figures(corrected.feed) if corrected.feed else None,
         }
         if corrected.advice is not None:
             figures["posture"] = corrected.advice.as_dict()
     return figures
+
+
+def as_logged(figures: dict[str, Any]) -> str:
+    """What an unknown cutting stiffness leaves, for people."""
+    left = figures["left_per_10_n_per_mm_um"]
+    return (f"each 10 N/mm of cutting stiffness leaves about {left['rms']:.1f} um RMS, {left['largest']:.1f} um at most "
+            "(--cutting-stiffness, or correct the log of the corrected pass)")
 
 
 def _figures(values: Array) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.feed_pages import feed_figures, feed_table
-from compensator.pipeline import Corrected, Predicted, summary
+from compensator.pipeline import Corrected, Predicted, as_logged, summary
 from compensator.placement import arc_length
 from compensator.settings import DEFAULTS
 from identification.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
@@ -39,9 +39,9 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
             f"same model leaves {residual['largest']:.2f} um at most; what the stiffnesses' uncertainty leaves is the 1 sigma "
             f"above. {figures['expected_worse']:.1f} of them are expected to end up farther off than uncorrected. "
-            + ("The force follows the cut with the stated cutting stiffness." if corrected.cutting else
-               "The forces are taken as logged: a corrected path cuts a little more, so the force changes with it "
-               "(--cutting-stiffness)."))
+            + ("The force follows the cut with the stated cutting stiffness." if corrected.cutting is None else
+               "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
+               f"{as_logged(figures)}."))
         if predicted.settings.scale == DEFAULTS.scale:
             lead.append("The stiffnesses come from load tests at rest. In motion robots have been measured to give way more: "
                         "measure "

@@ -8,9 +8,9 @@ It is the largest share after which the tool is nearer to the plan than before w
 N(d, S), the correction moves the tool by -a d, and |t - a d| > |t| exactly where t.d < a |d|^2 / 2. A share of 1 from
 |d| = 2 z s on, 0 at |d| = z s.
 
-Steps: an offset o(s) along the path has a slope of at most L where o = (u + l) / 2 with u(s) = min over s' of o(s') + L |s -
-s'| and l likewise with max and minus (McShane's extensions): where o kept the limit it stays what it was. Next to air moves,
-which are never moved, the offset grows from zero.
+Steps: each coordinate of an offset becomes the largest function of slope L or less that is nowhere larger, min over s' of
+|o(s')| + L |s - s'|: where o kept the limit it stays what it was, and no point is moved farther than it asks for. Next to air
+moves, which are never moved, and where the sign changes it grows from zero.
 """
 
 from __future__ import annotations
@@ -59,17 +59,28 @@ def limited_steps(offset: Array, length: Array, air: Mask, slope: float) -> Arra
     """
     if not len(offset):
         return offset
-    away = np.minimum(length - np.maximum.accumulate(np.where(air, length, -np.inf)),
-                      np.minimum.accumulate(np.where(air, length, np.inf)[::-1])[::-1] - length)
+    zero = np.where(air, length, np.nan)
     size = np.linalg.norm(offset, axis=1)
-    held = offset * np.minimum(1.0, slope * away / np.maximum(size, TINY))[:, None]
-    rise = slope * length[:, None]
-    above, below = _least(held, rise), -_least(-held, rise)
-    return np.asarray(np.where(above - below < -SAME, 0.5 * (above + below), held))
+    held = offset * np.minimum(1.0, slope * _away(zero, zero, length) / np.maximum(size, TINY))[:, None]
+    return np.column_stack([_held(values, length, slope) for values in held.T])
 
 
-def _least(values: Array, rise: Array) -> Array:
-    """min over j of values_j + |rise_i - rise_j| for every i, rise ascending (N, 3)."""
-    before = np.minimum.accumulate(values - rise, axis=0) + rise
-    after = np.minimum.accumulate((values + rise)[::-1], axis=0)[::-1] - rise
-    return np.asarray(np.minimum(before, after))
+def _held(values: Array, length: Array, slope: float) -> Array:
+    """One coordinate (N,) [m] with the slope limited."""
+    size, rise = np.abs(values), slope * length
+    crossing = np.full(len(values), np.nan)
+    flips = np.flatnonzero(values[1:] * values[:-1] < 0)
+    share = size[flips] / (size[flips] + size[flips + 1])
+    crossing[flips] = length[flips] + share * np.diff(length)[flips]
+    before = np.insert(crossing[:-1], 0, np.nan)
+    least = np.minimum(size, slope * _away(before, crossing, length))
+    least = np.minimum(np.minimum.accumulate(least - rise) + rise, np.minimum.accumulate((least + rise)[::-1])[::-1] - rise)
+    return np.where(size - least > SAME, np.sign(values) * least, values)
+
+
+def _away(before: Array, after: Array, length: Array) -> Array:
+    """Path length (N,) from each point to the nearest zero: `before` and `after` (N,), those next to it on either side, NaN
+    where there is none."""
+    behind = np.maximum.accumulate(np.where(np.isnan(before), -np.inf, before))
+    ahead = np.minimum.accumulate(np.where(np.isnan(after), np.inf, after)[::-1])[::-1]
+    return np.minimum(length - behind, ahead - length)

@@ -70,11 +70,15 @@ def largest(values: np.ndarray) -> float:
 def test_with_the_cutting_stiffness_one_correction_lands(tmp_path: Path, path: Path3) -> None:
     force, before = milled(path, np.zeros((COUNT, 3)))
     job = Job(tmp_path, program=path.program(), forces=text(force))
-    assert job.correct().code == 0
+    plain = job.correct("--json")
+    assert plain.code == 0
     _, as_logged = milled(path, commanded(job))
+    stated = plain.json["result"]["left_per_10_n_per_mm_um"]["largest"] * CUTTING / 10
+    assert stated == pytest.approx(1e6 * largest(as_logged), rel=0.2), "what is left is what was said, to first order"
     result = job.correct("--force", "--json", "--cutting-stiffness", f"{CUTTING}")
     assert result.code == 0
     assert "CS4120" in kit.codes(result)
+    assert result.json["result"]["left_per_10_n_per_mm_um"] is None
     _, coupled = milled(path, commanded(job))
     assert largest(as_logged) > 0.05 * largest(before), "the case is one in which the force matters"
     assert largest(coupled) < 2e-3 * largest(before)

@@ -86,14 +86,28 @@ def test_steps_keep_the_limit_air_stays_and_what_kept_it_is_untouched(steps: lis
         np.testing.assert_allclose(limited, offset, atol=1e-12)
 
 
-def test_the_limited_offset_is_mcshane_s(sample: Corrected) -> None:
-    """By the definition, all pairs: mean of the smallest upper and the largest lower bound."""
+def test_the_limited_offset_is_the_largest_with_that_slope() -> None:
+    """By the definition, all pairs, the places where a coordinate changes its sign among them; and nothing is moved farther."""
     rng = np.random.default_rng(1)
     length, offset = np.sort(rng.uniform(0, 1, 40)), 1e-3 * rng.normal(size=(40, 3))
     slope = 5e-3
-    reach = slope * np.abs(length[:, None] - length)[:, :, None]
-    expected = 0.5 * ((offset[None] + reach).min(axis=1) + (offset[None] - reach).max(axis=1))
-    np.testing.assert_allclose(limited_steps(offset, length, np.zeros(40, bool), slope), expected, atol=1e-9)
+    limited = limited_steps(offset, length, np.zeros(40, bool), slope)
+    for values, found in zip(offset.T, limited.T, strict=True):
+        zeros = [np.interp(0.0, *zip(*sorted([(values[i], length[i]), (values[i + 1], length[i + 1])]), strict=True))
+                 for i in range(39) if values[i] * values[i + 1] < 0]
+        places, sizes = np.r_[length, zeros], np.r_[np.abs(values), np.zeros(len(zeros))]
+        expected = np.array([np.sign(value) * np.min(sizes + slope * np.abs(places - here))
+                             for value, here in zip(values, length, strict=True)])
+        np.testing.assert_allclose(found, expected, atol=2e-9)
+    assert np.all(np.abs(limited) <= np.abs(offset))
+
+
+def test_a_spike_does_not_move_its_neighbours() -> None:
+    length, offset = 1e-3 * np.arange(9.0), np.zeros((9, 3))
+    offset[:, 1] = 1e-5
+    offset[4, 1] = 1e-3
+    limited = limited_steps(offset, length, np.zeros(9, bool), 0.1)
+    np.testing.assert_allclose(limited[:, 1], [1e-5] * 4 + [1.1e-4] + [1e-5] * 4, atol=1e-12)
 
 
 STEP = ([0.0] * 10, [200.0] * 20, [0.0] * 10)
