@@ -72,8 +72,7 @@ def _visit(rows: Sheet, number: int, behind: Array) -> dict[str, Any]:
     prompts = []
     for row in np.flatnonzero(rows.visit == number):
         force = rows.force[row]
-        axis = int(np.argmax(np.abs(force)))
-        load = f"F{'xyz'[axis]} = {force[axis]:+g} N" if force.any() else "no load"
+        load = _load(force)
         prompts.append({"ask": f"{label}: {load}. Then hold {rows.dwell[row]:g} s", "wait_s": f"{rows.dwell[row]:g}",
                         "then": f"{label}, row {row + 1}, {load}: write down dx dy dz and the time"})
     visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(rows.label),
@@ -81,6 +80,16 @@ def _visit(rows: Sheet, number: int, behind: Array) -> dict[str, Any]:
     if np.isfinite(behind).all():
         visit["approach"] = np.degrees(behind).tolist()
     return visit
+
+
+def _load(force: Array) -> str:
+    """A force [N] as the operator sets it."""
+    if not force.any():
+        return "no load"
+    if np.count_nonzero(force) == 1:
+        axis = int(np.argmax(np.abs(force)))
+        return f"F{'xyz'[axis]} = {force[axis]:+g} N"
+    return "F = ({:.0f} {:.0f} {:.0f}) N".format(*force)
 
 
 def _tool(cell: Cell) -> dict[str, Any]:
