@@ -194,7 +194,7 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     rows = read_measurements(plan, cell.robot, planned=True)
-    found, left_out = outlook(cell, rows)
+    found, left_out = outlook(cell, rows.select(~rows.validate))
     content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
                "not_offered": left_out}
     if output:

@@ -111,10 +111,11 @@ def design_command(read_milling: Callable[[], MillingReader], templates: Callabl
         rng = np.random.default_rng(seed)
         findings = [*said, *prepared.findings]
         rivals = {}
-        if add and diagnosis:
+        measured = read_measurements(add[1], cell.robot) if add else None
+        if measured is not None and diagnosis:
             told = read_diagnosis(diagnosis, cell)
             if told.verdict == "ambiguous":
-                rivals = fitted_rivals(cell, read_measurements(add[1], cell.robot), told)
+                rivals = fitted_rivals(cell, measured, told)
             if len(rivals) < 2:
                 findings.append(nothing_to_settle(told))
         session.say(f"searching {len(prepared.task.demand)} runs ...")
@@ -129,7 +130,8 @@ def design_command(read_milling: Callable[[], MillingReader], templates: Callabl
         order = run_order(every.theta, kinds(every), cell.robot.speed, rng)
         rows = sheet(every, prepared.task.domain.slots, order, replicates, np.arange(len(every)) >= len(found.runs),
                      "A" if add else "P")
-        plan = Plan(prepared, found, rows, forecast(found, rows.of_purpose(validate=False), rng), settled, gain)
+        expected = forecast(found, rows.of_purpose(validate=False), measured, rng)
+        plan = Plan(prepared, found, rows, expected, settled, gain, measured is not None)
         content = record(plan, seed)
         head = comments(plan)
         files = {output: sheet_text(rows, head).encode()}

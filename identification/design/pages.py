@@ -15,6 +15,7 @@ from identification.design.procedure import Design, approximate_information
 from identification.design.record import Plan, along, spread, worth
 from identification.design.settling import Settled
 from identification.design.sheet import Sheet
+from identification.diagnosis.plan import shown_size
 from identification.findings import Finding
 from identification.model.kinematics import chain
 from identification.report import AXIS_COLOURS, Figure, ReportTable, render
@@ -72,14 +73,12 @@ def _joints(expected: Forecast, before: str) -> ReportTable:
 
 
 def _causes(expected: Forecast) -> ReportTable:
-    def size(value: float) -> str:
-        return f"{value:.2g}" if value < 1e3 else "never"
-
     ranked = sorted(expected.causes, key=lambda one: one.identifiable)
-    return ReportTable("What it will tell of causes beyond the springs (1: the typical size)",
-                       ["cause", "found from", "named from", "at its typical size", "not told from", "typical size"],
-                       [[one.entry.label, size(one.detectable), size(one.identifiable), one.grade, ", ".join(one.alike[:4]),
-                         one.typical] for one in ranked], numbers=(1, 2))
+    return ReportTable("What it will tell of causes beyond the springs: the smallest size found, and named, in 4 of 5 cases",
+                       ["cause", "found from", "named from", "typical", "unit", "of", "at its typical size", "not told from"],
+                       [[one.entry.label, shown_size(one, one.detectable), shown_size(one, one.identifiable),
+                         f"{one.typical:.2g}", "" if one.unit == "1" else one.unit, one.parameter, one.grade,
+                         ", ".join(one.alike)] for one in ranked], numbers=(1, 2, 3))
 
 
 def _arms(domain: Domain, rows: Sheet) -> Figure:

@@ -14,6 +14,7 @@ from identification.design.procedure import Design
 from identification.design.request import Prepared
 from identification.design.settling import Settled
 from identification.design.sheet import Sheet
+from identification.diagnosis.plan import not_told_apart
 
 CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mean variance of ln k",
             "A in raw k": "the mean variance of k, as published", "E": "the longest axis of the confidence ellipsoid of ln k",
@@ -28,7 +29,8 @@ def spread(log_std: float) -> str:
 @dataclass(frozen=True, eq=False)
 class Plan:
     """All that there is to say of a plan: the task, what was found, its rows and what they will tell; settled: which rival
-    causes they are to tell apart, gain: over plainer loads, None where that was not asked for."""
+    causes they are to tell apart, gain: over plainer loads, None where that was not asked for; further: rows were measured
+    before, and what it will tell is said of them together."""
 
     prepared: Prepared
     found: Design
@@ -36,6 +38,7 @@ class Plan:
     expected: Forecast
     settled: Settled | None = None
     gain: Comparison | None = None
+    further: bool = False
 
 
 def prediction_std_um(prepared: Prepared, found: Design) -> tuple[float, float] | None:
@@ -132,8 +135,13 @@ def worth(plan: Plan, joints: bool = True) -> list[str]:
         lines.append(f"deflection along the program (per 100 N where no force log was given): uncertain by "
                      f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
     counts = expected.counts
-    lines.append(f"of {len(expected.causes)} possible causes at their typical size this plan names {counts['identifiable']}, "
-                 f"only notices {counts['detectable']} and misses {counts['invisible']} (compstiff diagnose --plan lists them)")
+    before = ", with what was measured before," if plan.further else ""
+    lines.append(f"of {len(expected.causes)} possible causes at their typical size this plan{before} names "
+                 f"{counts['identifiable']}, only notices {counts['detectable']} and misses {counts['invisible']} "
+                 "(sizes: compstiff diagnose --plan)")
+    alike = not_told_apart(expected.causes)
+    if alike:
+        lines.append("noticed at their typical size but not told apart: " + "; ".join(alike))
     if expected.runs:
         lines.append("largest uncertainty of a stiffness by runs: " + ", ".join(
             f"{n} {spread(std)}" for n, std in zip(expected.runs, expected.stds, strict=True)))
