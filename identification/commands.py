@@ -209,6 +209,9 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
         return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
     if verdict == "adequate":
         return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+    if verdict == "ambiguous":
+        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
+                "loads that tell them apart; measure them, add the rows, then diagnose again")
     return f"measure what next_measurements in {output} says, add the rows, then diagnose again"
 
 

@@ -34,7 +34,7 @@ def design_report(plan: Plan, findings: Sequence[Finding], content: dict[str, An
     """The report of `design`."""
     found, rows, expected = plan.found, plan.rows, plan.expected
     figures = [_arms(plan.prepared.task.domain, rows), _shares(found, rows), _certificate(found)]
-    if expected.runs:
+    if expected.runs and plan.settled is None:
         figures.append(_by_length(expected))
     tables = [_visits(rows), _joints(expected, plan.prepared.before), _causes(expected)]
     if plan.settled is not None:

@@ -75,6 +75,14 @@ def record(plan: Plan, seed: int) -> dict[str, Any]:
     }
 
 
+def certified(plan: Plan) -> str:
+    """The certificate in words; of runs that settle a diagnosis it judges what they were not chosen for."""
+    words = plan.found.certificate.words
+    if plan.settled is None:
+        return words
+    return f"by criterion {plan.found.task.criterion.name} alone, for which they were not chosen, the runs are {words}"
+
+
 def comments(plan: Plan) -> list[str]:
     """The head of the written files."""
     found = plan.found
@@ -83,7 +91,7 @@ def comments(plan: Plan) -> list[str]:
         f"Measurement plan by compstiff design, {len(found.task.demand)} runs"
         + (f" and {kept} that are never fitted (purpose validate)" if kept else "")
         + f", criterion {found.task.criterion.name}; {plan.prepared.place}",
-        found.certificate.words,
+        certified(plan),
         "Deflection: loaded minus unloaded TCP, base frame. Fill in dx_um dy_um dz_um of every row, the zero readings too,",
         "with the sensors set to zero anew at each pose, and put the true times in time_s; planned ones stand there.",
         "Collisions were not checked: drive the poses in manual mode first.",
@@ -114,14 +122,14 @@ def along(rows: Sheet, visit: int) -> str:
 def worth(plan: Plan, joints: bool = True) -> list[str]:
     """What the plan is worth and what it will tell, in words; joints: a line for each, which a table may say as well."""
     found, rows, expected, place = plan.found, plan.rows, plan.expected, plan.prepared.place
-    task, certificate = found.task, found.certificate
+    task = found.task
     kept = int(rows.validate.sum())
     lines = [
         f"{len(rows.label)} poses" + (f" ({kept} of them never fitted)" if kept else "")
         + f", {len(rows.visit)} rows, about {rows.time[-1] / 60:.0f} min; {place}"]
     if plan.settled is not None:
         lines += plan.settled.lines
-    lines += [f"criterion {task.criterion.name}: {CRITERIA[task.criterion.name]}", certificate.words]
+    lines += [f"criterion {task.criterion.name}: {CRITERIA[task.criterion.name]}", certified(plan)]
     if plan.gain is not None:
         lines.append(f"against {plan.gain.against}: criterion {plan.gain.ratio:.2f} times as good, the least known stiffness "
                      f"known {spread(plan.gain.largest)} instead of {spread(plan.gain.other_largest)}")
@@ -142,7 +150,7 @@ def worth(plan: Plan, joints: bool = True) -> list[str]:
     alike = not_told_apart(expected.causes)
     if alike:
         lines.append("noticed at their typical size but not told apart: " + "; ".join(alike))
-    if expected.runs:
+    if expected.runs and plan.settled is None:
         lines.append("largest uncertainty of a stiffness by runs: " + ", ".join(
             f"{n} {spread(std)}" for n, std in zip(expected.runs, expected.stds, strict=True)))
     return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -14,6 +15,7 @@ from click.testing import CliRunner
 from compensator.design import design
 from compensator.rapid import read_rapid
 from identification.cell import read_cell
+from identification.commands import diagnose
 from identification.design.domain import Domain
 from identification.design.information import instrument
 from identification.design.kept_back import distances
@@ -182,6 +184,42 @@ def test_for_a_milling_program_and_after_measurements(written, tmp_path):
     assert content["measurements"] == 2
     for joint in content["forecast"]["joints"]:
         assert joint["log_std_after"] <= joint["log_std_before"]
+    # What it says of causes is what a file of all rows can tell, those that were measured and the further ones.
+    both = appended(samples / "measurements.csv", out, tmp_path / "both.csv")
+    judged = CliRunner().invoke(diagnose, [str(samples / "cell.yaml"), "--plan", str(both), "--json"])
+    assert judged.exit_code == 0, judged.output
+    told = json.loads(judged.stdout)["result"]["effects"]
+    for said, one in zip(content["forecast"]["causes"]["effects"], told, strict=True):
+        assert said["effect"] == one["effect"]
+        assert said["minimal_detectable"] == pytest.approx(one["minimal_detectable"], rel=0.02)
+
+
+def appended(measured, plan, path):
+    """A file of the rows of both, in the order they are taken."""
+    tables = []
+    for file in (measured, plan):
+        lines = [line for line in file.read_text().splitlines() if not line.startswith("#")]
+        tables.append(list(csv.DictReader(lines)))
+    last = max(float(row["time_s"]) for row in tables[0])
+    for row in tables[1]:
+        row["time_s"] = f"{float(row['time_s']) + last:g}"
+    with path.open("w", newline="") as out:
+        writer = csv.DictWriter(out, list(tables[1][0]), restval="the first")
+        writer.writeheader()
+        writer.writerows(tables[0] + tables[1])
+    return path
+
+
+def test_a_toolpath_of_the_cam_system_plans_like_a_program(written, tmp_path):
+    """APT at the middle of the work: the criterion is I, and the TCP stands where the path's middle is."""
+    path = tmp_path / "part.apt"
+    path.write_text("UNITS/MM\nFEDRAT/600,MMPM\n" + "".join(f"GOTO/{x},0,655,0,0,1\n" for x in range(1150, 1210, 10)))
+    result = run(ROOT / "samples" / "cell.yaml", "-o", tmp_path / "p.csv", "--toolpath", path, "--measurements", 1,
+                 "--protocol", "single", "--quick", "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)["result"]
+    assert content["criterion"] == "I"
+    assert "(1175, 0, 655)" in content["place"]
 
 
 def test_the_papers_plan(written, tmp_path):
