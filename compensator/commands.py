@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -179,6 +179,17 @@ def correction_lines(corrected: Corrected) -> list[str]:
            else "the rounding of the written numbers)"),
         f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
         *(corrected.advice.words() if corrected.advice else []),
+        *([] if figures["feed_check"] is None else _feed_lines(figures["feed_check"]["corrected"])),
+    ]
+
+
+def _feed_lines(feed: dict[str, Any]) -> list[str]:
+    held, judged = feed["held_back"], feed["judged"]
+    return [
+        f"feed: {judged - held} of {judged} moves can hold it, {feed['held_back_with_force']} of the others with force; the "
+        f"lowest share {100 * feed['lowest_feed_ratio']:.0f} % ({100 * feed['lowest_feed_ratio_with_force']:.0f} % with force)",
+        f"time: {feed['time_s']:.1f} s, of them {feed['lost_held_back_s']:.2f} s lost where the feed cannot be held and "
+        f"{feed['lost_ramps_s']:.2f} s at stops and changes of feed",
     ]
 
 

@@ -104,7 +104,8 @@ def densified(
 def _placed(log: ForceLog, plan: Plan, kept: Indices, forces: TargetForces, settings: Settings) -> TargetForces:
     """The log on the grid. Where it names targets, the points between two with force get forces in between."""
     if log.key != "target":
-        return place_forces(log, plan, plan.cell, tare=settings.tare)
+        air = kept[np.minimum(np.array(settings.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
+        return place_forces(log, plan, plan.cell, tare=[(int(first), int(last)) for first, last in air])
     own = np.zeros(len(plan.toolpath), dtype=bool)
     own[kept] = True
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))

@@ -32,7 +32,8 @@ class ForceLog:
     length [m] or time [s], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None;
     rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
     None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
-    saturated (M,): a sample at the end of the sensor's range is in the row.
+    saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
+    estimated.
     """
 
     source: str
@@ -49,6 +50,7 @@ class ForceLog:
     plain: Array
     saturated: NDArray[np.bool_]
     findings: tuple[Finding, ...] = ()
+    spread: Array | None = None
 
 
 def read_force_log(

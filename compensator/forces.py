@@ -51,6 +51,7 @@ def place_forces(
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
     tare the scatter about each mean itself decides. Short gaps inside a cut belong to the cut.
+    A log with time alone has been through `program_time.on_path`.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `zero_of` raises.
     """
     count = len(plan.toolpath)
@@ -93,6 +94,9 @@ def place_forces(
             file=plan.toolpath.source, line=int(plan.toolpath.line[silent[0]]), target=int(silent[0])))
     findings += _weak(log, plan, forced, samples, index[log.saturated[placed]])
     wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
+    if log.spread is not None:
+        doubt = np.bincount(index, share * log.spread[placed], minlength=count) / np.maximum(samples, 1)
+        standard_error = np.hypot(standard_error, _by_place(plan, wrench[:, :3]) * doubt[:, None])
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
     return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log.key == "target")
@@ -134,20 +138,29 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
                         f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
                         hint="is it the log of this program?")
         return log.place.astype(np.intp), []
-    if log.key == "time":
-        raise error("CS3001", "no column says where on the path a sample belongs: time is there, but placing a log by time "
-                    "alone is not supported yet", file=log.source, line=1,
-                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     if log.key == "path_mm":
         inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
-        return np.where(inside, nearest_target(length, log.place), -1), []
+        return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1), []
+    assert log.key != "time"        # program_time.on_path has placed it
     place = match_forwards(*polyline(plan.world_position, plan.toolpath.move), _world_positions(log, plan))
     on_path = ~np.isnan(place)
     return np.where(on_path, nearest_target(length, np.where(on_path, place, 0.0)), -1), []
+
+
+def _by_place(plan: Plan, force: Array) -> Array:
+    """How fast the force (N, 3) [N] changes along the path, |dF/ds| (N, 3) [N/m]: the steeper side of each target."""
+    length = arc_length(plan.world_position, plan.toolpath.move)
+    slope = np.zeros_like(force)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        steep = np.abs(np.diff(force, axis=0)) / np.diff(length)[:, None]
+    steep = np.where(np.isfinite(steep), steep, 0.0)
+    slope[:-1] = steep
+    slope[1:] = np.maximum(slope[1:], steep)
+    return slope
 
 
 def _world_positions(log: ForceLog, plan: Plan) -> Array:

@@ -16,13 +16,17 @@ from compensator.corners import corners, with_tighter_zones
 from compensator.correction import Correction, Restraint, correct_path, targets_to_correct
 from compensator.densify import densified
 from compensator.engagement import engaged, read_offsets, two_passes
+from compensator.feasibility import FeedCheck, check_feed
+from compensator.feasibility import figures as feed_figures
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
 from compensator.placement import borders
 from compensator.planning import Plan, plan_path
 from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.prediction import Prediction, predict_path
+from compensator.program_time import on_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
+from compensator.route import Poses
 from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
@@ -78,7 +82,7 @@ class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
     loaded tool from the plan with the numbers as written. cutting: the force was made to follow the cut. advice: on
-    the posture, where it was asked for.
+    the posture, and feed: the feed check, where they were asked for.
     """
 
     planned: Predicted
@@ -90,6 +94,7 @@ class Corrected:
     findings: tuple[Finding, ...]
     cutting: bool = False
     advice: Advice | None = None
+    feed: FeedCheck | None = None
 
 
 def read_toolpath(
@@ -140,6 +145,8 @@ def _predicted(
         log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log_format,
                              spindle_rpm=settings.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
         said = (*said, *log.findings)
+        if log.key == "time":
+            log = on_path(log, plan)
         forces = place_forces(log, plan, cell, tare=settings.tare)
         said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
         targets, left = targets_to_correct(plan, forces)
@@ -152,7 +159,8 @@ def _predicted(
 
 
 def correct_program(planned: Predicted) -> Corrected:
-    """The corrected program. Raises what `correct_path` raises, and CS4203 where the written text does not read back."""
+    """The corrected program. Raises what `correct_path` and, if asked for, `check_feed` raise, and CS4203 where the written
+    text does not read back."""
     settings = planned.settings
     offsets = read_offsets(settings.logged_with, planned.plan) if settings.logged_with else None
     stiffness, told = _cutting_stiffness(planned, offsets)
@@ -172,10 +180,14 @@ def correct_program(planned: Predicted) -> Corrected:
     correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
     written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
-    residual = _read_back(predicted, forces, correction, written.content)
-    findings = (*predicted.findings, *told, *correction.findings, *written.findings)
+    residual, poses = _read_back(predicted, forces, correction, written.content)
+    feed = None
+    if settings.check_feed or settings.strict_feed:
+        feed = check_feed(predicted.plan, forces, poses, strict=settings.strict_feed)
+    findings = (*predicted.findings, *told, *correction.findings, *written.findings, *(feed.findings if feed else ()))
     advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.advise else None
-    return Corrected(given, predicted, kept, correction, written.content, residual, findings, stiffness is not None, advice)
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings, stiffness is not None, advice,
+                     feed)
 
 
 def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
@@ -218,9 +230,9 @@ def _cutting_stiffness(predicted: Predicted, offsets: Array | None) -> tuple[Est
                            f"error {1e-3 * found.std:.2g}", file=str(predicted.inputs.forces)),)
 
 
-def _read_back(predicted: Predicted, forces: TargetForces, correction: Correction, content: bytes) -> Array:
+def _read_back(predicted: Predicted, forces: TargetForces, correction: Correction, content: bytes) -> tuple[Array, Poses]:
     """Reads the written program again: every corrected number there, every other target as it was. Returns the residual
-    (M,) [m] of the loaded tool with the numbers as written."""
+    (M,) [m] of the loaded tool with the numbers as written, and the poses (N) they command."""
     before, targets = predicted.program.toolpath, correction.targets
     after = read_rapid(content, before.source).toolpath
     intact = len(after) == len(before)
@@ -241,11 +253,15 @@ def _read_back(predicted: Predicted, forces: TargetForces, correction: Correctio
     object_from_tcp = Frame.from_quaternion(after.position[targets], after.quaternion[targets])
     base_from_object = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets])
     flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
-    base_from_flange = base_from_object @ object_from_tcp @ flange_from_tcp.inverse()
+    base_from_tcp = base_from_object @ object_from_tcp
+    base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
     theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
                                 correction.theta)
     loaded = loaded_path(plan, forces, predicted.model, targets, theta)
-    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1))
+    commanded, joints = Frame(plan.base_from_tcp.rotation.copy(), plan.base_from_tcp.position.copy()), plan.theta.copy()
+    commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position
+    joints[targets] = theta
+    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1)), Poses(commanded, joints)
 
 
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:
@@ -311,6 +327,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "residual_um": _figures(1e6 * corrected.residual),
             "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
             "expected_worse": round(float(corrected.correction.harm.sum()), 2),
+            "feed_check": feed_figures(corrected.feed) if corrected.feed else None,
         }
         if corrected.advice is not None:
             figures["posture"] = corrected.advice.as_dict()

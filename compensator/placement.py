@@ -42,8 +42,8 @@ def _arc_steps(start: Array, via: Array, end: Array) -> tuple[Array, Array]:
     """Lengths (n,) of both parts of the circular arcs through three points (n, 3); the chord where they are in line."""
     straight, centre, axis = circle(start, via, end)
     radius = np.linalg.norm(start - centre, axis=1)
-    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * _turned(axis, start - centre, via - centre))
-    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * _turned(axis, via - centre, end - centre))
+    first = np.where(straight, np.linalg.norm(via - start, axis=1), radius * turned_angle(axis, start - centre, via - centre))
+    second = np.where(straight, np.linalg.norm(end - via, axis=1), radius * turned_angle(axis, via - centre, end - centre))
     return first, second
 
 
@@ -61,7 +61,7 @@ def circle(start: Array, via: Array, end: Array) -> tuple[NDArray[np.bool_], Arr
     return straight, centre, normal / np.sqrt(safe)
 
 
-def _turned(axis: Array, first: Array, second: Array) -> Array:
+def turned_angle(axis: Array, first: Array, second: Array) -> Array:
     """Angle (n,) from first to second about the axis, 0 to 2 pi [rad]."""
     sine = np.einsum("ij,ij->i", axis, np.cross(first, second))
     return np.asarray(np.mod(np.arctan2(sine, np.einsum("ij,ij->i", first, second)), 2 * np.pi))

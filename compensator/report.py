@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.feed_pages import feed_figures, feed_table
 from compensator.pipeline import Corrected, Predicted, summary
 from compensator.placement import arc_length
 from compensator.settings import DEFAULTS
@@ -53,9 +54,12 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
                  ["left by the same model, largest / RMS [um]", f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
     along = _along(predicted, corrected)
-    return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead,
-                  [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))],
-                  [_space(predicted), along], corrected.findings if corrected else predicted.findings, figures)
+    tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
+    if corrected is not None and corrected.feed is not None:
+        tables.append(feed_table(corrected.feed))
+        drawn += feed_figures(corrected.predicted.plan, corrected.feed)
+    return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
+                  corrected.findings if corrected else predicted.findings, figures)
 
 
 def _kept(predicted: Predicted) -> tuple[Indices, str]:

@@ -38,7 +38,8 @@ class Settings:
     compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
     for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
     tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
-    axis would lower the deviation.
+    axis would lower the deviation. check_feed: work out whether the robot can hold the programmed feed; strict_feed: and
+    refuse a cut that cannot.
 
     APT and CSV toolpaths: zone_mm of every move, rapid_mm_s in the air, feed_mm_s where a table has none, tool_x the direction
     of the work object that the tool's x axis is turned towards, None to choose it.
@@ -59,6 +60,8 @@ class Settings:
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False
+    check_feed: bool = False
+    strict_feed: bool = False
     zone_mm: float = 0.3
     rapid_mm_s: float = 200.0
     feed_mm_s: float = 20.0
@@ -195,6 +198,8 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
     click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
                  "give the cutting stiffness."),
+    click.option("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
+    click.option("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
 )
 
 

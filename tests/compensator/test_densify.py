@@ -93,6 +93,24 @@ def test_air_on_a_long_move_is_not_moved(tmp_path: Path) -> None:
             assert off < 1e-7
 
 
+def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
+    """The sensor's bias is taken from the air behind a cut that begins at once, with intermediate targets in between."""
+    path, written = Path3(LINES), []
+    for bias in (0.0, 60.0):
+        s = np.arange(0, 160, 0.1)
+        values = force(s + ENTRY) + bias
+        text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
+            f"{a:.3f},{f[0]:.5f},{f[1]:.5f},{f[2]:.5f}\n" for a, f in zip(s, values, strict=True))
+        (folder := tmp_path / f"{bias:g}").mkdir()
+        job = Job(folder, program=path.program(), forces=text)
+        result = job.correct("--json", *(["--tare", "3:3"] if bias else []))
+        assert result.code == 0
+        assert result.json["result"]["added_targets"] > 5
+        written.append(np.array([frame.p for frame in kit.targets_of(job.out.read_text())]))
+    assert written[0].shape == written[1].shape
+    np.testing.assert_allclose(written[1], written[0], rtol=0, atol=2e-7)
+
+
 def test_a_force_that_stays_needs_no_targets(tmp_path: Path) -> None:
     path = Path3(LINES)
     text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(f"{s:.1f},20,90,-30\n" for s in np.arange(0, 160, 0.1))

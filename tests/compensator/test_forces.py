@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.planning import Plan, plan_path
+from compensator.program_time import on_path
 from compensator.rapid import read_rapid
 from identification.cell import read_cell
 from identification.findings import CompstiffError
@@ -34,7 +35,8 @@ def place(folder: Path, text: str, cell_text: str = CELL, **options) -> TargetFo
     path = folder / "forces.csv"
     path.write_text(text)
     here = plan(folder, cell_text)
-    return place_forces(read_force_log(path), here, here.cell, **options)
+    log = read_force_log(path)
+    return place_forces(on_path(log, here) if log.key == "time" else log, here, here.cell, **options)
 
 
 def log_text(header: str, rows: np.ndarray) -> str:
@@ -127,7 +129,9 @@ def test_by_joint_angles(tmp_path) -> None:
     ("target,fx_n,fy_n,fz_n\n1,inf,0,0\n", "CS0203", "'inf'"),
     ("target,fx_n,fy_n,fz_n\n", "CS3002", "no samples"),
     ("fx_n,fy_n,fz_n\n1,0,0\n", "CS3001", "no column says where"),
-    ("time_s,fx_n,fy_n,fz_n\n0,1,0,0\n", "CS3001", "time alone"),
+    ("time_s,fx_n,fy_n,fz_n\n0,1,0,0\n", "CS3063", "1 sample is too few"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{i},1,0,0\n" for i in range(200)), "CS3063", "never changes"),
+    ("time_s,fx_n,fy_n,fz_n\n" + "".join(f"{-i},{i},0,0\n" for i in range(200)), "CS3062", "before the one above it"),
     ("path_mm,fx_n,fy_n,fz_n\n900,1,0,0\n", "CS3005", "none of the 1 samples"),
     ("x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n0,0,0,1,0,0\n", "CS3005", "none of the 1 samples"),
 ])

@@ -1,0 +1,165 @@
+"""Placing a force log by time alone: error, coverage of the stated sigma, and what is refused.
+
+    python benchmarks/time_placement.py [--runs 12]
+
+The sample's force log (a milling model's, samples/cutting.py) loses its positions; its clock is shifted by seconds, the
+override set between 60 and 110 %, the robot slows down by up to 70 % within 6 mm of corners over 20 degrees (not what the
+package assumes of corners), and noise is added. The truth is the place in the sample's own log. Wrong programs: the sample's
+passes with other lengths, and a raster of 20 passes that are alike, logged whole and in part.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from compensator.placement import arc_length
+from compensator.planning import Plan, plan_path
+from compensator.program_time import program_of
+from compensator.rapid import read_rapid
+from compensator.time_placement import Program, TimePlacement, place_by_time
+from identification.cell import read_cell
+
+SAMPLES = Path(__file__).parent.parent / "samples"
+
+
+def sample() -> tuple[Plan, np.ndarray, np.ndarray]:
+    """Plan; force (M, 3) [N] and true path length (M,) [m] of the sample's log."""
+    program = SAMPLES / "insert.mod"
+    plan = plan_path(read_rapid(program.read_bytes(), program.name).toolpath, read_cell(SAMPLES / "cell.yaml"))
+    table = pq.read_table(SAMPLES / "insert.forces.parquet")
+    force = np.column_stack([table[f"f{axis}_n"].to_numpy() for axis in "xyz"]).astype(float)
+    length = arc_length(plan.world_position, plan.toolpath.move)
+    feed_time = np.cumsum(np.diff(length, prepend=0.0) / plan.toolpath.feed)
+    return plan, force, np.interp(table["time_s"].to_numpy(), feed_time, length)
+
+
+def clock(plan: Plan, place: np.ndarray, override: float, shift: float, slowing: float) -> np.ndarray:
+    """Time (M,) [s] at the places (M,) [m]."""
+    length = arc_length(plan.world_position, plan.toolpath.move)
+    step = np.diff(plan.base_from_tcp.position, axis=0)
+    step /= np.linalg.norm(step, axis=1)[:, None]
+    corner = np.degrees(np.arccos(np.clip(np.sum(step[1:] * step[:-1], axis=1), -1, 1)))
+    grid = np.linspace(0, length[-1], 200_000)
+    share = np.ones(len(grid))
+    for target in np.flatnonzero(corner > 20) + 1:
+        dip = slowing * min(corner[target - 1] / 90, 1) * np.exp(-(((grid - length[target]) / 6e-3) ** 2))
+        share = np.minimum(share, 1 - dip)
+    feed_time = np.interp(grid, length, np.cumsum(np.diff(length, prepend=0.0) / plan.toolpath.feed))
+    taken = np.diff(feed_time) / (0.5 * (share[1:] + share[:-1])) / override
+    return shift + np.interp(place, grid, np.concatenate([[0.0], np.cumsum(taken)]))
+
+
+def other_lengths(program: Program, rng: np.random.Generator) -> Program:
+    """Each stretch and each air move longer or shorter by up to a half."""
+    number = np.cumsum(np.append(0, np.diff(program.air.astype(int)) != 0))
+    factor = rng.uniform(0.5, 1.5, number.max() + 1)[number]
+    return replace(program, time=np.cumsum(np.diff(program.time, prepend=0.0) * factor),
+                   length=np.cumsum(np.diff(program.length, prepend=0.0) * factor))
+
+
+def raster(passes: int = 20) -> Program:
+    """Straight passes of 100 mm that are alike, all in one direction, 10 mm of lead in and out."""
+    points, air = [], []
+    for row in range(passes):
+        points += [[x, 5e-3 * row, z] for x, z in ((-0.01, 0.05), (-0.01, 0.0), (0.11, 0.0), (0.11, 0.05))]
+        air += [True, True, False, True]
+    step = np.diff(np.array(points), axis=0)
+    size = np.linalg.norm(step, axis=1)
+    speed = np.where(air[1:], 0.25, 0.03)
+    direction = np.concatenate([np.zeros((1, 3)), step / size[:, None]])
+    return Program(np.append(0, np.cumsum(size / speed)), np.append(0, np.cumsum(size)), np.array(air),
+                   np.zeros(len(points), dtype=np.intp), direction)
+
+
+def raster_log(program: Program, rng: np.random.Generator, first: float, last: float) -> tuple[np.ndarray, ...]:
+    """Time, force and true path length of a log of the raster from `first` to `last` share of its time; 3 s of air behind."""
+    rate, override = 200, 0.9
+    end = program.time[-1] + 3 if last == 1 else last * program.time[-1]
+    planned = np.arange(first * program.time[-1], end, override / rate)
+    leg = np.clip(np.searchsorted(program.time, planned), 1, len(program.time) - 1)
+    place = np.interp(planned, program.time, program.length)
+    engaged = ~program.air[leg] & (place - program.length[leg - 1] > 0.011) & (program.length[leg] - place > 0.009)
+    engaged &= planned < program.time[-1]
+    force = engaged[:, None] * (np.array([-60.0, 70, -15]) * (1 + 0.1 * rng.standard_normal((len(planned), 1))))
+    return (planned / override + rng.uniform(0, 50), force + [2, -3, 4] + 3 * rng.standard_normal(force.shape),
+            np.where(planned <= program.time[-1], place, np.nan))
+
+
+def stood_still(
+    program: Program, time: np.ndarray, force: np.ndarray, place: np.ndarray, share: float, seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The log with `seconds` of standstill in the first air move behind `share` of it: time, force, true path length."""
+    leg = np.clip(np.searchsorted(program.length, place), 0, len(program.air) - 1)
+    first = int(np.flatnonzero(program.air[leg] & (np.arange(len(place)) > share * len(place)))[0])
+    count = int(seconds * 1500)
+    rest = time[first] + (np.arange(count) + 1) / 1500
+    return (np.concatenate([time[:first + 1], rest, time[first + 1:] + seconds]),
+            np.concatenate([force[:first + 1], np.tile(force[:first + 1][:500].mean(axis=0), (count, 1)), force[first + 1:]]),
+            np.concatenate([place[:first + 1], np.full(count, place[first]), place[first + 1:]]))
+
+
+def words(found: TimePlacement) -> str:
+    verdict = "placed" if found.believed else "refused"
+    return (f"share {found.share:.2f}, score {found.score:7.1f}, {len(found.odd)} odd, {verdict}; "
+            f"override {100 * found.override:.1f} %, 1 sigma {1e3 * np.median(found.std):.0f} ms")
+
+
+def main(runs: int) -> None:
+    plan, force, place = sample()
+    program = program_of(plan)
+    errors, within = [], []
+    for seed in range(runs):
+        rng = np.random.default_rng(seed)
+        override, shift, slowing = rng.uniform(0.6, 1.1), rng.uniform(-5, 60), rng.uniform(0, 0.7)
+        logged = clock(plan, place, override, shift, slowing)
+        first, last = (0, len(logged)) if seed % 3 else sorted((rng.uniform([0, 0.6], [0.3, 1]) * len(logged)).astype(int))
+        part = slice(first, last)
+        before = time.process_time()
+        found = place_by_time(program, logged[part], force[part] + 5 * rng.standard_normal(force[part].shape))
+        spent = time.process_time() - before
+        good = ~np.isnan(found.place)
+        off = 1e3 * np.abs(found.place - place[part])[good]
+        taken, true = (np.interp(where, program.length, program.time) for where in (found.place, place[part]))
+        late = np.abs(taken - true)
+        if found.believed:
+            errors.append(off)
+            within.append(np.mean(late[good] <= 1.96 * found.std[good]))
+        print(f"override {100 * override:5.1f} %, corners slowed by {100 * slowing:2.0f} %, "
+              f"{'part' if seed % 3 == 0 else 'whole'}: {words(found)}; error [mm] median {np.median(off):.2f}, "
+              f"95 % {np.quantile(off, 0.95):.2f}, {100 * np.mean(late[good] <= 1.96 * found.std[good]):.0f} % within "
+              f"1.96 sigma; {spent:.1f} s of CPU", flush=True)
+    every = np.concatenate(errors)
+    print(f"placed {len(errors)} of {runs}: error median {np.median(every):.2f} mm, 95 % {np.quantile(every, 0.95):.2f} mm, "
+          f"largest {every.max():.1f} mm; {100 * np.mean(within):.1f} % within 1.96 sigma")
+    rng = np.random.default_rng(99)
+    logged = clock(plan, place, 0.9, 10, 0.5)
+    for _ in range(4):
+        print("another program (other lengths):", words(place_by_time(other_lengths(program, rng), logged, force)), flush=True)
+    print("another program (raster):", words(place_by_time(raster(), logged, force)), flush=True)
+    logged = clock(plan, place, 0.9, 5, 0.3)
+    for share, seconds in ((0.05, 6), (0.1, 6), (0.3, 20), (0.5, 8), (0.8, 5), (0.5, 2)):
+        times, values, truth = stood_still(program, logged, force, place, share, seconds)
+        found = place_by_time(program, times, values)
+        print(f"stood still for {seconds} s at {100 * share:.0f} %: {words(found)}; error 95 % "
+              f"{1e3 * np.nanquantile(np.abs(found.place - truth), 0.95):.1f} mm", flush=True)
+    for first, last in ((0.0, 1.0), (0.1, 1.0), (0.2, 0.7)):
+        times, values, truth = raster_log(raster(), rng, first, last)
+        found = place_by_time(raster(), times, values)
+        off = 1e3 * np.abs(found.place - truth)
+        print(f"raster of equal passes, {first:g} to {last:g} of it logged: {words(found)}; error median "
+              f"{np.nanmedian(off):.2f} mm", flush=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runs", type=int, default=12)
+    main(parser.parse_args().runs)

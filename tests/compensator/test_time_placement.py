@@ -1,0 +1,123 @@
+"""A force log with time alone: placed where it was cut, or refused.
+
+The truth is a clock made in the benchmark: the sample's log with its positions taken away, shifted, at another override, slowed
+in corners by a law that is not the package's; and a raster of passes that are alike.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
+from benchmarks.time_placement import sample as sample_log
+from compensator.pipeline import Corrected, Inputs, predict_program
+from compensator.program_time import program_of
+from compensator.settings import Settings
+from compensator.time_placement import air_moves, place_by_time
+from tests.support import compstiff
+
+
+@pytest.mark.parametrize(("override", "shift", "slowing", "first", "last"), [
+    (1.1, -4.0, 0.7, 0.0, 1.0), (0.6, 40.0, 0.0, 0.1, 0.7)])
+def test_the_sample_is_placed_within_millimetres(
+    override: float, shift: float, slowing: float, first: float, last: float
+) -> None:
+    plan, force, place = sample_log()
+    program = program_of(plan)
+    part = slice(int(first * len(place)), int(last * len(place)))
+    logged = clock(plan, place, override, shift, slowing)[part]
+    found = place_by_time(program, logged, force[part])
+    assert found.believed, (found.score, found.share)
+    error = 1e3 * np.abs(found.place - place[part])
+    assert np.isnan(error).mean() < 0.01
+    assert np.nanmedian(error) < 4
+    assert np.nanquantile(error, 0.95) < 15
+    # Late or early by planned time, against the stated sigma.
+    late = np.interp(found.place, program.length, program.time) - np.interp(place[part], program.length, program.time)
+    good = ~np.isnan(found.place)
+    assert np.mean(np.abs(late[good]) <= 1.96 * found.std[good]) >= 0.9
+    assert np.median(found.std) < 0.3
+
+
+def test_another_programs_log_is_not_believed() -> None:
+    plan, force, place = sample_log()
+    program = program_of(plan)
+    logged = clock(plan, place, 0.9, 10.0, 0.5)
+    assert not place_by_time(other_lengths(program, np.random.default_rng(5)), logged, force).believed
+
+
+def test_a_program_that_stood_still_is_noticed() -> None:
+    """Six seconds in air after a tenth of the program: most of it fits, the passes before would be one pass off."""
+    plan, force, place = sample_log()
+    program = program_of(plan)
+    logged = clock(plan, place, 0.9, 5.0, 0.3)
+    time, values, _ = stood_still(program, logged, force, place, 0.1, 6.0)
+    found = place_by_time(program, time, values)
+    assert len(found.odd) > 1
+    assert not found.believed
+
+
+def test_a_raster_of_equal_passes_needs_its_ends() -> None:
+    """Logged whole, the first and the last pass fix it; from the middle of it any pass may be any other."""
+    rng = np.random.default_rng(3)
+    time, force, truth = raster_log(raster(), rng, 0.0, 1.0)
+    found = place_by_time(raster(), time, force)
+    assert found.believed
+    assert 1e3 * np.nanmedian(np.abs(found.place - truth)) < 2
+    assert abs(found.override - 0.9) < 0.002
+    time, force, _ = raster_log(raster(), rng, 0.2, 0.7)
+    lost = place_by_time(raster(), time, force)
+    assert not lost.believed
+    assert lost.score < 1
+
+
+def test_what_counts_as_air() -> None:
+    feed, joint = np.array([0.25, 0.25, 0.04, 0.045, np.nan, 0.25]), np.array([True, False, False, False, False, False])
+    assert air_moves(feed, joint).tolist() == [True, True, False, False, False, True]
+    assert air_moves(np.array([0.04, 0.05, 0.06]), np.zeros(3, dtype=bool)).tolist() == [False] * 3
+
+
+def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs, sample: Corrected, tmp_path: Path) -> None:
+    """The correction by time differs from that by position by no more than it says."""
+    log, plan = pq.read_table(sample_inputs.forces), sample.predicted.plan
+    _, _, place = sample_log()
+    time = clock(plan, place, 0.85, 7.5, 0.4)
+    names = ["fx_n", "fy_n", "fz_n"]
+    path = tmp_path / "time.parquet"
+    pq.write_table(pa.table({"time_s": time} | {name: log[name] for name in names}), path)
+    inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
+    predicted = predict_program(inputs, Settings(tare=(0, 2)))
+    assert "CS3064" in {finding.code for finding in predicted.findings}
+    both, here, there = np.intersect1d(predicted.prediction.targets, sample.predicted.prediction.targets, return_indices=True)
+    assert len(both) > 2500
+    difference = predicted.prediction.position[here] - sample.predicted.prediction.position[there]
+    assert np.mean(np.abs(difference) <= 1.96 * predicted.prediction.std[here]) > 0.9
+    assert np.median(np.linalg.norm(difference, axis=1)) < 10e-6
+    # Beside entries and exits the force is uncertain, in the middle of a pass it is not.
+    assert predicted.prediction.std.max() > 3 * np.median(predicted.prediction.std)
+
+
+def test_refusals_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    rows = "\n".join(f"{0.1 * i:.1f},{x:.3f},{y:.3f},{z:.3f}" for i, (x, y, z) in enumerate(rng.standard_normal((500, 3))))
+    (tmp_path / "noise.csv").write_text("time_s,fx_n,fy_n,fz_n\n" + rows + "\n")
+    common = ["--stiffness", sample_inputs.stiffness, "--forces", tmp_path / "noise.csv", "-o", tmp_path / "out.mod", "--json"]
+    refused = compstiff("correct", sample_inputs.cell, sample_inputs.toolpath, *common)
+    assert refused.returncode == 3
+    finding = json.loads(refused.stdout)["findings"][0]
+    assert finding["code"] == "CS3061"
+    assert "at least 15 is needed" in finding["message"]
+    unknown = tmp_path / "unknown.mod"
+    unknown.write_bytes(sample_inputs.toolpath.read_bytes().replace(b"speeddata v45cut:=", b"speeddata v45gone:="))
+    stopped = compstiff("correct", sample_inputs.cell, unknown, *common)
+    assert stopped.returncode == 1
+    finding = json.loads(stopped.stdout)["findings"][0]
+    assert finding["code"] == "CS3060"
+    assert "its feed is not known" in finding["message"]
+    assert not (tmp_path / "out.mod").exists()

@@ -1,0 +1,198 @@
+"""The fastest run: closed forms, limits that are kept, windows that change nothing, what is said where the feed is not held."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from compensator import timing
+from compensator.feasibility import check_feed, figures, judge
+from compensator.forces import TargetForces
+from compensator.pipeline import Corrected, Inputs
+from compensator.planning import Plan, plan_path
+from compensator.rapid import read_rapid
+from compensator.route import build_legs
+from compensator.timing import drive, joint_move_time
+from identification.cell import read_cell
+from identification.findings import Refused
+from identification.model.robot import RobotModel
+from identification.model.rotations import matrix_to_quaternion, quaternion_to_matrix, rotation_matrix
+from tests.support import compstiff, robot
+
+DOWN = quaternion_to_matrix([0.02522428, -0.00054983, -0.99944426, 0.02178562])
+RADIUS = 1.2
+
+
+def program(folder: Path, moves: list[str], model: RobotModel | None = None) -> Plan:
+    (folder / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
+    cell = read_cell(folder / "cell.yaml")
+    if model is not None:
+        cell = dataclasses.replace(cell, robot=model)
+    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, cell)
+
+
+def target(position_mm: np.ndarray, rotation: np.ndarray = DOWN) -> str:
+    numbers = ",".join(f"{x:.9f}" for x in position_mm)
+    quaternion = ",".join(f"{x:.12f}" for x in matrix_to_quaternion(rotation))
+    return f"[[{numbers}],[{quaternion}],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+
+
+def lines(points_mm: list[list[float]], speed: str, zone: str) -> list[str]:
+    return [f"Move{'L' if i else 'J'} {target(np.array(p))},{speed},{zone},tSpindle;" for i, p in enumerate(points_mm)]
+
+
+def swing(feed_mm_s: float, degrees: float = 60.0) -> list[str]:
+    """The tool carried about axis 1 on a circle, its orientation with it: joint 1 alone moves."""
+    def at(angle: float) -> str:
+        turn = rotation_matrix(np.radians([0, 0, angle]))
+        return target(1e3 * turn @ [RADIUS, 0, 0.7], turn @ DOWN)
+    return [f"MoveJ {at(0)},v100,fine,tSpindle;",
+            f"MoveC {at(degrees / 3)},{at(degrees)},[{feed_mm_s},500,5000,1000],fine,tSpindle;"]
+
+
+def trapezoid(distance: float, speed: float, push: float) -> float:
+    return distance / speed + speed / push if speed**2 < distance * push else 2 * np.sqrt(distance / push)
+
+
+@pytest.mark.parametrize("feed", [0.05, 0.5, 1.5, 5.0])
+def test_one_joint_alone_takes_its_trapezoid(tmp_path: Path, feed: float) -> None:
+    plan = program(tmp_path, swing(1e3 * feed))
+    limits = plan.cell.robot
+    distance, speed = np.radians(60.0), min(feed / RADIUS, limits.speed[0])
+    assert_allclose(drive(plan).time[-1], trapezoid(distance, speed, limits.acceleration[0]), rtol=2e-3)
+
+
+def test_the_joint_that_holds_back_is_named_and_its_limit_followed(tmp_path: Path) -> None:
+    model = robot()
+    for share in (1.0, 0.5):
+        slower = dataclasses.replace(model, speed=model.speed * [share, 1, 1, 1, 1, 1])
+        plan = program(tmp_path, swing(5000.0), slower)
+        judged = judge(plan)
+        assert_allclose(judged.ratio[1:], slower.speed[0] * RADIUS / 5.0, rtol=1e-3)
+        assert judged.joint[1:].tolist() == [0, 0]
+        assert judged.by_speed[1:].all()
+        assert_allclose(judged.drive.time[-1], trapezoid(np.radians(60), slower.speed[0], slower.acceleration[0]), rtol=2e-3)
+    free = judge(program(tmp_path, swing(1000.0)))
+    assert (free.ratio[1:] == 1).all()
+
+
+def test_a_reachable_feed_takes_length_over_feed_and_two_ramps(tmp_path: Path) -> None:
+    """Rates of the joints along the line by differences of the planned angles, not by the route."""
+    plan = program(tmp_path, lines([[1100 + 5 * i, 0, 700] for i in range(41)], "v50", "z1"))
+    limits = plan.cell.robot
+    rate = np.abs(np.diff(plan.theta, axis=0)) / 5e-3
+    ramps = [0.5 * 0.05 / np.min(limits.acceleration / rate[end]) for end in (0, -1)]
+    assert_allclose(drive(plan).time[-1], 0.2 / 0.05 + sum(ramps), rtol=1e-4)
+    assert judge(plan).slow.sum() == 0
+
+
+def corners(tmp_path: Path, zone: str, speed: str = "v200") -> Plan:
+    points = [[1100, 0, 700], [1150, 0, 700], [1150, 50, 700], [1100, 50, 720], [1110, 0, 740]]
+    return program(tmp_path, lines(points, speed, zone))
+
+
+@pytest.mark.parametrize("zone", ["z0", "z1", "z5", "z20", "fine"])
+def test_joints_stay_within_their_limits(tmp_path: Path, zone: str) -> None:
+    """Speeds and accelerations by differences over time of the angles along the run."""
+    plan = corners(tmp_path, zone, "v500")
+    run = drive(plan)
+    route, speed = run.route, run.speed
+    moving = ~(route.stop[1:] & route.stop[:-1])
+    dt = np.where(moving, 2 * np.diff(route.s) / np.maximum(speed[1:] + speed[:-1], 1e-12), np.nan)
+    rate = np.diff(route.theta, axis=0) / dt[:, None]
+    push = np.diff(rate, axis=0) / (0.5 * (dt[1:] + dt[:-1]))[:, None]
+    assert (np.nanmax(np.abs(rate), axis=0) <= 1.001 * plan.cell.robot.speed).all()
+    # Differences over grid points of unequal spacing scatter about the true value.
+    assert (np.nanquantile(np.abs(push), 0.98, axis=0) <= 1.1 * plan.cell.robot.acceleration).all()
+    assert np.nanmax(np.abs(push) / plan.cell.robot.acceleration) > 0.8       # and somewhere the limit is used
+
+
+def test_a_larger_zone_is_faster_and_a_stop_slowest(tmp_path: Path) -> None:
+    times = [drive(corners(tmp_path, zone)).time[-1] for zone in ("fine", "z0", "z1", "z5", "z20")]
+    assert (np.diff(times) < 0).all()
+    assert judge(corners(tmp_path, "fine")).slow.sum() == 0       # stops are programmed: not held against the robot
+    slow = judge(corners(tmp_path, "z1"))
+    assert slow.slow.any()
+    assert not slow.by_speed[slow.slow].any()
+
+
+def test_joint_moves_take_the_trapezoid_of_the_slowest_joint() -> None:
+    model = robot()
+    step = np.radians([[30.0, 0, 0, 0, 0, 0], [0, 0, 2, 0, 0, 0], [30, 20, 10, 0, 0, 180], [0, 0, 0, 0, 0, 0]])
+    expected = [max(trapezoid(abs(x), v, a) if x else 0.0 for x, v, a in zip(row, model.speed, model.acceleration, strict=True))
+                for row in step]
+    assert_allclose(joint_move_time(model, step, np.zeros(4), np.full(4, np.nan)), expected, rtol=1e-12)
+
+
+def test_windows_and_left_out_stretches_change_nothing(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = sample.predicted.plan
+    whole = drive(plan)
+    assert_allclose(drive(plan, window=400).speed, whole.speed, atol=1e-9)
+    monkeypatch.setattr(timing, "_unsettled", lambda route, *_: np.ones(len(route.s), dtype=bool))
+    assert_allclose(drive(plan).speed, whole.speed, atol=1e-9)
+
+
+def test_what_is_a_stop(tmp_path: Path) -> None:
+    points = [[1100, 0, 700], [1150, 0, 700], [1150, 0, 700], [1150, 50, 700], [1150, 0, 701], [1100, 0, 701]]
+    moves = lines(points, "v100", "z1")
+    moves[5] = moves[5].replace("z1", "zUnknown")
+    moves.append(f"MoveL {target(np.array([1100, 0, 701]), rotation_matrix(np.array([0, 0.1, 0])) @ DOWN)},v100,z1,tSpindle;")
+    moves.append(f"MoveL {target(np.array([1100, 0, 750]), rotation_matrix(np.array([0, 0.1, 0])) @ DOWN)},v100,z1,tSpindle;")
+    plan = program(tmp_path, moves)
+    legs = build_legs(plan, timing.Poses(plan.base_from_tcp, plan.theta))
+    assert legs.same.tolist() == [False, False, True, False, False, False, False, False]
+    # The cusp at target 3; the last linear move before the turn on the spot, and that itself.
+    assert np.flatnonzero(legs.stop).tolist() == [0, 3, 5, 6, 7]
+    assert legs.joint.tolist() == [False, False, False, False, False, False, True, False]
+    assert np.isfinite(drive(plan).duration).all()
+
+
+def forces_of(count: int, forced: list[int]) -> TargetForces:
+    mask = np.isin(np.arange(count), forced)
+    return TargetForces(np.zeros((count, 6)), np.ones(count, dtype=np.intp), np.zeros((count, 3)), mask, None, ())
+
+
+def test_strict_refuses_a_cut_and_only_a_cut(tmp_path: Path) -> None:
+    plan = corners(tmp_path, "z1")
+    check = check_feed(plan, forces_of(5, []), None, strict=True)
+    assert figures(check)["planned"]["held_back_with_force"] == 0
+    assert {finding.code for finding in check.findings} == {"CS4403", "CS4411"}
+    with pytest.raises(Refused, match=r"CS4402.*cannot hold 200 mm/s: \d+ %, joint \d at its acceleration limit .* "
+                                      r"in the corner of 90 deg at target \d"):
+        check_feed(plan, forces_of(5, [0, 1, 2, 3]), None, strict=True)
+
+
+def test_unknown_feed_and_a_program_of_joint_moves_alone(tmp_path: Path) -> None:
+    moves = lines([[1100, 0, 700], [1150, 0, 700], [1200, 0, 700]], "vUnknown", "z1")
+    unknown = check_feed(program(tmp_path, moves), forces_of(3, [0, 1, 2]), None, strict=True)
+    assert "CS4405" in {finding.code for finding in unknown.findings}
+    assert figures(unknown)["planned"]["judged"] == 0
+    joint_moves = program(tmp_path, [move.replace("MoveL", "MoveJ") for move in moves])
+    alone = check_feed(joint_moves, forces_of(3, []), None, strict=True)
+    assert figures(alone)["planned"]["joint_moves_s"] > 0
+
+
+def test_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:
+    """A robot that can hardly accelerate: reported, and refused with nothing written; the report draws it."""
+    source = robot().source.read_text().replace("acceleration_deg_s2: 400", "acceleration_deg_s2: 2")
+    (tmp_path / "slow.yaml").write_text(source)
+    (tmp_path / "cell.yaml").write_text(sample_inputs.cell.read_text().replace("irb6660-205-1.90", "slow.yaml"))
+    common = [tmp_path / "cell.yaml", sample_inputs.toolpath, "--stiffness", sample_inputs.stiffness, "--forces",
+              sample_inputs.forces, "--tare", "0:2", "-o", tmp_path / "out.mod", "--json"]
+    refused = compstiff("correct", *common, "--strict-feed")
+    assert refused.returncode == 3, refused.stdout
+    assert {finding["code"] for finding in json.loads(refused.stdout)["findings"]} == {"CS4402"}
+    assert not (tmp_path / "out.mod").exists()
+    done = compstiff("correct", *common, "--check-feed", "--report", tmp_path / "report.html")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["result"]["feed_check"]
+    assert told["corrected"]["held_back_with_force"] > 0
+    assert told["corrected"]["lowest_feed_ratio_with_force"] < 0.9
+    assert told["corrected"]["time_s"] > told["corrected"]["programmed_time_s"]
+    assert "The feed the joints can hold" in (tmp_path / "report.html").read_text()
