@@ -82,7 +82,10 @@ def design_command(read_milling: Callable[[], MillingReader], templates: Callabl
         _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
         _check_loads(axes, every_axis, direction, preset, diagnosis, add)
         import json
+        import os
 
+        # Matrices of six by six: threads only get into each other's way, five times as slow where the cores are shared.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         import numpy as np
 
         from identification.cell import read_cell
