@@ -75,7 +75,8 @@ def _joints(expected: Forecast, before: str) -> ReportTable:
 def _causes(expected: Forecast) -> ReportTable:
     ranked = sorted(expected.causes, key=lambda one: one.identifiable)
     return ReportTable("What it will tell of causes beyond the springs: the smallest size found, and named, in 4 of 5 cases",
-                       ["cause", "found from", "named from", "typical", "unit", "of", "at its typical size", "not told from"],
+                       ["cause", "found from", "named from", "typical", "unit", "parameter", "at its typical size",
+                        "not told from"],
                        [[one.entry.label, shown_size(one, one.detectable), shown_size(one, one.identifiable),
                          f"{one.typical:.2g}", "" if one.unit == "1" else one.unit, one.parameter, one.grade,
                          ", ".join(one.alike)] for one in ranked], numbers=(1, 2, 3))
