@@ -257,6 +257,9 @@ def test_any_line_and_poses_that_are_kept_back(written, tmp_path):
     assert apart > 0.1
     prompts = re.findall(r'TPReadFK nAnswer,"([^"]*)"', (tmp_path / "p.mod").read_text())
     assert max(map(len, prompts)) <= 80
+    said = re.findall(r"F = \(([^)]*)\) N\. Then hold", "\n".join(prompts))
+    asked = [[float(part) for part in force.split()] for force in said]
+    np.testing.assert_allclose(asked, rows.wrench[np.any(rows.wrench != 0, axis=1), :3], atol=0.0501)
 
 
 def test_no_pose_near_a_singularity(written):
