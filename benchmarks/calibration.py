@@ -1,21 +1,27 @@
 """Is the stated uncertainty true? Coverage and simulation-based calibration of the posterior, beside two baselines.
 
-    OMP_NUM_THREADS=1 python benchmarks/calibration.py [DATA_SETS] [FIRST_SEED]
+    OMP_NUM_THREADS=1 python benchmarks/calibration.py [DATA_SETS] [FIRST_SEED] [--baselines]
 
 Each data set: true stiffnesses drawn from the prior, poses drawn at random, noise drawn, identified as a user would. Coverage
-counts how often the 50, 80 and 95 % intervals of a stiffness hold the truth, and the 95 % ellipsoid of all six; the ranks of
-the truth in its posterior must be uniform (largest distance of their distribution function from the diagonal, and the 95 %
-band for so many data sets), also for the deflection predicted at a task pose.
+counts how often the 50, 80 and 95 % intervals of a stiffness hold the truth, and the ellipsoids of all six; the ranks of the
+truth in its posterior must be uniform (largest distance of their distribution function from the diagonal), also for the
+deflection predicted at a task pose. `predict`: how often mean +- 1.96 std of a component of that deflection holds it, as
+`predict` and `correct` state it from stiffness.json.
 
 Designs: `loads5` 5 poses with one load each; `poses20` 20 poses, one load each; `ladder12` 12 poses, load cycle 0 +100 +200
-+300 0 -150 -300 N along one axis each. Noise: `white` 2 um and nothing else, as the cell file states; otherwise sensor 2 um
-Student with 4 degrees of freedom, 1 % force error, 5 um re-seating a pose, which the cell file states (`stated`) or of which it
-states the sensor's 2 um alone (`unstated`). Baselines: unweighted least squares in k, and the paper's MAP in k (Gaussian prior,
-its symmetric interval).
++300 0 -150 -300 N along one axis each.
+
+Noise at fixed sizes: `white` 2 um and nothing else, as the cell file states; otherwise sensor 2 um Student with 4 degrees of
+freedom (each component on its own), 1 % force error, 5 um re-seating a pose, which the cell file states (`stated`) or of which
+it states the sensor's 2 um alone (`unstated`). Proper simulation-based calibration: sizes and degrees of freedom are drawn from
+their own priors too, about what the cell file states (`drawn`), or states of the sensor alone (`drawn bare`); a miss there is a
+defect of the computation. Baselines: unweighted least squares in k, and the paper's MAP in k (Gaussian prior, its symmetric
+interval).
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
@@ -24,27 +30,37 @@ from pathlib import Path
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2, norm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from identification.cell import Cell, read_cell
 from identification.fit import fit_stiffness
 from identification.measurements import Measurements
-from identification.model.compliance import equilibrium
+from identification.model.compliance import compliance_matrix, equilibrium
 from tests.support import random_poses
 
 LEVELS = (0.5, 0.8, 0.95)
 CYCLE = (0.0, 100.0, 200.0, 300.0, 0.0, -150.0, -300.0)
 DESIGNS = {"loads5": (5, (300.0,)), "poses20": (20, (300.0,)), "ladder12": (12, CYCLE)}
 PRIOR_RELATIVE_STD = 1.0
+ALL_STATED = "force_relative_std: 0.01, pose_offset_std_um: [5, 5, 5]"
+STATED = {"white": "force_relative_std: 0, pose_offset_std_um: [0, 0, 0]", "stated": ALL_STATED, "unstated": "",
+          "drawn": ALL_STATED, "drawn bare": ""}
+TASK_POSE = np.radians([[5.0, 10, 30, 20, 55, 10]])
+TASK_WRENCH = np.array([[80.0, 200, -120, 0, 0, 0]])
+TASK_DRAWS = 100
 
 
-STATED = {
-    "white": "force_relative_std: 0, pose_offset_std_um: [0, 0, 0]",
-    "stated": "force_relative_std: 0.01, pose_offset_std_um: [5, 5, 5]",
-    "unstated": "",
-}
+@dataclass(frozen=True)
+class Sizes:
+    """True noise: sensor [m] and force error (relative), Student with `degrees` for a component or, `by_row`, for a whole row,
+    as the method takes it; re-seating [m]."""
+
+    sensor: float = 2e-6
+    force: float = 0.0
+    offset: float = 0.0
+    degrees: float = np.inf
+    by_row: bool = False
 
 
 def write_cells(folder: Path) -> None:
@@ -58,7 +74,28 @@ def write_cells(folder: Path) -> None:
             f"relative_std: {PRIOR_RELATIVE_STD}}}\n")
 
 
-def simulate(cell: Cell, design: str, noise: str, truth: np.ndarray, rng: np.random.Generator) -> Measurements:
+def draw_sizes(noise: str, rng: np.random.Generator) -> Sizes:
+    """The true noise. Drawn: as size_prior.py and noise.py take it beforehand, written out again here."""
+    if noise == "white":
+        return Sizes()
+    if not noise.startswith("drawn"):
+        return Sizes(2e-6, 0.01, 5e-6, 4.0)
+
+    def about_stated() -> float:
+        # The normal side below 1 has sqrt(pi / 2) of the mass, the Student side above it 4 / 3.
+        below = rng.random() < np.sqrt(np.pi / 2) / (np.sqrt(np.pi / 2) + 4 / 3)
+        return float(np.exp(0.3 * (-abs(rng.standard_normal()) if below else abs(rng.standard_t(4)))))
+
+    tried = np.array([3.0, 4, 6, 10, 20, 50, 100])
+    degrees = float(rng.choice(tried, p=tried / tried.sum()))
+    degrees = np.inf if degrees == 100 else degrees
+    sensor = 2e-6 * about_stated()
+    if noise == "drawn":
+        return Sizes(sensor, 0.01 * about_stated(), 5e-6 * about_stated(), degrees, by_row=True)
+    return Sizes(sensor, 0.01 * rng.standard_exponential(), 6e-6 * rng.standard_exponential(), degrees, by_row=True)
+
+
+def simulate(cell: Cell, design: str, size: Sizes, truth: np.ndarray, rng: np.random.Generator) -> Measurements:
     """One data set with these true stiffnesses."""
     poses, loads = DESIGNS[design]
     theta = np.repeat(random_poses(cell.robot, poses, rng, share=0.6), len(loads), axis=0)
@@ -67,13 +104,16 @@ def simulate(cell: Cell, design: str, noise: str, truth: np.ndarray, rng: np.ran
     wrench = np.zeros((count, 6))
     axis = rng.permutation(np.arange(poses) % 3)[visit]
     wrench[np.arange(count), axis] = np.tile(loads, poses) * (rng.choice([-1, 1], poses)[visit] if len(loads) == 1 else 1)
-    applied, offset = wrench.copy(), np.zeros((poses, 3))
-    reading = 2e-6 * rng.standard_normal((count, 3))
-    if noise != "white":
-        applied[:, :3] *= 1 + 0.01 * rng.standard_normal((count, 1))
-        offset = 5e-6 * rng.standard_normal((poses, 3))
-        reading = 2e-6 * rng.standard_t(4, (count, 3)) / np.sqrt(2)
-    deflection = equilibrium(cell.robot, theta, cell.flange_from_tcp, applied, 1 / truth).position + reading + offset[visit]
+    sensor, force = rng.standard_normal((count, 3)), rng.standard_normal((count, 1))
+    if np.isfinite(size.degrees):
+        stretch = np.sqrt(size.degrees / rng.chisquare(size.degrees, (count, 1 if size.by_row else 3)))
+        # By component the sensor's standard deviation is meant, by row the method's scale.
+        sensor *= stretch if size.by_row else stretch * np.sqrt((size.degrees - 2) / size.degrees)
+        force *= stretch if size.by_row else 1.0
+    error = wrench * size.force * force
+    carried = compliance_matrix(cell.robot, theta, cell.flange_from_tcp, 1 / truth)[:, :3]
+    deflection = (equilibrium(cell.robot, theta, cell.flange_from_tcp, wrench, 1 / truth).position + size.sensor * sensor
+                  + np.einsum("nij,nj->ni", carried, error) + size.offset * rng.standard_normal((poses, 3))[visit])
     nothing = np.full(count, np.nan)
     return Measurements(
         source="simulated", theta=theta, wrench=wrench, deflection=deflection, sigma=np.full((count, 3), np.nan), time=nothing,
@@ -84,38 +124,50 @@ def simulate(cell: Cell, design: str, noise: str, truth: np.ndarray, rng: np.ran
 
 @dataclass(frozen=True)
 class Case:
-    """One data set's answer: z (6,) standardised error of ln k, distance (squared Mahalanobis), rank of the task deflection,
-    for both baselines whether the 95 % interval of each k holds the truth (2, 6), and whether a subset conflict was raised."""
+    """One data set's answer: rank (6,) of the truth in its posterior, of its squared Mahalanobis distance and of the task's
+    deflection; whether the stated interval of each component of that deflection holds it (3,); for both baselines whether the
+    95 % interval of each k holds the truth (2, 6); whether a subset conflict was raised."""
 
-    z: np.ndarray
-    distance: float
+    rank: np.ndarray
+    distance_rank: float
     task_rank: float
+    predicted: np.ndarray
     baselines: np.ndarray
     conflict: bool
 
 
-def one(arguments: tuple[str, str, int, str]) -> Case:
-    design, noise, seed, folder = arguments
+def one(arguments: tuple[str, str, int, str, bool]) -> Case:
+    design, noise, seed, folder, with_baselines = arguments
     cell = read_cell(Path(folder) / f"{noise}.yaml")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng([seed, list(DESIGNS).index(design), list(STATED).index(noise)])
     truth = cell.prior.stiffness * np.exp(cell.prior.log_std * rng.standard_normal(6))
-    rows = simulate(cell, design, noise, truth, rng)
+    rows = simulate(cell, design, draw_sizes(noise, rng), truth, rng)
     fit = fit_stiffness(cell, rows)
-    model = fit.model
-    off = model.mean + np.log(truth)
-    theta = np.radians([[5.0, 10, 30, 20, 55, 10]])
-    wrench = np.array([[80.0, 200, -120, 0, 0, 0]])
+    model, draws = fit.model, fit.posterior.draws
+    x = -np.log(truth)
 
-    def task(c: np.ndarray) -> float:
-        return float(np.linalg.norm(equilibrium(cell.robot, theta, cell.flange_from_tcp, wrench, c).position))
+    def distance(x: np.ndarray) -> np.ndarray:
+        return np.einsum("...i,ij,...j->...", x - model.mean, np.linalg.inv(model.covariance), x - model.mean)
 
-    draws = np.exp(rng.multivariate_normal(model.mean, model.covariance, 100))
-    rank = float(np.mean([task(c) < task(1 / truth) for c in draws]))
-    paper = fit_stiffness(cell, rows, prior_kind="gaussian").model
-    half = 1.96 * np.sqrt(np.diag(paper.covariance)) * paper.stiffness
-    baselines = np.array([least_squares_in_k(cell, rows, truth), np.abs(paper.stiffness - truth) <= half])
-    return Case(off / model.log_std, float(off @ np.linalg.solve(model.covariance, off)), rank, baselines,
+    picked = rng.choice(len(draws.x), TASK_DRAWS, p=draws.weight)
+    task = np.linalg.norm(deflections(cell, np.exp(draws.x[picked])), axis=1)
+    true_task = deflections(cell, 1 / truth[None])[0]
+    predicted, _, covariance = model.predict(TASK_POSE, TASK_WRENCH)
+    half = 1.96 * np.sqrt(np.diag(covariance[0])[:3])
+    baselines = np.zeros((2, 6))
+    if with_baselines:
+        paper = fit_stiffness(cell, rows, prior_kind="gaussian").model
+        about = 1.96 * np.sqrt(np.diag(paper.covariance)) * paper.stiffness
+        baselines = np.array([least_squares_in_k(cell, rows, truth), np.abs(paper.stiffness - truth) <= about])
+    return Case((draws.x < x).T @ draws.weight, float((distance(draws.x) < distance(x)) @ draws.weight),
+                float(np.mean(task < np.linalg.norm(true_task))), np.abs(predicted[0] - true_task) <= half, baselines,
                 any(conflict.is_conflict for conflict in fit.conflicts))
+
+
+def deflections(cell: Cell, compliance: np.ndarray) -> np.ndarray:
+    """Deflection (D, 3) [m] at the task pose for each set of compliances (D, 6)."""
+    return np.concatenate([equilibrium(cell.robot, TASK_POSE, cell.flange_from_tcp, TASK_WRENCH, c).position
+                           for c in compliance])
 
 
 def least_squares_in_k(cell: Cell, rows: Measurements, truth: np.ndarray) -> np.ndarray:
@@ -132,47 +184,58 @@ def least_squares_in_k(cell: Cell, rows: Measurements, truth: np.ndarray) -> np.
 
 
 def report(design: str, noise: str, cases: list[Case]) -> None:
-    """One line; * marks a mean outside the 99 % binomial band of one joint, `out` counts single joints' figures outside it."""
-    z = np.array([case.z for case in cases])
+    """One line; * marks a figure outside its 99 % binomial band (of a mean: the band of one joint), `out` counts the figures of
+    single joints outside theirs."""
     count = len(cases)
 
-    def mark(share: float, level: float, trials: int) -> str:
-        return "*" if abs(share - level) > 2.58 * np.sqrt(level * (1 - level) / trials) + 0.5 / trials else " "
+    def mark(share: float, level: float) -> str:
+        return "*" if abs(share - level) > 2.58 * np.sqrt(level * (1 - level) / count) + 0.5 / count else " "
 
-    covered = [np.mean(np.abs(z) <= norm.ppf(0.5 + level / 2), axis=0) for level in LEVELS]
-    line = f"{design:<9}{noise:<10}"
+    rank = np.array([case.rank for case in cases])
+    covered = [np.mean(np.abs(rank - 0.5) <= 0.5 * level, axis=0) for level in LEVELS]
+    line = f"{design:<9}{noise:<11}"
     for level, shares in zip(LEVELS, covered, strict=True):
-        line += f"{100 * shares.mean():>7.1f}{mark(float(shares.mean()), level, count)}"
-        line += f"({100 * shares.min():.0f}-{100 * shares.max():.0f})"
-    inside = float(np.mean([case.distance <= chi2.ppf(0.95, 6) for case in cases]))
-    line += f"{100 * inside:>8.1f}{mark(inside, 0.95, count)}"
-    outside = sum(mark(float(share), level, count) == "*" for level, shares in zip(LEVELS, covered, strict=True)
-                  for share in shares)
-    line += f"{outside:>4d}/18"
-    band = 1.36 / np.sqrt(count)
-    ranks = np.sort(norm.cdf(z), axis=0)
+        line += f"{100 * shares.mean():>6.1f}{mark(float(shares.mean()), level)}"
+        line += f"({100 * shares.min():3.0f}-{100 * shares.max():3.0f})"
+    distance = np.array([case.distance_rank for case in cases])
+    for level in LEVELS:
+        inside = float(np.mean(distance <= level))
+        line += f"{100 * inside:>6.1f}{mark(inside, level)}"
+    line += f"{sum(mark(float(s), level) == '*' for level, shares in zip(LEVELS, covered, strict=True) for s in shares):>3d}/18"
     grid = (np.arange(count) + 0.5) / count
-    worst = float(np.max(np.abs(ranks - grid[:, None])))
-    task = np.sort([case.task_rank for case in cases])
-    line += f"{worst:>9.3f}{float(np.max(np.abs(task - grid))):>8.3f}{band:>8.3f}"
+
+    def off(ranks: np.ndarray) -> float:
+        return float(np.max(np.abs(np.sort(ranks) - grid)))
+
+    task = np.array([case.task_rank for case in cases])
+    line += f"{max(off(column) for column in rank.T):>8.3f}{off(distance):>7.3f}{off(task):>7.3f}"
+    predicted = float(np.mean([case.predicted for case in cases]))
+    line += f"{100 * predicted:>8.1f}{mark(predicted, 0.95)}"
     baselines = np.mean([case.baselines for case in cases], axis=(0, 2))
-    line += f"{100 * baselines[0]:>10.1f}{100 * baselines[1]:>9.1f}{100 * np.mean([case.conflict for case in cases]):>10.1f}"
+    line += f"{100 * baselines[0]:>8.1f}{100 * baselines[1]:>7.1f}{100 * np.mean([case.conflict for case in cases]):>7.1f}"
     print(line, flush=True)
 
 
 def main() -> None:
-    count, first = [*(int(argument) for argument in sys.argv[1:]), *(400, 0)[len(sys.argv) - 1:]]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("count", nargs="?", type=int, default=200)
+    parser.add_argument("first", nargs="?", type=int, default=500_000)
+    parser.add_argument("--baselines", action="store_true")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--designs", nargs="+", choices=DESIGNS, default=list(DESIGNS))
+    parser.add_argument("--noises", nargs="+", choices=STATED, default=list(STATED))
+    wanted = parser.parse_args()
+    count, first = wanted.count, wanted.first
+    band = 1.63 / np.sqrt(count)
     print(f"{count} data sets a line, seeds from {first}; * outside the 99 % binomial band; in brackets the lowest and highest "
-          "joint\n"
-          f"{'design':<9}{'noise':<10}{'50 %':>7}{'':8}{'80 %':>7}{'':8}{'95 %':>7}{'':8}{'ellipsoid':>8}"
-          f"{'out':>7}{'rank k':>8}"
-          f"{'task':>8}{'band':>8}{'least sq.':>10}{'paper':>9}"
-          f"{'conflicts':>10}")
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(2) as pool:
+          f"joint; 99 % band of one rank distance {band:.3f}\n"
+          f"{'design':<9}{'noise':<11}{'50 %':>6}{'':10}{'80 %':>6}{'':10}{'95 %':>6}{'':10}{'ellipsoid 50 80 95':>21}"
+          f"{'out':>6}{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}")
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(wanted.processes) as pool:
         write_cells(Path(folder))
-        for design in DESIGNS:
-            for noise in STATED:
-                jobs = [(design, noise, seed, folder) for seed in range(first, first + count)]
+        for design in wanted.designs:
+            for noise in wanted.noises:
+                jobs = [(design, noise, seed, folder, wanted.baselines) for seed in range(first, first + count)]
                 report(design, noise, list(pool.map(one, jobs, chunksize=10)))
 
 

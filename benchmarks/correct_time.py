@@ -33,6 +33,7 @@ from compensator import pipeline
 from compensator.data import shipped
 from compensator.offsets import offsets_csv
 from compensator.pipeline import Inputs
+from compensator.rapid import read_rapid
 from identification.cell import read_cell
 from identification.files import write_whole
 from identification.fit import fit_stiffness
@@ -41,9 +42,10 @@ from identification.measurements import read_measurements
 # What the pipeline calls, and the stage it belongs to.
 STAGES = {
     "read_cell": "read cell, stiffness", "read_stiffness": "read cell, stiffness", "read_toolpath": "read program",
-    "read_force_log": "read log", "plan_path": "plan: poses and joint angles", "place_forces": "place the log",
-    "targets_to_correct": "predict", "predict_path": "predict", "correct_path": "correct", "rewrite": "write program text",
-    "_read_back": "read back",
+    "read_force_log": "read log", "plan_path": "plan: poses and joint angles", "on_path": "place the log",
+    "place_forces": "place the log",
+    "targets_to_correct": "predict", "predict_path": "predict", "corners": "corners", "densified": "intermediate targets",
+    "correct_path": "correct", "rewrite": "write program text", "_read_back": "read back",
 }
 OTHER = "offsets.csv, record, files"
 
@@ -68,7 +70,7 @@ def write_job(folder: Path, count: int, by: str) -> Inputs:
     along = np.linspace(0, 40 * np.pi, count)
     force = np.column_stack([60 * np.sin(along), 80 + 30 * np.cos(along), -40 + 10 * np.sin(3 * along)])
     force[:3] = 0
-    position = pipeline.read_toolpath(program).toolpath.position * 1e3
+    position = read_rapid(program.read_bytes(), str(program)).toolpath.position * 1e3
     log = folder / "long.forces.csv"
     with log.open("w") as stream:
         stream.write(f"{'target' if by == 'target' else 'x_mm,y_mm,z_mm'},fx_n,fy_n,fz_n\n")
@@ -132,7 +134,7 @@ def job(folder: Path, inputs: Inputs) -> None:
     corrected = pipeline.correct_program(pipeline.predict_program(inputs))
     output = folder / "out.mod"
     write_whole({output: corrected.content, folder / "offsets.csv": offsets_csv(corrected),
-                 folder / "out.mod.json": json.dumps(pipeline.record(corrected, output)).encode()})
+                 folder / "out.mod.json": json.dumps(pipeline.record(corrected, {output: corrected.content})).encode()})
 
 
 def measure(count: int, by: str, profiled: bool) -> None:

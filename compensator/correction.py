@@ -23,7 +23,7 @@ from compensator.prediction import Prediction
 from compensator.restraint import chance_of_harm, confident_share, limited_steps
 from identification.findings import CompstiffError, Finding, Refused
 from identification.model.compliance import displacement, joint_torque, loaded_angles
-from identification.model.inverse import configuration, inverse, nearest_solution, wrist_distance
+from identification.model.inverse import configuration, nearest_angles, wrist_distance
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 from identification.model.stiffness import IdentifiedModel
@@ -177,7 +177,7 @@ def correct_path(
             tcp.position[held] = goal.position[held] + offset[held]
             tool = Frame(plan.flange_from_tcp.rotation[targets[held]], plan.flange_from_tcp.position[targets[held]])
             flange = Frame(tcp.rotation[held], tcp.position[held]) @ tool.inverse()
-            theta[held], _ = nearest_solution(robot, inverse(robot, flange, theta[held]), theta[held])
+            theta[held] = nearest_angles(robot, flange, theta[held])
             loaded = loaded_path(plan, forces, model, targets, theta)
             residual = np.linalg.norm(loaded.position - goal.position, axis=1)
     object_from_base = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets]).inverse()

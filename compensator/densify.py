@@ -73,7 +73,7 @@ def densified(
     if grid is None:
         return None
     fine = plan_path(grid.toolpath, plan.cell)
-    placed = _placed(log, fine, grid.kept, forces, settings)
+    placed = _placed(log, plan, fine, grid.kept, forces, settings)
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & fine.reached & (grid.toolpath.block == "")
     points = np.flatnonzero(known)
@@ -101,9 +101,15 @@ def densified(
     return _rewritten(program, plan, grid, fine, chosen, parts, means, settings)
 
 
-def _placed(log: ForceLog, plan: Plan, kept: Indices, forces: TargetForces, settings: Settings) -> TargetForces:
+def _placed(
+    log: ForceLog, before: Plan, plan: Plan, kept: Indices, forces: TargetForces, settings: Settings
+) -> TargetForces:
     """The log on the grid. Where it names targets, the points between two with force get forces in between."""
     if log.key != "target":
+        given, fine = (arc_length(each.world_position, each.toolpath.move) for each in (before, plan))
+        known = ~np.isnan(given)
+        # The chords of an arc are shorter than it is.
+        log = replace(log, place=log.place + np.interp(log.place, given[known], (fine[kept] - given)[known]))
         air = kept[np.minimum(np.array(settings.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         return place_forces(log, plan, plan.cell, tare=[(int(first), int(last)) for first, last in air])
     own = np.zeros(len(plan.toolpath), dtype=bool)

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.force_log import ForceLog, read_force_log
-from compensator.placement import arc_length, match_forwards, nearest_target, polyline
+from compensator.log_path import on_path
+from compensator.placement import arc_length, nearest_target
 from compensator.planning import Plan
 from compensator.zero import Range, base_from_log, zero_of
 from identification.cell import Cell
 from identification.findings import Finding, Level, counted, error
-from identification.model.kinematics import forward
 from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
@@ -51,11 +51,13 @@ def place_forces(
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
     tare the scatter about each mean itself decides. Short gaps inside a cut belong to the cut.
-    A log with time alone has been through `program_time.on_path`.
-    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `zero_of` raises.
+    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
+    `zero_of` raise.
     """
     count = len(plan.toolpath)
-    target, findings = _assign(log, plan)
+    log = on_path(log, plan)
+    target = _assign(log, plan)
+    findings: list[Finding] = []
     placed = target >= 0
     number = int(log.weight.sum())
     if not placed.any():
@@ -128,7 +130,7 @@ def _weak(log: ForceLog, plan: Plan, forced: NDArray[np.bool_], samples: Indices
     return found
 
 
-def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
+def _assign(log: ForceLog, plan: Plan) -> Indices:
     """Target (M,) of each sample, -1 where it is not on the path."""
     count = len(plan.toolpath)
     if log.key == "target":
@@ -137,18 +139,13 @@ def _assign(log: ForceLog, plan: Plan) -> tuple[Indices, list[Finding]]:
             raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has "
                         f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
                         hint="is it the log of this program?")
-        return log.place.astype(np.intp), []
+        return log.place.astype(np.intp)
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    if log.key == "path_mm":
-        inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
-        return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1), []
-    assert log.key != "time"        # program_time.on_path has placed it
-    place = match_forwards(*polyline(plan.world_position, plan.toolpath.move), _world_positions(log, plan))
-    on_path = ~np.isnan(place)
-    return np.where(on_path, nearest_target(length, np.where(on_path, place, 0.0)), -1), []
+    inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
+    return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 
 
 def _by_place(plan: Plan, force: Array) -> Array:
@@ -161,20 +158,6 @@ def _by_place(plan: Plan, force: Array) -> Array:
     slope[:-1] = steep
     slope[1:] = np.maximum(slope[1:], steep)
     return slope
-
-
-def _world_positions(log: ForceLog, plan: Plan) -> Array:
-    """TCP positions of the samples (M, 3) [m] in the world frame; one tool and one work object are required."""
-    used = plan.used_frames
-    if log.key == "joints":
-        if len(used.tools) != 1:
-            raise error("CS3010", f"a log placed by joint angles needs one tool, the program uses {len(used.tools)}",
-                        file=log.source, hint="log the column target or path_mm")
-        return plan.cell.world_from_base.apply(forward(plan.cell.robot, log.place, used.tools[0]).position)
-    if len(used.workobjects) != 1:
-        raise error("CS3010", f"a log placed by TCP position needs one work object, the program uses "
-                    f"{len(used.workobjects)}", file=log.source, hint="log the column target or path_mm")
-    return used.workobjects[0].apply(log.place)
 
 
 def _mean(loads: Array, index: Indices, share: Array, count: int) -> Array:

@@ -20,18 +20,18 @@ from compensator.feasibility import FeedCheck, check_feed
 from compensator.feasibility import figures as feed_figures
 from compensator.forces import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.loading import loaded_path, segment_times
+from compensator.log_path import on_path
 from compensator.placement import borders
 from compensator.planning import Plan, plan_path
 from compensator.posting import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.prediction import Prediction, predict_path
-from compensator.program_time import on_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
 from compensator.route import Poses
 from compensator.settings import DEFAULTS, SLOPE, Estimate, Settings
 from identification.cell import Cell, read_cell
 from identification.files import sha256
 from identification.findings import CompstiffError, Finding, Refused, error, fold
-from identification.model.inverse import inverse, nearest_solution
+from identification.model.inverse import nearest_angles
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import read_stiffness
@@ -145,8 +145,7 @@ def _predicted(
         log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log_format,
                              spindle_rpm=settings.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
         said = (*said, *log.findings)
-        if log.key == "time":
-            log = on_path(log, plan)
+        log = on_path(log, plan)
         forces = place_forces(log, plan, cell, tare=settings.tare)
         said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
         targets, left = targets_to_correct(plan, forces)
@@ -255,8 +254,7 @@ def _read_back(predicted: Predicted, forces: TargetForces, correction: Correctio
     flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
     base_from_tcp = base_from_object @ object_from_tcp
     base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
-    theta, _ = nearest_solution(predicted.cell.robot, inverse(predicted.cell.robot, base_from_flange, correction.theta),
-                                correction.theta)
+    theta = nearest_angles(predicted.cell.robot, base_from_flange, correction.theta)
     loaded = loaded_path(plan, forces, predicted.model, targets, theta)
     commanded, joints = Frame(plan.base_from_tcp.rotation.copy(), plan.base_from_tcp.position.copy()), plan.theta.copy()
     commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position

@@ -56,7 +56,7 @@ def program_of(plan: Plan) -> Program:
     return Program(robot_time.time, length, air, kinds_of_cut(path.feed, air, length), direction)
 
 
-def on_path(log: ForceLog, plan: Plan) -> ForceLog:
+def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
     """A log with time alone as one placed by path length, NaN outside the program, with the spread of each row.
 
     Raises CompstiffError: CS3060 a move without known time, CS3062 time runs backwards, CS3063 a log that says nothing; Refused

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from identification.findings import error
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
-from identification.yaml_source import NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
+from identification.yaml_source import EachJoint, NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
 ZERO: Triple = (0.0, 0.0, 0.0)
@@ -108,7 +108,7 @@ class CellPriorFile(Strict):
     """The prior, where it differs from the robot file's."""
 
     stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None
-    relative_std: Positive | None = None
+    relative_std: EachJoint | None = None
 
 
 class CellFile(Strict):
@@ -196,8 +196,9 @@ def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
     robot = _robot(file.robot, path, geometry)
-    prior = Prior(robot.prior.stiffness if file.prior.stiffness_nm_per_rad is None
-                  else np.array(file.prior.stiffness_nm_per_rad), file.prior.relative_std or robot.prior.relative_std)
+    stiffness, relative_std = file.prior.stiffness_nm_per_rad, file.prior.relative_std
+    prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
+                  robot.prior.relative_std if relative_std is None else np.array(relative_std))
     measurement = file.measurement
     centre = file.tool.centre_of_mass_mm
     return Cell(

@@ -102,7 +102,7 @@ def fit_stiffness(
         "prior": {"kind": prior_kind, "gamma": gamma} if prior_kind == "gaussian" else {"kind": prior_kind},
     }
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
-                            tuple(grade.grade for grade in grades), figures)
+                            tuple(grade.grade for grade in grades), figures, interval=found.draws.interval(0.95))
     findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior))
     std = residual_std(cell, measurements, found.size, np.exp(found.mean))
     return Fit(model, found, residual, std, row_weight, grades, ellipsoid(found),
@@ -156,7 +156,7 @@ def _against_prior(source: str, found: Posterior, grades: tuple[JointGrade, ...]
     if not seen.any():
         return []
     expected = -np.log(prior.prior.stiffness)
-    off = (found.mean - expected)[seen] / prior.log_std
+    off = ((found.mean - expected) / prior.log_std)[seen]
     p_value = float(chi2.sf(np.sum(off**2), int(seen.sum())))
     if p_value > PRIOR_CONFLICT:
         return []

@@ -25,7 +25,6 @@ UNLOADED_SIGMAS = 1.0
 TRADE_OFF = 0.7
 CANDIDATES = 1500
 CANDIDATE_FORCE_N = 300.0
-CHI2_95_6 = 12.591587243743977
 AXIS_NAMES = "xyz"
 
 
@@ -49,7 +48,8 @@ class JointGrade:
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """95 % ellipsoid of the six ln k (paper eq. 15): volume, semi-axes (6,) longest first, directions (6, 6) in rows, words."""
+    """95 % ellipsoid of the six ln k (paper eq. 15), as large as the posterior's own tails ask: volume, semi-axes (6,) longest
+    first, directions (6, 6) in rows, words."""
 
     volume: float
     semi_axes: Array
@@ -69,7 +69,7 @@ def grade_joints(cell: Cell, rows: Measurements, found: Posterior, prior: PriorM
     signal = np.max(np.abs(found.at_map.design), axis=(0, 1)) / found.size.sensor
     grades = []
     for i in range(6):
-        shrinkage = float(std[i] / prior.log_std)
+        shrinkage = float(std[i] / prior.log_std[i])
         grade = "reliable" if std[i] <= RELIABLE_LOG_STD else "tentative"
         if shrinkage > UNSEEN_SHRINKAGE:
             grade = "not identifiable"
@@ -114,7 +114,7 @@ def ellipsoid(found: Posterior) -> Ellipsoid:
     """The 95 % ellipsoid of ln k, its axes in words."""
     eigenvalues, vectors = np.linalg.eigh(found.covariance)
     order = np.argsort(eigenvalues)[::-1]
-    semi_axes = np.sqrt(CHI2_95_6 * eigenvalues[order])
+    semi_axes = np.sqrt(found.draws.radius(0.95, 6) * eigenvalues[order])
     directions = vectors[:, order].T
     directions = directions * np.sign(directions[np.arange(6), np.argmax(np.abs(directions), axis=1)])[:, None]
     leading = [i for i in np.argsort(-np.abs(directions[0])) if abs(directions[0, i]) > 0.4]
@@ -131,4 +131,4 @@ def ellipsoid(found: Posterior) -> Ellipsoid:
 def information_spectrum(found: Posterior, prior: PriorModel) -> Array:
     """Eigenvalues (6,), largest first, of the data's information on ln k in units of the prior's: above 1 the data say more
     than the prior, below 1 less."""
-    return np.asarray(np.linalg.eigvalsh(found.at_map.information)[::-1] * prior.log_std**2)
+    return np.asarray(np.linalg.eigvalsh(found.at_map.information * np.outer(prior.log_std, prior.log_std))[::-1])

@@ -7,11 +7,11 @@ Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal 
 weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
-2. The noise sizes are not known exactly: the posterior is averaged over them, at the points mean +- sqrt(3) sigma of each of
-   their principal axes (the fifth-degree rule's nodes), which widens it where a few rows must tell both; a little more
-   stands in for the heavier tails that this gives it.
+2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior (sizes.py), and every draw
+   of x has one of them. This widens the posterior where a few rows must tell both, and gives it heavier tails than normal.
 3. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
-   barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries.
+   barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals
+   and the ellipsoid are quantiles of the draws.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.extension import Term, predicted_deflection, response, with_terms
 from identification.findings import error
-from identification.marginal import averaged, shrunk
+from identification.marginal import Draws, posterior_draws, shrunk
 from identification.measurements import Measurements
 from identification.model.compliance import signature
 from identification.noise import NoiseModel, NoiseSize, Weights, noise_model, student_weights
 from identification.priors import PriorModel
-from identification.sizes import fit_sizes, size_spread
+from identification.sizes import SizePosterior, fit_sizes, size_spread, size_trials
 
 Array = NDArray[np.float64]
 
@@ -53,21 +53,22 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """mean (6 + P,) and covariance of x = (ln c, parameters of terms); map: the MAP of x; laplace: its inverse curvature.
+    """mean (6 + P,) and covariance of x = (ln c, parameters of terms), those of the draws; map: the MAP of x; laplace: its
+    inverse curvature.
 
     size: estimated noise sizes; size_spread (3, 3): covariance of their ln. row_weight (n,) of the fitted rows.
-    effective_draws: of the importance weights, 0 where they were not used. chi2: against the stated noise.
+    chi2: against the stated noise.
     readings: measured components. at_map: the linearised model there. prior: with the terms' parameters.
     """
 
     mean: Array
     covariance: Array
+    draws: Draws
     map: Array
     laplace: Array
     size: NoiseSize
     size_spread: Array
     row_weight: Array
-    effective_draws: float
     chi2: float
     readings: int
     at_map: Linearised
@@ -80,8 +81,8 @@ class Posterior:
         seen = Linearised(at.design[:, :, :6], at.residual, at.noise, at.weights, at.information[:6, :6])
         none = np.empty(0)
         prior = replace(self.prior, term_mean=none, term_std=none, term_low=none, term_high=none)
-        return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], map=self.map[:6],
-                       laplace=self.laplace[:6, :6], at_map=seen, prior=prior, terms=())
+        return replace(self, mean=self.mean[:6], covariance=self.covariance[:6, :6], draws=self.draws.first(6),
+                       map=self.map[:6], laplace=self.laplace[:6, :6], at_map=seen, prior=prior, terms=())
 
     @property
     def size_log_std(self) -> Array:
@@ -108,7 +109,7 @@ def posterior(
         before, last_weight = size, row_weight
         noise = noise_model(cell, rows, np.exp(x[:6]))
         design, residual = _linearised(cell, rows, z, noise, x, terms)
-        size = fit_sizes(noise, size, row_weight, design, residual, prior, x)
+        size = fit_sizes(SizePosterior(noise, row_weight, design, residual, prior, x), size)
         row_weight, degrees = student_weights(noise, size, noise.weights(size, row_weight), residual)
         size = NoiseSize(size.sensor, size.force, size.offset, degrees)
         weights = noise.weights(size, row_weight)
@@ -121,9 +122,10 @@ def posterior(
     stated = noise.weights(NoiseSize(1.0, float(noise.stated[1]), float(noise.stated[2])))
     at_map = Linearised(design, residual, noise, weights, information)
     laplace = np.asarray(np.linalg.inv(shrunk(information, size) + prior.precision(x)), dtype=float)
-    spread = size_spread(noise, size, row_weight, design, residual, prior, x)
-    mean, covariance, effective = averaged(noise, design, residual, size, spread, row_weight, prior, x)
-    return Posterior(mean, covariance, x, laplace, size, spread, row_weight, effective,
+    sizes = SizePosterior(noise, row_weight, design, residual, prior, x)
+    spread = size_spread(sizes, size)
+    draws = posterior_draws(noise, design, residual, size, size_trials(sizes, size, spread), row_weight, prior, x)
+    return Posterior(draws.mean, draws.covariance, draws, x, laplace, size, spread, row_weight,
                      float(stated.inner(column, column)[0, 0]), int(noise.measured.sum()), at_map, prior, terms)
 
 
@@ -149,7 +151,12 @@ def _maximise(
     value, damping = cost(x, residual), 0.0
     for number in range(MAX_STEPS):
         curvature = weights.inner(design, design) + prior.search_curvature(x)
-        gradient = weights.inner(design, residual[:, :, None])[:, 0] - prior.gradient(x)
+        pull = weights.inner(design, residual[:, :, None])[:, 0]
+        gradient = pull - prior.gradient(x)
+        # eta is linear in c, not in ln c: where the data want a smaller c, its curvature is larger than Gauss-Newton's, which
+        # would step to and fro for ever.
+        joints = np.arange(6)
+        curvature[joints, joints] += np.maximum(-pull[:6], 0.0)
         step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         step = prior.inside(x + step * min(1.0, 1.0 / max(np.max(np.abs(step / step_limit)), 1e-300))) - x
         change = float(np.sqrt(step @ curvature @ step))

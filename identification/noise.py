@@ -27,8 +27,6 @@ Array = NDArray[np.float64]
 # A part that the cell file leaves out is there all the same: these sizes are the scale of its prior then.
 USUAL_OFFSET_M = 3e-6
 USUAL_FORCE_RELATIVE = 0.005
-# Prior of ln s about the data sheet's sigma: within a factor 2 at one standard deviation.
-LOG_SENSOR_STD = 0.7
 # Degrees of freedom that are tried; the last is the normal distribution, the prior's favourite.
 DEGREES = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 
@@ -162,8 +160,9 @@ def noise_model(cell: Cell, rows: Measurements, compliance: Array) -> NoiseModel
     rotation = np.where(exists[:, :, None], np.swapaxes(vectors, 1, 2) / sensor[:, None, :], 0.0)
     _, visit = np.unique(rows.visit, return_inverse=True)
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
+    sensor_stated = noise.deflection_stated or not np.isnan(rows.sigma).all()
     return NoiseModel(rotation, np.maximum(eigenvalues, 0.0), exists, visit.astype(np.intp), offset,
-                      (True, noise.force_stated, noise.offset_stated))
+                      (sensor_stated, noise.force_stated, noise.offset_stated))
 
 
 def residual_std(cell: Cell, rows: Measurements, size: NoiseSize, compliance: Array) -> Array:
@@ -177,28 +176,6 @@ def residual_std(cell: Cell, rows: Measurements, size: NoiseSize, compliance: Ar
     heavier = 1.0 if np.isinf(size.degrees) else size.degrees / (size.degrees - 2.0)
     own = (size.sensor * sensor) ** 2 + size.force**2 * force
     return np.asarray(np.sqrt(heavier * own + (size.offset * noise.offset) ** 2))
-
-
-def log_prior(model: NoiseModel, size: NoiseSize) -> float:
-    """ln prior of the three sizes, in their logarithms: the sensor's log-normal about the data sheet, the others
-    exponential in the size (zero is possible, several times the stated size is not), for a part that is not stated too."""
-    sensor = -0.5 * (np.log(size.sensor) / LOG_SENSOR_STD) ** 2
-    return float(sensor - size.force + np.log(size.force) - size.offset + np.log(size.offset))
-
-
-def restricted_log_likelihood(
-    model: NoiseModel, size: NoiseSize, row_weight: Array, design: Array, residual: Array, prior_precision: Array,
-    shift: Array,
-) -> float:
-    """ln of the likelihood with the parameters integrated out, linearised: residual = design step + noise,
-    step ~ N(shift, prior_precision^-1). design (n, 3, p), residual (n, 3), both in the model's coordinates."""
-    weights = model.weights(size, row_weight)
-    column = residual[:, :, None]
-    information = weights.inner(design, design) + prior_precision
-    projected = weights.inner(design, column)[:, 0] + prior_precision @ shift
-    step = np.linalg.solve(information, projected)
-    quadratic = float(weights.inner(column, column)[0, 0] + shift @ prior_precision @ shift - projected @ step)
-    return -0.5 * (weights.log_determinant + float(np.linalg.slogdet(information)[1]) + quadratic)
 
 
 def student_weights(model: NoiseModel, size: NoiseSize, weights: Weights, residual: Array) -> tuple[Array, float]:

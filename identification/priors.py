@@ -20,8 +20,9 @@ def _none() -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PriorModel:
-    """The prior in x = (ln c, parameters of effects): median stiffness (6,), std / mean of k; kind "lognormal", or "gaussian"
-    in k with gamma. term_mean, term_std, term_low, term_high (P,): normal prior and bounds of the effects' parameters."""
+    """The prior in x = (ln c, parameters of effects): median stiffness (6,), std / mean of k (6,); kind "lognormal", or
+    "gaussian" in k with gamma. term_mean, term_std, term_low, term_high (P,): normal prior and bounds of the effects'
+    parameters."""
 
     prior: Prior
     kind: PriorKind = "lognormal"
@@ -51,7 +52,7 @@ class PriorModel:
     def precision(self, x: Array) -> Array:
         """Gauss-Newton curvature (6 + P, 6 + P) of -ln prior by x."""
         if self.kind == "lognormal":
-            joints = np.full(6, 1 / self.prior.log_std**2)
+            joints = 1 / self.prior.log_std**2
         else:
             joints = self.gamma * (np.exp(-x[:6]) / (self.prior.relative_std * self.prior.stiffness)) ** 2
         return np.diag(np.concatenate([joints, 1 / self.term_std**2]))
@@ -72,8 +73,8 @@ class PriorModel:
         return np.concatenate([x[..., :6], np.clip(x[..., 6:], self.term_low, self.term_high)], axis=-1)
 
     @property
-    def log_std(self) -> float:
-        """Standard deviation of ln k before the measurements."""
+    def log_std(self) -> Array:
+        """Standard deviation (6,) of ln k before the measurements."""
         if self.kind == "lognormal":
             return self.prior.log_std
-        return float(self.prior.relative_std / np.sqrt(self.gamma))
+        return np.asarray(self.prior.relative_std / np.sqrt(self.gamma))

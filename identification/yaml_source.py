@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import yaml
-from pydantic import AfterValidator, BaseModel, ConfigDict, FiniteFloat, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, FiniteFloat, ValidationError
 
 from identification.findings import CompstiffError, Finding, error
 
@@ -41,10 +42,20 @@ def _unit(value: tuple[float, ...]) -> tuple[float, ...]:
     return value
 
 
+def _for_each_joint(value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError("must be a number, or six of them, one a joint")
+    return (_positive(value),) * 6
+
+
 Positive = Annotated[FiniteFloat, AfterValidator(_positive)]
 NotNegative = Annotated[FiniteFloat, AfterValidator(_not_negative)]
 Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Quaternion = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)]
+# A single number stands for all six joints.
+EachJoint = Annotated[tuple[Positive, Positive, Positive, Positive, Positive, Positive], BeforeValidator(_for_each_joint)]
 Model = TypeVar("Model", bound=BaseModel)
 
 

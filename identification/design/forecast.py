@@ -83,7 +83,7 @@ def joint_forecasts(found: Design) -> tuple[JointForecast, ...]:
     result = []
     for i in range(6):
         grade = "reliable" if after[i] <= RELIABLE_LOG_STD else "tentative"
-        if after[i] / prior_std > UNSEEN_SHRINKAGE:
+        if after[i] / prior_std[i] > UNSEEN_SHRINKAGE:
             grade = "not identifiable"
         partner = int(np.argmax(np.abs(correlation[i])))
         trades = bool(abs(correlation[i, partner]) >= TRADE_OFF)

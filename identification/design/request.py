@@ -97,7 +97,9 @@ def _known(cell: Cell, wanted: Request) -> tuple[Instrument, Array, str, tuple[F
                 f"what {wanted.measured} says already", fit.findings)
     rig = instrument(cell)
     prior = PriorModel(cell.prior, "gaussian" if wanted.preset == "paper" else "lognormal")
-    return rig, prior.precision(np.log(rig.compliance)), f"the prior (relative std {cell.prior.relative_std:g})", ()
+    std = cell.prior.relative_std
+    words = f"{std[0]:g}" if np.all(std == std[0]) else ", ".join(f"{one:g}" for one in std)
+    return rig, prior.precision(np.log(rig.compliance)), f"the prior (relative std {words})", ()
 
 
 def _criterion(cell: Cell, wanted: Request, weight: Array | None, rig: Instrument) -> Criterion:

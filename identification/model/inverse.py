@@ -178,6 +178,16 @@ def nearest_solution(robot: RobotModel, solutions: Solutions, reference: Array) 
     return best, branch
 
 
+def nearest_angles(robot: RobotModel, base_from_flange: Frame, reference: Array) -> Array:
+    """The joint angles (N, 6) [rad] of flange poses nearest to `reference` (N, 6), NaN where no branch reaches; in pieces, so
+    that not all branches of all poses are held at once. Raises as `inverse`."""
+    theta = np.empty_like(reference)
+    for part in chunks(len(reference)):
+        pose = Frame(base_from_flange.rotation[part], base_from_flange.position[part])
+        theta[part], _ = nearest_solution(robot, inverse(robot, pose, reference[part]), reference[part])
+    return theta
+
+
 def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
     """ABB confdata cf1 cf4 cf6 cfx (N, 4) of joint angles (N, 6) [rad].
 
@@ -203,6 +213,15 @@ def configured_solution(
     Axes 1, 4 and 6 stand in the quadrants asked for, a rounding error beyond their ends at most; among the branches
     that do, inside the joint limits, the one with the right cfx wins, else the first.
     """
+    angles, found = np.empty((len(confdata), 6)), np.empty(len(confdata), dtype=bool)
+    for part in chunks(len(confdata)):
+        few = Solutions(solutions.theta[part], solutions.reachable[part])
+        angles[part], found[part] = _configured(robot, few, confdata[part])
+    return angles, found
+
+
+def _configured(robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+    """`configured_solution` of one chunk."""
     count = len(confdata)
     wanted = confdata[:, None, :3] * (np.pi / 2) + np.pi / 4
     theta = solutions.theta.copy()

@@ -15,7 +15,7 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from identification.files import sha256
 from identification.findings import error
-from identification.yaml_source import NotNegative, Positive, Strict, Triple, read_yaml
+from identification.yaml_source import EachJoint, NotNegative, Positive, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
 LoadPath = Literal["drive", "serial"]
@@ -57,7 +57,7 @@ class PriorFile(Strict):
     """The `prior` block of a robot file and of cell.yaml."""
 
     stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-    relative_std: Positive = 2.0
+    relative_std: EachJoint = (2.0,) * 6
 
 
 class _Link(Strict):
@@ -87,15 +87,15 @@ class RobotFile(Strict):
 
 @dataclass(frozen=True)
 class Prior:
-    """Log-normal prior of the joint stiffnesses: median (6,) [N m/rad] and std / mean of k."""
+    """Log-normal prior of the joint stiffnesses: median (6,) [N m/rad] and std / mean (6,) of k."""
 
     stiffness: Array
-    relative_std: float
+    relative_std: Array
 
     @property
-    def log_std(self) -> float:
-        """Standard deviation of log k, and so of log c."""
-        return float(np.sqrt(np.log1p(self.relative_std**2)))
+    def log_std(self) -> Array:
+        """Standard deviation (6,) of log k, and so of log c."""
+        return np.sqrt(np.log1p(self.relative_std**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,7 @@ def read_robot(path: str | Path, *, geometry: bool = True) -> RobotModel:
         acceleration=np.radians([joint.acceleration_deg_s2 for joint in joints]),
         coupling=coupling,
         window=window,
-        prior=Prior(np.array(file.prior.stiffness_nm_per_rad), file.prior.relative_std),
+        prior=Prior(np.array(file.prior.stiffness_nm_per_rad), np.array(file.prior.relative_std)),
         link_mass=None if links is None else np.array([link.mass_kg for link in links]),
         link_centre=None if links is None else 1e-3 * np.array([link.centre_of_mass_mm for link in links]),
         source=Path(path),

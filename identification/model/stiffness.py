@@ -29,6 +29,8 @@ class IdentifiedModel:
 
     mean (6 + P,), covariance (6 + P, 6 + P); each parameter in its own unit. grades (6,): reliable, tentative or not
     identifiable, "" where not judged. fit: figures of the fit as stiffness.json carries them.
+    interval (6 + P, 2): 95 % intervals of x where the posterior's own are known (its tails are heavier than a normal
+    distribution's where few readings must tell the noise too), None: those of N(mean, covariance).
     fall (3,) acceleration of free fall in the base frame [m/s^2], tool_mass [kg] and tool_centre (3,) [m] in the flange frame:
     for effects that gravity torques enter.
     """
@@ -43,6 +45,7 @@ class IdentifiedModel:
     fall: Array = field(default_factory=DOWN.copy)
     tool_mass: float | None = None
     tool_centre: Array | None = None
+    interval: Array | None = None
 
     @property
     def compliance(self) -> Array:
@@ -73,8 +76,13 @@ class IdentifiedModel:
     @property
     def interval_95(self) -> Array:
         """95 % intervals of k (6, 2) [N m/rad], by transformation from ln k."""
-        half = NORMAL_97_5 * self.log_std
-        return np.exp(np.column_stack([-self.mean[:6] - half, -self.mean[:6] + half]))
+        return np.exp(-self._interval[:6, ::-1])
+
+    @property
+    def _interval(self) -> Array:
+        """95 % intervals of x (6 + P, 2)."""
+        half = NORMAL_97_5 * np.sqrt(np.diag(self.covariance))
+        return np.column_stack([self.mean - half, self.mean + half]) if self.interval is None else self.interval
 
     @property
     def stiffness_covariance(self) -> Array:
@@ -97,11 +105,14 @@ class IdentifiedModel:
         return np.exp(-self.mean[:6] + 0.5 * np.diag(self.covariance)[:6])
 
     def scaled(self, factor: float, std: float = 0.0) -> IdentifiedModel:
-        """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are."""
+        """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are.
+
+        The intervals are then those of N(mean, covariance): the factor's error is not in the posterior's own.
+        """
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[:6] += np.log(factor)
         covariance[:6, :6] += (std / factor) ** 2
-        return replace(self, mean=mean, covariance=covariance)
+        return replace(self, mean=mean, covariance=covariance, interval=None)
 
     def situation(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Situation:
         """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench
@@ -159,11 +170,9 @@ class IdentifiedModel:
         """The content of stiffness.json."""
         covariance = self.parameter_covariance
         deviations = np.sqrt(np.diag(covariance))
-        half = NORMAL_97_5 * deviations[6:]
-        around = np.column_stack([self.mean[6:] - half, self.mean[6:] + half])
         names = [*JOINT_NAMES, *(name for one in self.effects for name in one.names)]
         units = ["N*m/rad"] * 6 + [parameter.unit for one in self.effects for parameter in one.effect.parameters]
-        intervals = np.concatenate([self.interval_95, np.clip(around, self.bounds[:, :1], self.bounds[:, 1:])])
+        intervals = np.concatenate([self.interval_95, np.clip(self._interval[6:], self.bounds[:, :1], self.bounds[:, 1:])])
         parameters = [
             {"name": name, "unit": unit, "estimate": float(estimate), "std": float(std),
              "interval_95": [float(low), float(high)], "grade": grade}

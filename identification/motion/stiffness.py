@@ -170,7 +170,7 @@ def _judged(one: AxisStiffness) -> AxisStiffness:
 
 def log_posterior(one: AxisStiffness | None, prior: Prior, joint: int) -> tuple[float, float]:
     """Mean and variance of ln c with the prior of ln c; the prior itself where there is no estimate or it is refused."""
-    mean, std = -float(np.log(prior.stiffness[joint - 1])), prior.log_std
+    mean, std = -float(np.log(prior.stiffness[joint - 1])), float(prior.log_std[joint - 1])
     if one is None or one.refused:
         return mean, std**2
     grid = np.linspace(min(mean - 5 * std, np.log(one.compliance) - 3), max(mean + 5 * std, np.log(one.compliance) + 3), 20001)

@@ -441,6 +441,9 @@ def test_negative_compliances(tmp_path: Path, data: Data) -> None:
         (CELL.replace("[1, 1, 1]", "[1, 0, 1]"), "deflection_std_um"),
         (CELL.replace("quaternion: [1.0", "quaternion: [1.002"), "quaternion"),
         (CELL + "prior: {stiffness_nm_per_rad: [1e6, 1e6, 1e6, 1e6, 1e6, 1e6], relative_std: 0}\n", "relative_std"),
+        (CELL + "prior: {relative_std: [1, 1, 1, 1, 1]}\n", "relative_std"),
+        (CELL + "prior: {relative_std: [1, 1, 1, -1, 1, 1]}\n", "relative_std.4"),
+        (CELL + "prior: {relative_std: wide}\n", "six of them, one a joint"),
         (CELL + "prior: {stiffness_nm_per_rad: [1e6, -1e6, 1e6, 1e6, 1e6, 1e6]}\n", "stiffness_nm_per_rad"),
     ],
 )

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 
 from compensator.forces import TargetForces, place_forces, read_force_log
 from compensator.planning import Plan, plan_path
-from compensator.program_time import on_path
 from compensator.rapid import read_rapid
 from identification.cell import read_cell
 from identification.findings import CompstiffError
@@ -35,8 +34,7 @@ def place(folder: Path, text: str, cell_text: str = CELL, **options) -> TargetFo
     path = folder / "forces.csv"
     path.write_text(text)
     here = plan(folder, cell_text)
-    log = read_force_log(path)
-    return place_forces(on_path(log, here) if log.key == "time" else log, here, here.cell, **options)
+    return place_forces(read_force_log(path), here, here.cell, **options)
 
 
 def log_text(header: str, rows: np.ndarray) -> str:

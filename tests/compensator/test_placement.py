@@ -1,6 +1,7 @@
 """Samples onto the path: by length, and forwards by position."""
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from compensator.placement import arc_length, match_forwards, nearest_target, polyline
@@ -57,6 +58,32 @@ def test_to_and_fro_on_one_line() -> None:
     points = np.array([[0, 0, 0.05], [0, 0, 0], [0, 0, 0.05], [0.02, 0, 0.05], [0.02, 0, 0], [0.02, 0, 0.05]])
     places = np.linspace(0, 0.22, 4000)
     assert np.max(np.abs(follow(points, along(points, places)) - places)) < 4e-4
+
+
+@pytest.mark.parametrize("noise", [1e-6, 2e-5, 2e-4])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_closed_contour_begins_at_its_beginning(noise: float, seed: int) -> None:
+    """Start and end of a contour are one place, and so are those of the same contour a millimetre deeper, but for the depth."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0, 4 * np.pi, 301)
+    points = 0.05 * np.column_stack([np.cos(angle), np.sin(angle), -0.02 * np.floor(angle / 2 / np.pi - 1e-9)])
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    places = np.arange(0, length[-1], 3e-4)
+    samples = along(points, places) + noise * rng.standard_normal((len(places), 3))
+    assert np.mean(np.abs(follow(points, samples) - places) < 1e-4 + 5 * noise) > 0.99
+    once = points[:151]
+    assert np.mean(np.abs(follow(once, samples[places < length[150]]) - places[places < length[150]]) < 1e-4 + 5 * noise) > 0.99
+
+
+def test_a_corner_cut_by_its_zone_is_not_taken_for_another_pass() -> None:
+    """The tool is 2 mm off the corner and just there on the way of a later pass."""
+    points = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0], [0.0465, 0.0015, 0.0], [0.05, -0.05, 0.0]])
+    cut = np.array([[0, 0, 0], [0.045, 0, 0], [0.0465, 0.0015, 0], [0.05, 0.005, 0], *points[2:]])
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(cut, axis=0), axis=1))])
+    places = np.linspace(0, length[-1], 6000)
+    found = follow(points, along(cut, places))
+    assert np.all(np.abs(found - places)[np.isfinite(found)] < 4e-3)
+    assert np.isfinite(found).mean() > 0.99
 
 
 def test_zigzag_with_dwells_and_changing_speed() -> None:

@@ -108,6 +108,16 @@ def test_coverage_under_the_stated_noise(tmp_path) -> None:
     assert np.mean(np.array(distance) <= 12.59) > 0.87       # chi-squared, 6 degrees of freedom, 95 %
 
 
+def test_a_scaled_model_s_intervals_are_scaled(tmp_path) -> None:
+    """Compliances found 1.1 times as large, known to 2 %: the intervals move by it and widen, and are not the old ones."""
+    model = fit_stiffness(*simulate(tmp_path, np.random.default_rng(1))).model
+    assert model.interval is not None
+    scaled = model.scaled(1.1, 0.022)
+    ratio = np.log(scaled.interval_95[:, 1] / scaled.interval_95[:, 0])
+    assert_allclose(np.sqrt(scaled.interval_95.prod(axis=1)), model.stiffness / 1.1, rtol=1e-9)
+    assert_allclose(ratio, 2 * 1.959964 * np.hypot(model.log_std, 0.02), rtol=1e-6)
+
+
 def test_the_paper_s_x_only_data_say_nothing_of_joint_6(tmp_path) -> None:
     """Forces along x in the plane of the arm, as in the paper: joints 1, 4 and 6 stay at the prior and are graded so."""
     cell = read_cell(write_cell(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\n"))
@@ -120,7 +130,7 @@ def test_the_paper_s_x_only_data_say_nothing_of_joint_6(tmp_path) -> None:
     for joint in (0, 3, 5):
         assert fit.model.grades[joint] == "not identifiable"
         assert_allclose(fit.model.stiffness[joint], cell.prior.stiffness[joint], rtol=1e-9)
-        assert_allclose(fit.model.log_std[joint], cell.prior.log_std, rtol=1e-9)
+        assert_allclose(fit.model.log_std[joint], cell.prior.log_std[joint], rtol=1e-9)
     unseen = [finding for finding in fit.findings if finding.code == "CS1012"]
     assert [finding.message[:2] for finding in unseen] == ["k1", "k4", "k6"]
     assert all("was never loaded" in finding.message for finding in unseen)

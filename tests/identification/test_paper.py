@@ -161,7 +161,7 @@ def test_the_package_says_that_x_says_nothing_of_joints_1_4_and_6(tmp_path) -> N
         for kind in ("gaussian", "lognormal"):
             model = fit_stiffness(cell, paper.as_measurements(design, z, design.rows("X")), prior_kind=kind).model
             assert [model.grades[joint] for joint in (0, 3, 5)] == 3 * ["not identifiable"]
-            # The log-normal posterior's mean is of 4000 weighted draws.
+            # The log-normal posterior's mean is of weighted draws.
             assert_allclose(model.stiffness[[0, 3, 5]], paper.TABLE_1[[0, 3, 5]], rtol=1e-6 if kind == "gaussian" else 0.05)
             assert model.grades[4] == "reliable"
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.stats import chi2
@@ -117,8 +118,17 @@ def test_profiles(tmp_path) -> None:
     assert kinds[2] == "bounded"
 
 
-def test_the_paper_s_prior_gives_the_minimum_of_its_equation_12(tmp_path) -> None:
+@pytest.mark.parametrize("width", [
+    pytest.param(None, id="a share of k0"),
+    # Equal for all joints, in (N m/rad): Gamma_0 is a multiple of the identity.
+    pytest.param(1e6, id="the identity"),
+])
+def test_the_paper_s_prior_gives_the_minimum_of_its_equation_12(tmp_path, width) -> None:
     cell, rows = simulate(tmp_path, np.random.default_rng(5), poses=3, loads=2)
+    std = 2.0 * cell.prior.stiffness
+    if width is not None:
+        each = ", ".join(f"{width / k!r}" for k in cell.prior.stiffness.tolist())
+        cell, std = read_cell(write_cell(tmp_path, BARE + f"prior: {{relative_std: [{each}]}}\n")), np.full(6, width)
     fit = fit_stiffness(cell, rows, prior_kind="gaussian", gamma=2.0)
     at, prior = fit.posterior.at_map, cell.prior
 
@@ -126,7 +136,7 @@ def test_the_paper_s_prior_gives_the_minimum_of_its_equation_12(tmp_path) -> Non
         k = share * prior.stiffness
         predicted = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, 1 / k).position
         r = np.einsum("nij,nj->ni", at.noise.rotation, rows.deflection - predicted)[:, :, None]
-        return float(0.5 * at.weights.inner(r, r)[0, 0] + np.sum(((share - 1) / prior.relative_std) ** 2))
+        return float(0.5 * at.weights.inner(r, r)[0, 0] + np.sum(((k - prior.stiffness) / std) ** 2))
 
     best = minimize(objective, np.exp(-fit.posterior.map) / prior.stiffness, method="Nelder-Mead",
                     options={"xatol": 1e-6, "fatol": 1e-9, "maxiter": 6000, "maxfev": 6000})
