@@ -194,7 +194,7 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     rows = read_measurements(plan, cell.robot, planned=True)
-    found, left_out = outlook(cell, rows)
+    found, left_out = outlook(cell, rows.select(~rows.validate))
     content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
                "not_offered": left_out}
     if output:
@@ -209,6 +209,9 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
         return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
     if verdict == "adequate":
         return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+    if verdict == "ambiguous":
+        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
+                "loads that tell them apart; measure them, add the rows, then diagnose again")
     return f"measure what next_measurements in {output} says, add the rows, then diagnose again"
 
 

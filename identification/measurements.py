@@ -61,6 +61,15 @@ class Measurements:
             "machined_pass", "pose", "row", "line")}
         return Measurements(source=self.source, findings=self.findings, **arrays)
 
+    def followed_by(self, other: Measurements) -> Measurements:
+        """These rows and then those of `other`, whose visits, references, row numbers and times go on from these."""
+        after = {"visit": self.visit.max() + 1, "reference": self.reference.max() + 1, "row": self.row.max(),
+                 "line": self.line.max(), "time": np.nanmax(self.time, initial=0.0)}
+        arrays = {name: np.concatenate([getattr(self, name), getattr(other, name) + after.get(name, 0)]) for name in (
+            "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate", "row", "line")}
+        labels = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("machined_pass", "pose")}
+        return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
+
 
 def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = False) -> Measurements:
     """Reads measurements.csv (or Parquet) for this robot; planned: a plan, whose deflections may all be empty.

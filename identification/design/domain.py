@@ -1,33 +1,60 @@
-"""Which runs are admissible (paper eq. 19-21, DESIGN.md physics 5), as smooth constraints and as a random pool.
+"""Which runs are admissible (paper eq. 19-21, DESIGN.md physics 5), and a random pool of such runs.
 
     joints    inside their limits by a margin, the parallel rod's angle inside its window by the same
     place     the TCP at one of the given positions, or anywhere in a box
     phi       |phi| <= limit, phi the angle in the base x-y plane from (TCP - base origin) to (TCP - origin of joint 6)
-    wrist     axis 5 away from its singularity
+    singular  the wrist, the elbow and the shoulder away from where axes 4 and 6, the arm's links, or the wrist's centre and
+              axis 1 are in line
     signal    the predicted deflection inside the sensors' range, and well above their noise
 
-Inequalities are `g <= 0` with g of order one; phi is written as `cos(limit) |a| |b| - a . b <= 0` with a and b those vectors'
-horizontal parts, which holds by itself where the tool is vertical. Forces are admissible by the slots' construction.
+As smooth inequalities they stand in constraints.py. Collisions are not among them: what stands in the cell is not known here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.design.information import Instrument, Stance, largest_deflection, run_information, stance
-from identification.design.loads import Slot
+from identification.design.constraints import Margins, inequalities
+from identification.design.information import Instrument, run_information
+from identification.design.loads import Loads, LoadTable, Slot
+from identification.design.stance import Stance, stance
 from identification.findings import error
 from identification.model.inverse import inverse
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 # A plan is feasible where nothing exceeds its limit by more than this (in units of g; positions in metres).
 TOLERANCE = 1e-6
 MOST_DRAWS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """n admissible runs: theta (n, 6) [rad], slot and place (n,), line (n, 3) along which a free slot is loaded (base x for the
+    others), information (n, 6, 6)."""
+
+    theta: Array
+    slot: Indices
+    place: Indices
+    line: Array
+    information: Array
+
+    def __len__(self) -> int:
+        return len(self.theta)
+
+    def take(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Pool:
+        """Some of them."""
+        return Pool(self.theta[rows], self.slot[rows], self.place[rows], self.line[rows], self.information[rows])
+
+    def joined(self, other: Pool) -> Pool:
+        """Both."""
+        return Pool(*(np.concatenate([getattr(self, name), getattr(other, name)])
+                      for name in ("theta", "slot", "place", "line", "information")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,24 +62,24 @@ class Domain:
     """The admissible runs.
 
     positions (K, 3) [m] of the TCP in the base frame, or box (2, 3) [m] with its lowest and highest corner, the other None.
-    phi [rad], None for no window. margin [rad] to the joint limits, wrist [rad] from the singularity. range [m] of the
-    sensors; signal: smallest deflection in its largest component's sigmas.
+    margins: of all the rest.
     """
 
     rig: Instrument
     slots: tuple[Slot, ...]
     positions: Array | None
     box: Array | None = None
-    phi: float | None = float(np.radians(80))
-    margin: float = float(np.radians(2))
-    wrist: float = float(np.radians(10))
-    range: float = 5e-3
-    signal: float = 10.0
+    margins: Margins = field(default_factory=Margins)
 
     @cached_property
     def limits(self) -> Array:
         """Joint limits (6, 2) [rad] less the margin."""
-        return np.asarray(self.rig.cell.robot.limits + self.margin * np.array([1.0, -1.0]))
+        return np.asarray(self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0]))
+
+    @cached_property
+    def table(self) -> LoadTable:
+        """The slots' loads."""
+        return LoadTable(self.slots)
 
     @property
     def places(self) -> int:
@@ -61,85 +88,69 @@ class Domain:
 
     def look(self, theta: Array) -> Stance:
         """The arm at controller angles (n, 6) [rad]."""
-        return stance(self.rig, theta)
+        return stance(self.rig.cell.robot, self.rig.cell.flange_from_tcp, theta)
 
-    def inequalities(self, theta: Array, seen: Stance, slot: int) -> Array:
-        """g (n, q), admissible where not positive, without the joint limits."""
-        robot = self.rig.cell.robot
-        parts = [np.sin(self.wrist) ** 2 - np.sin(robot.serial_angles(theta)[:, 4:5]) ** 2]
-        if robot.window is not None:
-            joint, low, high = robot.window
-            angle = (theta @ robot.coupling[joint])[:, None]
-            parts += [low + self.margin - angle, angle - high + self.margin]
-        if self.phi is not None:
-            towards, tool = seen.tcp[:, :2], seen.lever[:, :2]
-            size = np.linalg.norm(towards, axis=1) * np.linalg.norm(tool, axis=1)
-            longest = np.linalg.norm(seen.tcp, axis=1) * np.linalg.norm(seen.lever, axis=1) + 1e-12
-            parts.append(((np.cos(self.phi) * size - np.sum(towards * tool, axis=1)) / longest)[:, None])
-        moved = largest_deflection(self.rig, seen.columns, self.slots[slot])
-        parts.append(np.abs(moved).max(axis=2) / self.range - 1)
-        loaded = self.slots[slot].largest > 0
-        sigmas = np.sqrt(np.sum((moved[:, :, loaded] / self.rig.sensor[:, None]) ** 2, axis=1)).min(axis=1)
-        parts.append((1 - sigmas / self.signal)[:, None])
-        if self.box is not None:
-            parts += [self.box[0] - seen.tcp, seen.tcp - self.box[1]]
-        return np.concatenate(parts, axis=1)
-
-    def equalities(self, seen: Stance, place: NDArray[np.intp]) -> Array:
+    def equalities(self, seen: Stance, place: Indices) -> Array:
         """TCP minus its wanted position (n, 3) [m], (n, 0) in a box; place (n,): which position."""
         return seen.tcp[:, :0] if self.positions is None else seen.tcp - self.positions[place]
 
-    def excess(self, theta: Array, slot: NDArray[np.intp], place: NDArray[np.intp]) -> Array:
+    def runs(self, theta: Array, slot: Indices, place: Indices, line: Array) -> Pool:
+        """Runs with these angles, slots, places and lines."""
+        loads = self.table.of(slot, line)
+        return Pool(theta, slot, place, line, run_information(self.rig, self.look(theta).columns, loads))
+
+    def excess(self, runs: Pool) -> Array:
         """Largest violation (n,) of any constraint, not positive where admissible to the last digit."""
-        seen = self.look(theta)
-        worst = np.maximum(self.limits[:, 0] - theta, theta - self.limits[:, 1]).max(axis=1)
-        for s in np.unique(slot):
-            rows = slot == s
-            part = Stance(seen.columns[rows], seen.tcp[rows], seen.lever[rows])
-            worst[rows] = np.maximum(worst[rows], self.inequalities(theta[rows], part, int(s)).max(axis=1))
-        off = self.equalities(seen, place)
+        seen = self.look(runs.theta)
+        worst = np.maximum(self.limits[:, 0] - runs.theta, runs.theta - self.limits[:, 1]).max(axis=1)
+        loads = self.table.of(runs.slot, runs.line)
+        worst = np.maximum(worst, inequalities(self.rig, self.margins, self.box, runs.theta, seen, loads).max(axis=1))
+        off = self.equalities(seen, runs.place)
         return np.asarray(np.maximum(worst, np.abs(off).max(axis=1, initial=0.0)))
 
-    def centred(self, theta: Array, place: NDArray[np.intp]) -> Array:
+    def centred(self, theta: Array, place: Indices) -> Array:
         """theta (n, 6) with the TCP put exactly at its position, by a few Newton steps of least joint motion."""
         if self.positions is None:
             return theta
-        drive = np.linalg.pinv(self.rig.cell.robot.load_matrix)     # the springs' axes back to serial ones, and to the drives
-        back = self.rig.cell.robot.uncoupling
         for _ in range(3):
             seen = self.look(theta)
-            serial = seen.columns @ drive @ np.linalg.inv(back)
-            theta = theta - np.einsum("nij,nj->ni", np.linalg.pinv(serial), self.equalities(seen, place))
+            slope = np.swapaxes(seen.serial, 1, 2) @ self.rig.cell.robot.coupling
+            theta = theta - np.einsum("nij,nj->ni", np.linalg.pinv(slope), self.equalities(seen, place))
         return theta
-
-
-@dataclass(frozen=True, eq=False)
-class Pool:
-    """n admissible runs: theta (n, 6) [rad], slot and place (n,), information (n, 6, 6)."""
-
-    theta: Array
-    slot: NDArray[np.intp]
-    place: NDArray[np.intp]
-    information: Array
-
-    def __len__(self) -> int:
-        return len(self.theta)
-
-    def take(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Pool:
-        """Some of them."""
-        return Pool(self.theta[rows], self.slot[rows], self.place[rows], self.information[rows])
-
-    def joined(self, other: Pool) -> Pool:
-        """Both."""
-        return Pool(*(np.concatenate([getattr(self, name), getattr(other, name)])
-                      for name in ("theta", "slot", "place", "information")))
 
 
 def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
     """Random admissible runs: about `poses` poses, tool orientations uniform over all rotations, every branch of the inverse
-    kinematics, each with every slot. Raises CompstiffError (CS1601) where none is admissible."""
+    kinematics, each with every slot, a free one along a random line. Raises CompstiffError (CS1601) where none fits."""
+    theta, place, drawn = _poses_in_place(domain, poses, rng)
+    seen = domain.look(theta)
+    pools = []
+    for number in range(len(domain.slots)):
+        line = np.tile([1.0, 0.0, 0.0], (len(theta), 1))
+        if domain.slots[number].free:
+            line = rng.standard_normal((len(theta), 3))
+            line /= np.linalg.norm(line, axis=1, keepdims=True)
+        loads: Loads = domain.table.of(np.full(len(theta), number), line)
+        good = np.zeros(0, dtype=bool)
+        if len(theta):
+            good = inequalities(domain.rig, domain.margins, domain.box, theta, seen, loads).max(axis=1) <= 0
+        pools.append(domain.runs(theta[good], np.full(int(good.sum()), number, dtype=np.intp), place[good], line[good]))
+    if not all(map(len, pools)):
+        empty = next(domain.slots[i].name for i, pool in enumerate(pools) if not len(pool))
+        raise error("CS1601", f"of {drawn} random tool orientations at the wanted place none is admissible with a load along "
+                    f"{empty}: {len(theta)} are in reach and inside the joint limits, none also inside the orientation window, "
+                    "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
+                    hint="move the place with --position, widen --phi, or check the tool in cell.yaml")
+    result = pools[0]
+    for pool in pools[1:]:
+        result = result.joined(pool)
+    return result
+
+
+def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tuple[Array, Indices, int]:
+    """Angles (n, 6) [rad] inside the joint limits with the TCP in place, which place (n,), and how many were drawn."""
     robot, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
-    found: list[tuple[Array, NDArray[np.intp]]] = []
+    found: list[tuple[Array, Indices]] = []
     count = drawn = 0
     for _ in range(MOST_DRAWS):
         draws = max(poses, 200)
@@ -157,25 +168,9 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
         fits = solved.reachable.reshape(-1) & inside.all(axis=1)
         theta, spot = theta[fits], np.repeat(place, solved.theta.shape[1])[fits]
         drawn += draws
-        found.append((theta, spot))
+        found.append((theta, spot.astype(np.intp)))
         count += len(theta)
         if count >= poses:
             break
     theta, place = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    theta, place = theta[:poses], place[:poses]
-    seen = domain.look(theta)
-    pools = []
-    for number, one in enumerate(domain.slots):
-        good = domain.inequalities(theta, seen, number).max(axis=1) <= 0 if len(theta) else np.zeros(0, dtype=bool)
-        pools.append(Pool(theta[good], np.full(int(good.sum()), number), place[good],
-                          run_information(domain.rig, seen.columns[good], one)))
-    if not all(map(len, pools)):
-        empty = next(domain.slots[i].name for i, pool in enumerate(pools) if not len(pool))
-        raise error("CS1601", f"of {drawn} random tool orientations at the wanted place none is admissible with a load along "
-                    f"{empty}: {len(theta)} are inside the joint limits, none of them also inside the orientation window, away "
-                    "from the wrist's singularity and within the sensors' range", file=str(domain.rig.cell.source),
-                    hint="move the place with --position, widen --phi, or check the tool in cell.yaml")
-    result = pools[0]
-    for pool in pools[1:]:
-        result = result.joined(pool)
-    return result
+    return theta[:poses], place[:poses], drawn

@@ -13,6 +13,7 @@ from identification.design.procedure import Design
 from identification.design.sheet import Sheet, as_measurements
 from identification.diagnosis.plan import Outlook, outlook
 from identification.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
+from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
 
@@ -58,9 +59,12 @@ class Forecast:
         }
 
 
-def forecast(found: Design, rows: Sheet, rng: np.random.Generator) -> Forecast:
-    """The forecast of a plan whose rows are `rows`."""
-    causes, left_out = outlook(found.task.domain.rig.cell, as_measurements(rows))
+def forecast(found: Design, rows: Sheet, measured: Measurements | None, rng: np.random.Generator) -> Forecast:
+    """The forecast of a plan whose rows are `rows`, taken after those that are measured already, if any."""
+    planned = as_measurements(rows)
+    if measured is not None:
+        planned = measured.select(~measured.validate).followed_by(planned)
+    causes, left_out = outlook(found.task.domain.rig.cell, planned)
     count = len(found.task.demand)
     free = len(found.task.demand.counts) == 1
     runs = tuple(sorted({*range(1, min(count, 4) + 1), count, *(round(count * share) for share in (0.5, 1.5, 2.0))} - {0}))

@@ -1,4 +1,4 @@
-"""What one run tells: its share of the posterior precision of ln c.
+"""What one run tells: its share of the posterior precision of ln c, and how that changes with the pose.
 
 A run is a pose and a list of loads f_l. To first order (DESIGN.md, physics 3) the deflection under f_l is `D_l 1` with
 
@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
-from identification.design.loads import Slot
-from identification.model.kinematics import chain, chunks
+from identification.design.loads import Loads
 from identification.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
 
 Array = NDArray[np.float64]
@@ -51,53 +50,66 @@ def instrument(cell: Cell, compliance: Array | None = None) -> Instrument:
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
-    """The arm at n poses: columns (n, 3, 6) [m/rad], position rows of the springs' Jacobian; tcp (n, 3) [m] in the base frame;
-    lever (n, 3) [m] from the origin of joint 6's frame (the flange) to the TCP."""
+class _Parts:
+    """The pieces of m for n runs with K distinct loads, as named above; `weighted` N^-1 D, `inner` R (1 + R T R)^-1 R."""
 
-    columns: Array
-    tcp: Array
-    lever: Array
-
-
-def stance(rig: Instrument, theta: Array) -> Stance:
-    """The arm at controller angles (n, 6) [rad]."""
-    robot = rig.cell.robot
-    columns, tcp, lever = np.empty((len(theta), 3, 6)), np.empty((len(theta), 3)), np.empty((len(theta), 3))
-    for part in chunks(len(theta)):
-        frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta[part]).T))
-        arm = np.einsum("ijn,j->in", frames.rotation, rig.cell.flange_from_tcp.position)
-        point = frames.origins[5] + arm
-        columns[part] = np.einsum("icn,ij->ncj", np.cross(frames.axes, point - frames.origins, axis=1), robot.load_matrix)
-        tcp[part], lever[part] = point.T, arm.T
-    return Stance(columns, tcp, lever)
+    carried: Array
+    variance: Array
+    precision: Array
+    design: Array
+    weighted: Array
+    shared: Array
+    inner: Array
 
 
-def largest_deflection(rig: Instrument, columns: Array, slot: Slot) -> Array:
-    """Predicted deflection (n, 3, 3) [m] under the slot's largest force along each base axis; columns: of `stance`.
-    Second index: the component, third: the axis of the force."""
-    compliance = np.einsum("nai,i,nbi->nab", columns, rig.compliance, columns)
-    return np.asarray(compliance * slot.largest)
-
-
-def run_information(rig: Instrument, columns: Array, slot: Slot) -> Array:
-    """m (n, 6, 6) of runs with these loads at n poses; columns (n, 3, 6): of `stance`."""
-    count = len(columns)
+def _parts(rig: Instrument, columns: Array, loads: Loads) -> _Parts:
     softened = columns * rig.compliance
     carried = softened @ np.swapaxes(columns, 1, 2)
-    total, shared, common = np.zeros((count, 6, 6)), np.zeros((count, 3, 6)), np.zeros((count, 3, 3))
-    # Rows with the same magnitudes have the same noise, and along one axis the same D up to its sign.
-    for magnitude, signs in slot.grouped:
-        variance = rig.force**2 + (rig.relative * magnitude) ** 2
-        noise = np.diag(rig.sensor**2) + (carried * variance) @ np.swapaxes(carried, 1, 2)
-        precision = np.linalg.inv(noise)
-        common += signs.size * precision
-        if magnitude.any():
-            design = softened * (magnitude @ columns)[:, None, :]
-            weighted = precision @ design
-            total += signs.size * (np.swapaxes(design, 1, 2) @ weighted)
-            shared += float(np.sum(signs)) * weighted
+    variance = rig.force**2 + (rig.relative * loads.force) ** 2
+    noise = np.diag(rig.sensor**2) + (carried[:, None] * variance[:, :, None, :]) @ np.swapaxes(carried, 1, 2)[:, None]
+    precision = np.asarray(np.linalg.inv(noise), dtype=float)
+    design = softened[:, None] * (loads.force @ columns)[:, :, None, :]
+    weighted = precision @ design
+    common = np.sum(loads.rows[:, :, None, None] * precision, axis=1)
+    shared = np.sum(loads.surplus[:, :, None, None] * weighted, axis=1)
     root = np.diag(rig.offset)
     inner = root @ np.linalg.inv(np.eye(3) + root @ common @ root) @ root
-    result = total - np.swapaxes(shared, 1, 2) @ inner @ shared
+    return _Parts(carried, variance, precision, design, weighted, shared, inner)
+
+
+def run_information(rig: Instrument, columns: Array, loads: Loads) -> Array:
+    """m (n, 6, 6) of n runs; columns (n, 3, 6) [m/rad]: position rows of the springs' Jacobian."""
+    parts = _parts(rig, columns, loads)
+    total = np.sum(loads.rows[:, :, None, None] * (np.swapaxes(parts.design, 2, 3) @ parts.weighted), axis=1)
+    result = total - np.swapaxes(parts.shared, 1, 2) @ parts.inner @ parts.shared
     return np.asarray(0.5 * (result + np.swapaxes(result, 1, 2)))
+
+
+def information_slope(rig: Instrument, columns: Array, loads: Loads, weight: Array) -> tuple[Array, Array]:
+    """Derivatives of trace(weight m) (n,): by the columns (n, 3, 6), and by the loads' forces (n, K, 3); weight (6, 6)
+    symmetric.
+
+    Backwards through the formula: X = I B and Y = X W with I the inner matrix and W the weight; the derivative by
+    N_l^-1 is `n (D W D^T + X W X^T) - s (Y D^T + D Y^T)`, by D_l `2 N^-1 (n D W - s Y)`, n rows, s their surplus.
+    """
+    parts = _parts(rig, columns, loads)
+    rows, surplus = loads.rows[:, :, None, None], loads.surplus[:, :, None, None]
+    across = (parts.inner @ parts.shared)[:, None]
+    mixed = across @ weight
+    told = parts.design @ weight
+    one_way = mixed @ np.swapaxes(parts.design, 2, 3)
+    by_precision = rows * (told @ np.swapaxes(parts.design, 2, 3) + mixed @ np.swapaxes(across, 2, 3)) - surplus * (
+        one_way + np.swapaxes(one_way, 2, 3))
+    by_design = 2 * parts.precision @ (rows * told - surplus * mixed)
+    by_noise = -parts.precision @ by_precision @ parts.precision
+    # N = S + G F G: by G, and by the force through F.
+    half = by_noise @ parts.carried[:, None] * parts.variance[:, :, None, :]
+    by_carried = np.sum(half + np.swapaxes(half, 2, 3), axis=1)
+    by_columns = 2 * (by_carried @ columns) * rig.compliance
+    turned = np.einsum("nkai,nai->nki", by_design, columns)
+    torque = loads.force @ columns
+    by_columns += rig.compliance * np.sum(
+        torque[:, :, None, :] * by_design + loads.force[:, :, :, None] * turned[:, :, None, :], axis=1)
+    by_variance = np.einsum("nab,nkbc,nca->nka", parts.carried, by_noise, parts.carried)
+    by_force = (turned * rig.compliance) @ np.swapaxes(columns, 1, 2) + 2 * rig.relative**2 * loads.force * by_variance
+    return by_columns, by_force

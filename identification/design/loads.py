@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 AXES = "xyz"
+FREE = "free"
 # Up in three steps, back to zero, two steps to the other side: both signs, more than three magnitudes, a zero reading between.
 CYCLE = (0.0, 1 / 3, 2 / 3, 1.0, 0.0, -0.5, -1.0)
 SINGLE = (0.0, 1.0)
@@ -18,16 +21,22 @@ PROTOCOLS = {"cycle": CYCLE, "single": SINGLE}
 
 @dataclass(frozen=True, eq=False)
 class Slot:
-    """name: the axes that are loaded, such as "y". forces (L, 3) [N] at the TCP in the base frame, in their order."""
+    """name: the axes that are loaded, such as "y", or "free" for a line of its own at each pose. forces (L, 3) [N] at the TCP
+    in the base frame, in their order; of a free slot, as if that line were x."""
 
     name: str
     forces: Array
 
-    @cached_property
-    def largest(self) -> Array:
-        """Largest magnitude along each base axis (3,) [N]."""
-        return np.asarray(np.abs(self.forces).max(axis=0))
+    @property
+    def free(self) -> bool:
+        """Whether each run has a line of its own."""
+        return self.name == FREE
 
+    def along(self, line: Array) -> Array:
+        """The forces (L, 3) [N] of a run; line (3,): where a free slot's loads act."""
+        if not self.free:
+            return self.forces
+        return np.asarray(self.forces[:, :1] * line, dtype=float)
 
     @cached_property
     def grouped(self) -> list[tuple[Array, Array]]:
@@ -42,8 +51,74 @@ class Slot:
                 found.append((force, [1.0]))
         return [(force, np.array(signs)) for force, signs in found]
 
+    @cached_property
+    def peaks(self) -> Array:
+        """The largest force (A, 3) [N] along each axis that is loaded."""
+        largest = np.abs(self.forces).max(axis=0)
+        return np.asarray(np.diag(largest)[largest > 0], dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """The loads of n runs (or of one, for all). force (n, K, 3) [N]: distinct ones up to their sign; rows (n, K): how many rows
+    have them; surplus (n, K): rows with them less rows against; peak (n, A, 3) [N]: the largest along each axis.
+
+    by_line (n, K), peak_by_line (n, A): derivative of force and peak by the run's line, 0 where it has none.
+    """
+
+    force: Array
+    rows: Array
+    surplus: Array
+    peak: Array
+    by_line: Array
+    peak_by_line: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LoadTable:
+    """The loads of all slots, padded to one size by loads that no row has and by peaks that are there already."""
+
+    slots: tuple[Slot, ...]
+
+    @cached_property
+    def _stacked(self) -> Loads:
+        most = max(len(one.grouped) for one in self.slots)
+        peaks = max(len(one.peaks) for one in self.slots)
+        force, peak = np.zeros((len(self.slots), most, 3)), np.zeros((len(self.slots), peaks, 3))
+        rows, surplus = np.zeros((2, len(self.slots), most))
+        for s, one in enumerate(self.slots):
+            for k, (magnitude, signs) in enumerate(one.grouped):
+                force[s, k], rows[s, k], surplus[s, k] = magnitude, signs.size, signs.sum()
+            peak[s] = one.peaks[np.minimum(np.arange(peaks), len(one.peaks) - 1)]
+        free = np.array([one.free for one in self.slots])[:, None]
+        return Loads(force, rows, surplus, peak, np.where(free, force[:, :, 0], 0.0), np.where(free, peak[:, :, 0], 0.0))
+
+    @property
+    def free(self) -> bool:
+        """Whether a run may have a line of its own."""
+        return any(one.free for one in self.slots)
+
+    def of(self, slot: Indices, line: Array) -> Loads:
+        """The loads of runs with these slots (n,); line (n, 3): the lines of those that have one."""
+        table = self._stacked
+        force, peak = table.force[slot], table.peak[slot]
+        by_line, peak_by_line = table.by_line[slot], table.peak_by_line[slot]
+        if self.free:
+            own = np.array([one.free for one in self.slots])[slot][:, None, None]
+            force = np.where(own, by_line[:, :, None] * line[:, None], force)
+            peak = np.where(own, peak_by_line[:, :, None] * line[:, None], peak)
+        return Loads(force, table.rows[slot], table.surplus[slot], peak, by_line, peak_by_line)
+
 
 def slot(axes: str, protocol: str, force: float) -> Slot:
-    """The protocol along each of `axes` in turn, one base axis at a time, up to +-force [N]."""
+    """The protocol along each of `axes` in turn, one base axis at a time, up to +-force [N]; axes "free": along a line of the
+    run's own."""
     steps = force * np.array(PROTOCOLS[protocol])
+    if axes == FREE:
+        return Slot(FREE, np.outer(steps, np.eye(3)[0]))
     return Slot(axes, np.concatenate([np.outer(steps, np.eye(3)[AXES.index(axis)]) for axis in axes]))
+
+
+def loads_of(one: Slot, line: Sequence[float] = (1.0, 0.0, 0.0)) -> Loads:
+    """The loads of one slot, for any number of runs."""
+    return LoadTable((one,)).of(np.zeros(1, dtype=np.intp), np.array([line], dtype=float))

@@ -11,11 +11,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.design.domain import Pool
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 STARTS = 60
 # Seconds of travel a mean place that is off by half the plan is worth.
 BALANCE_S = 30.0
+
+
+def kinds(runs: Pool) -> Indices:
+    """What the order balances (n,): the slots, or the base axis nearest to the line where each run has one of its own."""
+    return runs.slot if len(np.unique(runs.slot)) > 1 else np.abs(runs.line).argmax(axis=1).astype(np.intp)
 
 
 def travel(theta: Array, speed: Array) -> Array:

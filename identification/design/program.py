@@ -72,15 +72,24 @@ def _visit(rows: Sheet, number: int, behind: Array) -> dict[str, Any]:
     prompts = []
     for row in np.flatnonzero(rows.visit == number):
         force = rows.force[row]
-        axis = int(np.argmax(np.abs(force)))
-        load = f"F{'xyz'[axis]} = {force[axis]:+g} N" if force.any() else "no load"
-        prompts.append({"ask": f"{label}: {load}. Then hold {rows.dwell[row]:g} s", "wait_s": f"{rows.dwell[row]:g}",
-                        "then": f"{label}, row {row + 1}, {load}: write down dx dy dz and the time"})
+        held = f"{rows.dwell[row]:g}"
+        prompts.append({"ask": f"{label}: {_load(force, 1)}. Then hold {held} s", "wait_s": held,
+                        "then": f"{label}, row {row + 1}, {_load(force, 0)}: write down dx dy dz and the time"})
     visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(rows.label),
                              "joints": np.degrees(rows.theta[number]).tolist(), "prompts": prompts}
     if np.isfinite(behind).all():
         visit["approach"] = np.degrees(behind).tolist()
     return visit
+
+
+def _load(force: Array, digits: int) -> str:
+    """A force [N] as the operator sets it; digits: of one along a line of its own, few where the prompt is long."""
+    if not force.any():
+        return "no load"
+    if np.count_nonzero(force) == 1:
+        axis = int(np.argmax(np.abs(force)))
+        return f"F{'xyz'[axis]} = {force[axis]:+g} N"
+    return f"F = ({' '.join(f'{part + 0.0:.{digits}f}' for part in force)}) N"
 
 
 def _tool(cell: Cell) -> dict[str, Any]:

@@ -1,77 +1,32 @@
 """Continuous refinement of a plan: sequential quadratic programming with BFGS (SciPy SLSQP, the paper's solver, eq. 20).
 
-Variables are the controller angles of all runs; slots and positions stay. With Gamma = grad ln Phi(M) (6, 6) the objective's
-derivative is `-trace(Gamma dm_r / dtheta)`; dm, dg and dh come from one batch of central differences, in which every run's
-six angles are moved at once for all runs together, so that a gradient costs one vectorised call.
+Variables are the controller angles of all runs, and the line of the load where that is free (three components, of length
+one); slots and positions stay. With Gamma = grad ln Phi(M) (6, 6) the objective's derivative is `-trace(Gamma dm_r)`, analytic
+as those of the constraints are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.design.constraints import inequalities, inequality_slopes
 from identification.design.criteria import Criterion
 from identification.design.domain import TOLERANCE, Domain, Pool
-from identification.design.information import Stance, run_information
+from identification.design.information import information_slope, run_information
+from identification.design.loads import Loads
+from identification.design.stance import Stance, by_angles, columns_slope
+from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-STEP = 1e-5
-MOST_ITERATIONS = 80
-
-
-@dataclass(frozen=True, eq=False)
-class Local:
-    """Runs about one point: information (N, 6, 6), inequalities (N, q), equalities (N, e), and their derivatives by the angles
-    (N, 6, 6, 6), (N, 6, q), (N, 6, e), second index the angle."""
-
-    information: Array
-    inequality: Array
-    equality: Array
-    information_slope: Array
-    inequality_slope: Array
-    equality_slope: Array
-
-
-def _values(domain: Domain, theta: Array, slot: Indices, place: Indices) -> tuple[Array, Array, Array]:
-    """Information (N, 6, 6), inequalities (N, q) and equalities (N, e) of runs."""
-    seen = domain.look(theta)
-    information: Array = np.empty((len(theta), 6, 6))
-    inequality: Array = np.empty((len(theta), 0))
-    for s in np.unique(slot):
-        rows = slot == s
-        part = Stance(seen.columns[rows], seen.tcp[rows], seen.lever[rows])
-        information[rows] = run_information(domain.rig, part.columns, domain.slots[s])
-        values = domain.inequalities(theta[rows], part, int(s))
-        if not inequality.size:
-            inequality = np.empty((len(theta), values.shape[1]))
-        inequality[rows] = values
-    return information, inequality, domain.equalities(seen, place)
-
-
-def _local(domain: Domain, theta: Array, slot: Indices, place: Indices) -> Local:
-    moves = STEP * np.concatenate([np.zeros((1, 6)), np.eye(6), -np.eye(6)])
-    around = (theta[:, None] + moves).reshape(-1, 6)
-
-    def split(values: Array) -> tuple[Array, Array]:
-        table = values.reshape(len(theta), 13, *values.shape[1:])
-        return table[:, 0], (table[:, 1:7] - table[:, 7:]) / (2 * STEP)
-
-    (m, dm), (g, dg), (h, dh) = map(split, _values(domain, around, np.repeat(slot, 13), np.repeat(place, 13)))
-    return Local(m, g, h, dm, dg, dh)
-
-
-def _block_rows(slope: Array) -> Array:
-    """Constraint Jacobian (N q, 6 N) of per-run derivatives (N, 6, q)."""
-    count, _, each = slope.shape
-    result = np.zeros((count, each, count, 6))
-    runs = np.arange(count)
-    result[runs, :, runs] = np.swapaxes(slope, 1, 2)
-    return result.reshape(count * each, count * 6)
+MOST_ITERATIONS = 120
+# Change of ln Phi at which a search may stop; the matrix means that only lead to the last one stop earlier.
+ACCURACY, ON_THE_WAY = 1e-6, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,62 +48,132 @@ class Objective:
     slope: Callable[[Array], Array]
 
 
-def _solve(
-    domain: Domain, theta: Array, slot: Indices, place: Indices, objective: Objective, iterations: int, accuracy: float
-) -> tuple[Array, int]:
-    """Minimises the objective over the runs' angles (N, 6) under the domain's constraints; returns angles and iterations."""
-    from scipy.optimize import minimize
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """The runs at one point of the search."""
 
-    shape = theta.shape
-    seen: dict[bytes, tuple[Array, Array, Array]] = {}
-    felt: dict[bytes, Local] = {}
+    robot: RobotModel
+    theta: Array
+    seen: Stance
+    loads: Loads
+    information: Array
 
-    def at(x: Array) -> tuple[Array, Array, Array]:
+    @cached_property
+    def columns_slope(self) -> Array:
+        """Derivative (N, 6, 3, 6) of the springs' columns by the angles."""
+        return columns_slope(self.robot, self.seen)
+
+
+class _Problem:
+    """The search over the runs of `start`. SLSQP asks for values and slopes piece by piece: the last point is kept."""
+
+    def __init__(self, domain: Domain, start: Pool, objective: Objective) -> None:
+        self.domain, self.start, self.objective = domain, start, objective
+        self.free = domain.table.free
+        self.width = 9 if self.free else 6
+        self._key = b""
+        self._point: _Point | None = None
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Angles (N, 6) [rad] and lines (N, 3)."""
+        rows = x.reshape(len(self.start), self.width)
+        return rows[:, :6], rows[:, 6:] if self.free else self.start.line
+
+    def at(self, x: Array) -> _Point:
+        """The runs at x."""
         key = x.tobytes()
-        if key not in seen:
-            seen.clear()
-            seen[key] = _values(domain, x.reshape(shape), slot, place)
-        return seen[key]
+        if self._point is None or key != self._key:
+            theta, line = self.split(x)
+            seen, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
+            information = run_information(self.domain.rig, seen.columns, loads)
+            self._point = _Point(self.domain.rig.cell.robot, theta, seen, loads, information)
+            self._key = key
+        return self._point
 
-    def near(x: Array) -> Local:
-        key = x.tobytes()
-        if key not in felt:
-            felt.clear()
-            felt[key] = _local(domain, x.reshape(shape), slot, place)
-        return felt[key]
+    def value(self, x: Array) -> float:
+        """The objective."""
+        return self.objective.value(self.at(x).information)
 
-    def target(x: Array) -> float:
-        return objective.value(at(x)[0])
+    def gradient(self, x: Array) -> Array:
+        """Its derivative (N width,)."""
+        point, rig = self.at(x), self.domain.rig
+        by_columns, by_force = information_slope(rig, point.seen.columns, point.loads, self.objective.slope(point.information))
+        by_theta = np.einsum("nai,nmai->nm", by_columns, point.columns_slope)
+        by_line = np.einsum("nk,nka->na", point.loads.by_line, by_force)
+        return self._joined(by_theta[:, :, None], by_line[:, :, None]).ravel()
 
-    def gradient(x: Array) -> Array:
-        local = near(x)
-        return np.asarray(np.einsum("ij,nqij->nq", objective.slope(local.information), local.information_slope).ravel())
+    def inequality(self, x: Array) -> Array:
+        """-g (N q,), not negative where admissible."""
+        point, domain = self.at(x), self.domain
+        return -inequalities(domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads).ravel()
 
-    constraints: list[Any] = [
-        {"type": "ineq", "fun": lambda x: -at(x)[1].ravel(), "jac": lambda x: -_block_rows(near(x).inequality_slope)}]
-    if domain.positions is not None:
-        constraints.append(
-            {"type": "eq", "fun": lambda x: at(x)[2].ravel(), "jac": lambda x: _block_rows(near(x).equality_slope)})
-    limits: Any = np.tile(domain.limits, (len(theta), 1))
-    solver: Any = minimize
-    found = solver(target, theta.ravel(), jac=gradient, method="SLSQP", bounds=limits,
-                     constraints=constraints, options={"maxiter": iterations, "ftol": accuracy})
-    solved = np.where(np.isfinite(found.x), found.x, theta.ravel()).reshape(shape)
-    return np.asarray(solved), int(found.nit)
+    def inequality_slope(self, x: Array) -> Array:
+        """Its derivative (N q, N width)."""
+        point, domain = self.at(x), self.domain
+        return -_block_rows(self._joined(*inequality_slopes(
+            domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads, point.columns_slope)))
+
+    def equality(self, x: Array) -> Array:
+        """TCP in place, and lines of length one; (N e,)."""
+        off = self.domain.equalities(self.at(x).seen, self.start.place)
+        if self.free:
+            off = np.concatenate([off, np.sum(self.split(x)[1] ** 2, axis=1, keepdims=True) - 1], axis=1)
+        return off.ravel()
+
+    def equality_slope(self, x: Array) -> Array:
+        """Its derivative (N e, N width)."""
+        point, count = self.at(x), len(self.start)
+        by_theta: Array = np.zeros((count, 6, 0))
+        if self.domain.positions is not None:
+            by_theta = by_angles(self.domain.rig.cell.robot, point.seen.serial)
+        by_line = np.zeros((count, 3, by_theta.shape[2]))
+        if self.free:
+            by_theta = np.concatenate([by_theta, np.zeros((count, 6, 1))], axis=2)
+            by_line = np.concatenate([by_line, 2 * self.split(x)[1][:, :, None]], axis=2)
+        return _block_rows(self._joined(by_theta, by_line))
+
+    def _joined(self, by_theta: Array, by_line: Array) -> Array:
+        return np.concatenate([by_theta, by_line], axis=1) if self.free else by_theta
+
+    def solved(self, iterations: int, accuracy: float) -> tuple[Pool, int]:
+        """The best runs found, not yet checked, and the iterations it took."""
+        from scipy.optimize import minimize
+
+        begin = np.concatenate([self.start.theta, self.start.line], axis=1)[:, : self.width].ravel()
+        constraints: list[Any] = [{"type": "ineq", "fun": self.inequality, "jac": self.inequality_slope}]
+        if self.free or self.domain.positions is not None:
+            constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_slope})
+        one = np.concatenate([self.domain.limits, np.tile([-1.0, 1.0], (3, 1))])[: self.width]
+        limits: Any = np.tile(one, (len(self.start), 1))
+        solver: Any = minimize
+        found = solver(self.value, begin, jac=self.gradient, method="SLSQP", bounds=limits, constraints=constraints,
+                       options={"maxiter": iterations, "ftol": accuracy})
+        theta, line = self.split(np.where(np.isfinite(found.x), found.x, begin))
+        return Pool(theta, self.start.slot, self.start.place, line, self.start.information), int(found.nit)
 
 
-def _finished(domain: Domain, theta: Array, slot: Indices, place: Indices) -> tuple[Pool, bool]:
-    """The runs with the TCP exactly in place, and whether they are admissible."""
-    theta = np.clip(domain.centred(theta, place), domain.limits[:, 0], domain.limits[:, 1])
-    information = _values(domain, theta, slot, place)[0]
-    return Pool(theta, slot, place, information), bool(domain.excess(theta, slot, place).max() <= TOLERANCE)
+def _block_rows(slope: Array) -> Array:
+    """Constraint Jacobian (N q, N v) of per-run derivatives (N, v, q)."""
+    count, width, each = slope.shape
+    result = np.zeros((count, each, count, width))
+    runs = np.arange(count)
+    result[runs, :, runs] = np.swapaxes(slope, 1, 2)
+    return result.reshape(count * each, count * width)
+
+
+def _finished(domain: Domain, runs: Pool) -> tuple[Pool, bool]:
+    """The runs with the TCP exactly in place and lines of length one, and whether they are admissible."""
+    theta = np.clip(domain.centred(runs.theta, runs.place), domain.limits[:, 0], domain.limits[:, 1])
+    line = runs.line / np.linalg.norm(runs.line, axis=1, keepdims=True)
+    found = domain.runs(theta, runs.slot, runs.place, line)
+    return found, bool(domain.excess(found).max() <= TOLERANCE)
 
 
 def refine(
-    domain: Domain, criterion: Criterion, prior: Array, start: Pool, replicates: int = 1, iterations: int = MOST_ITERATIONS
+    domain: Domain, criterion: Criterion, prior: Array, start: Pool, replicates: int = 1, accuracy: float = ACCURACY,
 ) -> Refined:
     """The plan `start` improved over continuous angles. prior (6, 6): precision before the runs."""
-    theta, total = start.theta, 0
+    runs, total = start, 0
     for power in criterion.powers:
         stage = criterion.smooth_with(power)
 
@@ -158,9 +183,10 @@ def refine(
         def slope(information: Array, stage: Criterion = stage) -> Array:
             return -replicates * stage.slope(prior + replicates * information.sum(axis=0))
 
-        theta, used = _solve(domain, theta, start.slot, start.place, Objective(height, slope), iterations, 1e-8)
+        enough = accuracy if power == criterion.powers[-1] else max(accuracy, ON_THE_WAY)
+        runs, used = _Problem(domain, runs, Objective(height, slope)).solved(MOST_ITERATIONS, enough)
         total += used
-    runs, feasible = _finished(domain, theta, start.slot, start.place)
+    runs, feasible = _finished(domain, runs)
     value = float(criterion.value(prior + replicates * runs.information.sum(axis=0)))
     return Refined(runs, value, feasible, total)
 
@@ -170,6 +196,6 @@ def climb(domain: Domain, weight: Array, start: Pool, iterations: int = 60) -> R
     scale = max(float(np.einsum("ij,nij->", weight, start.information)), 1e-300)
 
     goal = Objective(lambda information: -float(np.einsum("ij,nij->", weight, information)) / scale, lambda _: -weight / scale)
-    theta, used = _solve(domain, start.theta, start.slot, start.place, goal, iterations, 1e-7)
-    runs, feasible = _finished(domain, theta, start.slot, start.place)
+    moved, used = _Problem(domain, start, goal).solved(iterations, 1e-7)
+    runs, feasible = _finished(domain, moved)
     return Refined(runs, float(np.einsum("ij,nij->", weight, runs.information)), feasible, used)

@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import Domain
 from identification.design.exchange import Demand, free_demand
 from identification.design.information import Instrument, instrument
-from identification.design.loads import Slot, slot
+from identification.design.loads import FREE, Slot, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.design.procedure import Task
 from identification.findings import Finding, error
+from identification.measurements import read_measurements
+from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
 from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 DEFAULT_RUNS = 8
+# Measurements whose TCPs differ by less were taken in one place [m].
+ONE_PLACE_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,7 @@ class Request:
     protocol: str = "cycle"
     axes: str = "xyz"
     every_axis: bool = False
+    free: bool = False
     force_n: float = 300.0
     positions_mm: tuple[tuple[float, float, float], ...] = ()
     box_mm: tuple[float, ...] | None = None
@@ -44,7 +50,8 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """task, and about what it is linearised; before: in words, what is known before the runs."""
+    """task, and about what it is linearised; before: in words, what is known before the runs. plainer: a task without what
+    makes this one's loads rich, and what that is in words, None where they are not."""
 
     task: Task
     rig: Instrument
@@ -52,6 +59,7 @@ class Prepared:
     place: str
     weight: Array | None
     findings: tuple[Finding, ...]
+    plainer: tuple[Task, str] | None = None
 
 
 def default_position(robot: RobotModel) -> Array:
@@ -64,18 +72,24 @@ def prepare(cell: Cell, wanted: Request, milling: MillingPoses | None) -> Prepar
     """The task. Raises CompstiffError (CS1602) for the criterion I without a toolpath."""
     rig, precision, before, findings = _known(cell, wanted)
     weight = None if milling is None else prediction_weight(rig, milling)
-    positions, box, place = _place(cell.robot, wanted, milling)
+    positions, box, place = _place(cell, wanted, milling)
     slots, demand = _runs(wanted)
-    domain = Domain(rig, slots, positions, box, phi=None if wanted.phi_deg >= 180 else float(np.radians(wanted.phi_deg)))
+    margins = Margins(phi=None if wanted.phi_deg >= 180 else float(np.radians(wanted.phi_deg)))
+    domain = Domain(rig, slots, positions, box, margins)
     task = Task(domain, _criterion(cell, wanted, weight, rig), precision, demand, wanted.replicates)
-    return Prepared(task, rig, before, place, weight, findings)
+    plainer = None
+    if wanted.free or wanted.preset == "outlook":
+        other = replace(wanted, free=False, preset="paper" if wanted.preset else None)
+        slots, demand = _runs(other)
+        words = "the paper's plan" if wanted.preset else "as many runs with loads along base axes"
+        plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words
+    return Prepared(task, rig, before, place, weight, findings, plainer)
 
 
 def _known(cell: Cell, wanted: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:
     """Instrument, precision (6, 6) of ln c before the runs, and in words where it comes from."""
     if wanted.measured is not None:
         from identification.fit import fit_stiffness
-        from identification.measurements import read_measurements
 
         fit = fit_stiffness(cell, read_measurements(wanted.measured, cell.robot))
         model = fit.model
@@ -100,20 +114,41 @@ def _criterion(cell: Cell, wanted: Request, weight: Array | None, rig: Instrumen
     return d_criterion() if kind == "D" else e_criterion()
 
 
-def _place(robot: RobotModel, wanted: Request, milling: MillingPoses | None) -> tuple[Array | None, Array | None, str]:
+def measured_place(tcp: Array) -> tuple[Array | None, Array | None]:
+    """Where further runs stand when nothing is said: positions (1, 3) [m] where all TCPs (n, 3) were in one place, else the
+    box (2, 3) [m] about them, which the cylinder and the sensors have evidently been able to reach."""
+    box = np.stack([tcp.min(axis=0), tcp.max(axis=0)])
+    if np.ptp(box, axis=0).max() < ONE_PLACE_M:
+        return np.round(tcp.mean(axis=0, keepdims=True), 4), None
+    return None, box
+
+
+def _place(cell: Cell, wanted: Request, milling: MillingPoses | None) -> tuple[Array | None, Array | None, str]:
     """Positions (K, 3) [m] or box (2, 3) [m], and in words."""
+    if wanted.measured is not None and not wanted.positions_mm and wanted.box_mm is None and milling is None:
+        theta = read_measurements(wanted.measured, cell.robot).theta
+        positions, box = measured_place(forward(cell.robot, theta, cell.flange_from_tcp).position)
+        if box is not None:
+            return None, box, _box_words(box) + ", about the measured poses"
+        assert positions is not None
+        return positions, None, "TCP at ({:g}, {:g}, {:g}) mm in the base frame, as measured".format(*1e3 * positions[0])
     if wanted.box_mm is not None:
         corners = 1e-3 * np.array(wanted.box_mm).reshape(2, 3)
         box = np.stack([corners.min(axis=0), corners.max(axis=0)])
-        return None, box, "anywhere in the box " + " to ".join("({:g}, {:g}, {:g})".format(*1e3 * c) for c in box) + " mm"
+        return None, box, _box_words(box)
     if wanted.positions_mm:
         positions, origin = 1e-3 * np.array(wanted.positions_mm), ""
     elif milling is not None:
         positions, origin = np.round(milling.tcp.mean(axis=0, keepdims=True), 3), ", the middle of the program"
     else:
-        positions, origin = np.round(default_position(robot)[None], 2), ", in front of the robot (--position names another)"
+        positions = np.round(default_position(cell.robot)[None], 2)
+        origin = ", in front of the robot (--position names another)"
     return positions, None, "TCP at " + ", ".join("({:g}, {:g}, {:g})".format(*np.round(1e3 * p, 3)) for p in positions) + (
         f" mm in the base frame{origin}")
+
+
+def _box_words(box: Array) -> str:
+    return "TCP anywhere in the box " + " to ".join("({:g}, {:g}, {:g})".format(*np.round(1e3 * c, 1)) for c in box) + " mm"
 
 
 def _runs(wanted: Request) -> tuple[tuple[Slot, ...], Demand]:
@@ -125,6 +160,8 @@ def _runs(wanted: Request) -> tuple[tuple[Slot, ...], Demand]:
     count = wanted.measurements or (4 if wanted.preset else DEFAULT_RUNS)
     if wanted.preset == "outlook":
         return (slot("xyz", "single", wanted.force_n),), free_demand(1, count)
+    if wanted.free:
+        return (slot(FREE, wanted.protocol, wanted.force_n),), free_demand(1, count)
     slots = (slot(wanted.axes, wanted.protocol, wanted.force_n),) if wanted.every_axis else tuple(
         slot(axis, wanted.protocol, wanted.force_n) for axis in wanted.axes)
     return slots, free_demand(len(slots), count)

@@ -7,6 +7,7 @@ told from another effect where as much is left when that one is free too (with a
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,13 +35,15 @@ MOST_PLACES = 12
 class Outlook:
     """What the plan can say of one effect. detectable, identifiable: smallest size [typical sizes] that is found, and that is
     told from every other effect, with 80 % probability. alike: effects it cannot be told from at its typical size.
-    typical: the parameter's typical size and unit, in words."""
+    parameter: the one that the sizes are of, typical: its typical size [unit]."""
 
     entry: Entry
     detectable: float
     identifiable: float
     alike: tuple[str, ...]
-    typical: str
+    parameter: str
+    typical: float
+    unit: str
 
     @property
     def grade(self) -> str:
@@ -49,13 +52,15 @@ class Outlook:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes beyond 1e6 typical ones are null."""
-        def size(value: float) -> float | None:
-            return value if value < 1e6 else None
+        def size(value: float, of: float = 1.0) -> float | None:
+            return value * of if value < 1e6 else None
 
         return {"effect": self.entry.effect.name, "joint": self.entry.joint, "grade": self.grade,
                 "minimal_detectable_typical_sizes": size(self.detectable),
-                "minimal_identifiable_typical_sizes": size(self.identifiable), "typical": self.typical,
-                "alike": list(self.alike), "settles": self.entry.effect.settles}
+                "minimal_identifiable_typical_sizes": size(self.identifiable), "parameter": self.parameter,
+                "unit": self.unit, "typical": self.typical, "minimal_detectable": size(self.detectable, self.typical),
+                "minimal_identifiable": size(self.identifiable, self.typical), "alike": list(self.alike),
+                "settles": self.entry.effect.settles}
 
 
 def outlook(cell: Cell, rows: Measurements, catalogue: dict[str, Effect] | None = None) -> tuple[list[Outlook], dict[str, str]]:
@@ -84,13 +89,10 @@ def outlook(cell: Cell, rows: Measurements, catalogue: dict[str, Effect] | None 
         alike = tuple(label for label, value in sorted(left.items(), key=lambda item: item[1])
                       if needed / max(value, 1e-12) > max(1.0, detectable))
         identifiable = max(detectable, needed / max(worst, 1e-12))
-        found.append(Outlook(entry, detectable, identifiable, alike[:6] if detectable <= 1 else (), _typical(entry)))
+        size = next(p for p in entry.effect.parameters if not p.shape)
+        found.append(Outlook(entry, detectable, identifiable, alike[:6] if detectable <= 1 else (), size.name, size.typical,
+                             size.unit))
     return found, words.left_out
-
-
-def _typical(entry: Entry) -> str:
-    one = next(p for p in entry.effect.parameters if not p.shape)
-    return f"{one.name} = {one.typical:g}" + ("" if one.unit == "1" else f" {one.unit}")
 
 
 def _as_if_measured(rows: Measurements) -> Measurements:
@@ -129,13 +131,24 @@ def _left(gram: Array, mine: slice, other: slice) -> float:
     return _weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))
 
 
+def shown_size(one: Outlook, size: float) -> str:
+    """A size [typical sizes] in the unit of the effect's parameter; never, where it is beyond a thousand typical ones."""
+    return f"{size * one.typical:.2g}" if size < 1e3 else "never"
+
+
+def not_told_apart(found: Iterable[Outlook]) -> list[str]:
+    """Effects that would be noticed at their typical size and not be told from others, in words."""
+    return [f"{one.entry.label} from {', '.join(one.alike)}" for one in found if one.alike]
+
+
 def plan_lines(found: list[Outlook], left_out: dict[str, str]) -> list[str]:
     """The outlook in plain words."""
-    lines = [f"{'effect':<28}{'found from':>12}{'named from':>12}  (1: its typical size)"]
+    lines = [f"{'effect':<28}{'found from':>12}{'named from':>12}{'typical':>10}"]
     for one in found:
-        sizes = "".join(f"{value:>12.2g}" if value < 1e3 else f"{'never':>12}" for value in (one.detectable, one.identifiable))
+        sizes = "".join(f"{shown_size(one, value):>12}" for value in (one.detectable, one.identifiable))
         alike = f"  like {', '.join(one.alike[:3])}" if one.alike else ""
-        lines.append(f"{one.entry.label:<28}{sizes}  {one.grade}{alike}")
+        lines.append(f"{one.entry.label:<28}{sizes}{one.typical:>10.2g} {one.unit if one.unit != '1' else '':<11} "
+                     f"{one.grade}{alike}".rstrip())
     counts = {grade: sum(one.grade == grade for one in found) for grade in ("identifiable", "detectable", "invisible")}
     lines.append(f"of {len(found)} possible causes at their typical size this plan names {counts['identifiable']}, only "
                  f"notices {counts['detectable']} and misses {counts['invisible']}")

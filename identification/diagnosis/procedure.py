@@ -21,7 +21,7 @@ from identification.diagnosis.projection import Base
 from identification.diagnosis.sag import sag_columns
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey, survey
-from identification.diagnosis.settle import NextLoad, next_loads
+from identification.diagnosis.settle import NextLoad, next_loads, rivals_of
 from identification.extension import Term, predicted_deflection, situation_of, split
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
@@ -51,9 +51,8 @@ AGAINST = -3.0
 # A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
 GROSS = 2.0
 NEARLY_ALL = 0.97
-# How many of the nearest names go with an unknown cause, and how many rivals are fitted to find loads that separate them.
+# How many of the nearest names go with an unknown cause.
 NEAREST = 5
-MOST_RIVALS = 4
 WORTH_NAMING = 0.01
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
@@ -221,10 +220,8 @@ def slight_terms(
 
 def ambiguous(cell: Cell, found: Diagnosis, prior: PriorModel, seen: Survey, rng: np.random.Generator) -> Diagnosis:
     """The set of names with the loads that would settle it, and what the choice means for a correction."""
-    rows, rivals = found.rows, {}
-    for hypothesis in seen.hypotheses[:MOST_RIVALS]:
-        label = " + ".join(seen.words.entries[k].label for k in hypothesis.entries)
-        rivals[label] = (posterior(cell, rows, prior, seen.terms(hypothesis), found.extended.map[:6]), hypothesis.probability)
+    rows = found.rows
+    rivals = rivals_of(cell, rows, prior, seen, found.extended.map[:6])
     return replace(found, verdict="ambiguous", alternatives=credible(seen), next_loads=next_loads(cell, rows, rivals, rng),
                    matters=robot_difference(cell, rows, [model for model, _ in rivals.values()]))
 

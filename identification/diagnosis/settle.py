@@ -1,24 +1,40 @@
 """What to measure next: the loads that separate what is left, and the checks that are no loads (EFFECTS.md, procedure 8).
 
-Box and Hill's criterion for rival models: the expected difference of two fitted models' readings, in units of their own and
-the sensors' uncertainty, weighted by their probabilities. Each candidate is a pose with one load cycle along one base axis.
+Rivals are models fitted to the same data, with probabilities p_a. Under rival a the readings of further runs are expected to
+be normal with mean m_a and covariance `K_a C_a K_a^T + N`, K_a their derivative by its parameters, C_a its posterior, N the
+noise. With the mean of two rivals' covariances S_ab
+
+    d_ab^2 = (m_a - m_b)^T S_ab^-1 (m_a - m_b) ,      P(the wrong name) <= sum_(a<b) sqrt(p_a p_b) exp(-d_ab^2 / 8)
+
+(Bhattacharyya's bound, its determinants left out, which only raises it). The runs are chosen to make it small: unlike the
+expected squared distance of Box and Hill, a pair that is already far apart is worth nothing more. Runs are independent in
+their noise and share the parameters: with the sums over runs of G = X^T N^-1 X, X = (K_a, -K_b, m_a - m_b), Woodbury's
+identity gives d_ab^2 of any set of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.cell import Cell
+from identification.diagnosis.search import Survey
 from identification.extension import response
-from identification.inference import Posterior
+from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
+from identification.noise import noise_model
+from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 CANDIDATES = 120
+# How many rivals are fitted to find loads that separate them.
+MOST_RIVALS = 4
 # The cycle of one candidate, shares of the largest load: both signs, three magnitudes, back to zero.
 CYCLE = (0.0, 0.33, 0.67, 1.0, 0.0, -0.5, -1.0, 0.0)
 DWELL_S = (10.0, 60.0)
@@ -28,7 +44,7 @@ AXIS_NAMES = "xyz"
 @dataclass(frozen=True, eq=False)
 class NextLoad:
     """A load cycle worth measuring: theta (6,) [rad], base axis, forces (m,) [N]; distance: by how many sigmas the two
-    likeliest rivals would differ; separates: their labels."""
+    rivals that it separates best would differ; separates: their labels."""
 
     theta: Array
     axis: int
@@ -42,46 +58,131 @@ class NextLoad:
                 "forces_n": self.forces.tolist(), "separates": list(self.separates), "expected_sigmas": self.distance}
 
 
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """How c candidate runs separate rivals. names (R,); probability (R,), of sum one. pairs (P): of rivals, the first before
+    the second; grams (P): G (c, k + 1, k + 1) of each pair, before (P): inverse (k, k) of the mean of the two posteriors."""
+
+    names: tuple[str, ...]
+    probability: Array
+    pairs: tuple[tuple[int, int], ...]
+    grams: tuple[Array, ...]
+    before: tuple[Array, ...]
+
+    def __len__(self) -> int:
+        return len(self.grams[0]) if self.grams else 0
+
+    def squared(self, sums: Sequence[Array]) -> Array:
+        """d^2 (P, ...) of sets of runs, whose sums of G (..., k + 1, k + 1) are given pair by pair."""
+        found = []
+        for gram, before in zip(sums, self.before, strict=True):
+            across = gram[..., :-1, -1:]
+            known = np.swapaxes(across, -1, -2) @ np.linalg.solve(before + gram[..., :-1, :-1], across)
+            found.append(np.maximum(gram[..., -1, -1] - known[..., 0, 0], 0.0))
+        return np.array(found)
+
+    def mistaken(self, sums: Sequence[Array]) -> Array:
+        """The bound (...) on the probability of the wrong name."""
+        weight = np.array([np.sqrt(self.probability[a] * self.probability[b]) for a, b in self.pairs])
+        return np.asarray(np.minimum(np.tensordot(weight, np.exp(-self.squared(sums) / 8), axes=1), 1.0))
+
+    def of(self, chosen: Indices) -> list[Array]:
+        """Sums of G over these candidates."""
+        return [gram[chosen].sum(axis=0) for gram in self.grams]
+
+    def best_pair(self, candidate: int) -> tuple[tuple[str, str], float]:
+        """Names of the two rivals that a candidate separates best, the likelier pairs first in weight, and by how many
+        sigmas."""
+        squared = self.squared(self.of(np.array([candidate])))
+        weight = [self.probability[a] * self.probability[b] for a, b in self.pairs]
+        best = int(np.argmax(weight * (1 - np.exp(-squared / 8))))
+        a, b = self.pairs[best]
+        return (self.names[a], self.names[b]), float(np.sqrt(squared[best]))
+
+
+def separation(
+    cell: Cell, trial: Measurements, rivals: dict[str, tuple[Posterior, float]], noise_from: Posterior
+) -> Separation:
+    """How the visits of `trial`, all with as many rows, separate the rivals: fitted models and probabilities by label.
+    noise_from: the model whose noise sizes and springs carry the noise."""
+    count = int(trial.visit.max()) + 1
+    noise = noise_model(cell, trial, np.exp(noise_from.map[:6]))
+    # Posteriors of planned rows must not see single readings' weights: those belong to what was measured.
+    weights = noise.weights(noise_from.size)
+    told = [response(cell, trial, model.map, model.terms) for model, _ in rivals.values()]
+    pairs, grams, before = tuple(combinations(range(len(rivals)), 2)), [], []
+    models = [model for model, _ in rivals.values()]
+    for a, b in pairs:
+        columns = np.concatenate([told[a][1], -told[b][1], (told[a][0] - told[b][0])[:, :, None]], axis=2)
+        columns = noise.rotation @ columns
+        shape = (count, -1, columns.shape[2])
+        grams.append(np.swapaxes(columns.reshape(shape), 1, 2) @ weights.apply(columns).reshape(shape))
+        covariance = [2 * np.linalg.inv(models[k].covariance) for k in (a, b)]
+        size = [len(one) for one in covariance]
+        joint = np.zeros((sum(size), sum(size)))
+        joint[: size[0], : size[0]], joint[size[0]:, size[0]:] = covariance
+        before.append(joint)
+    probability = np.array([p for _, p in rivals.values()])
+    return Separation(tuple(rivals), probability / probability.sum(), pairs, tuple(grams), tuple(before))
+
+
+def settling(found: Separation, count: int, group: Indices) -> list[int]:
+    """The candidates, at most one of each group, that make the bound smallest together: the best one at a time, then each
+    exchanged while that helps."""
+    chosen: list[int] = []
+    for _ in range(min(count, len(np.unique(group)))):
+        chosen.append(_best(found, chosen, group))
+    for _ in range(3):
+        before = list(chosen)
+        for place in range(len(chosen)):
+            rest = chosen[:place] + chosen[place + 1:]
+            chosen[place] = _best(found, rest, group)
+        if chosen == before:
+            break
+    # In the order they are worth measuring in: the first is the best one alone.
+    ordered: list[int] = []
+    while len(ordered) < len(chosen):
+        left = [k for k in chosen if k not in ordered]
+        ordered.append(min(left, key=lambda k: float(found.mistaken(found.of(np.array([*ordered, k]))))))
+    return ordered
+
+
+def _best(found: Separation, chosen: list[int], group: Indices) -> int:
+    sums = [gram + known for gram, known in zip(found.grams, found.of(np.array(chosen, dtype=np.intp)), strict=True)]
+    mistaken = found.mistaken(sums)
+    mistaken[np.isin(group, group[chosen])] = np.inf
+    return int(np.argmin(mistaken))
+
+
+def rivals_of(
+    cell: Cell, rows: Measurements, prior: PriorModel, seen: Survey, start: Array
+) -> dict[str, tuple[Posterior, float]]:
+    """The likeliest hypotheses fitted to the rows, with their probabilities, by label; start (6,): ln c to begin with."""
+    rivals = {}
+    for hypothesis in seen.hypotheses[:MOST_RIVALS]:
+        label = " + ".join(seen.words.entries[k].label for k in hypothesis.entries)
+        rivals[label] = (posterior(cell, rows, prior, seen.terms(hypothesis), start), hypothesis.probability)
+    return rivals
+
+
 def next_loads(
     cell: Cell, rows: Measurements, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, count: int = 3
 ) -> tuple[NextLoad, ...]:
     """The best load cycles, each at a pose of its own. rivals: fitted models and probabilities by label."""
-    names = list(rivals)
-    if len(names) < 2:
+    if len(rivals) < 2:
         return ()
     force = float(np.abs(rows.wrench[:, :3]).max())
     poses, axes = _candidates(cell, rng)
     trial = candidate_rows(poses, axes, force)
-    size = len(CYCLE)
-    readings, spreads = [], []
-    for model, _ in rivals.values():
-        position, slope = response(cell, trial, model.map, model.terms)
-        by_candidate = slope.reshape(len(poses), 3 * size, -1)
-        readings.append(position.reshape(len(poses), 3 * size))
-        spreads.append(by_candidate @ model.covariance @ np.swapaxes(by_candidate, 1, 2))
-    likeliest = rivals[names[0]][0]
-    noise = _noise(cell, likeliest, size)
-    value = np.zeros(len(poses))
-    distance: dict[tuple[int, int], Array] = {}
-    for a in range(len(names)):
-        for b in range(a + 1, len(names)):
-            off = readings[a] - readings[b]
-            squared = np.einsum("ci,cij,cj->c", off, np.linalg.inv(spreads[a] + spreads[b] + noise), off)
-            distance[a, b] = np.sqrt(squared)
-            value += rivals[names[a]][1] * rivals[names[b]][1] * squared
-    chosen: list[NextLoad] = []
-    for k in np.argsort(-value):
-        if any(np.allclose(poses[k], one.theta) for one in chosen):
-            continue
-        pair = max(distance, key=lambda pair: rivals[names[pair[0]]][1] * rivals[names[pair[1]]][1] * distance[pair][k] ** 2)
-        chosen.append(NextLoad(poses[k], int(axes[k]), force * np.array(CYCLE), float(distance[pair][k]),
-                               (names[pair[0]], names[pair[1]])))
-        if len(chosen) == count:
-            break
+    found = separation(cell, trial, rivals, next(iter(rivals.values()))[0])
+    chosen = []
+    for k in settling(found, count, np.arange(len(poses)) // 3):
+        names, distance = found.best_pair(k)
+        chosen.append(NextLoad(poses[k], int(axes[k]), force * np.array(CYCLE), distance, names))
     return tuple(chosen)
 
 
-def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
+def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, Indices]:
     """Random poses well inside the limits, each with all three base axes."""
     robot = cell.robot
     middle = np.clip(0.0, *robot.limits.T)
@@ -90,23 +191,27 @@ def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, NDArray[np
     return np.repeat(theta, 3, axis=0), np.tile(np.arange(3), len(theta)).astype(np.intp)
 
 
-def candidate_rows(poses: Array, axes: NDArray[np.intp], force: float) -> Measurements:
+def candidate_rows(poses: Array, axes: Indices, force: float) -> Measurements:
     """The rows of one load cycle at each pose (c, 6) along its base axis (c,); c * len(CYCLE) rows, nothing measured yet."""
-    size = len(CYCLE)
-    count = len(poses) * size
-    wrench = np.zeros((count, 6))
-    wrench[np.arange(count), np.repeat(axes, size)] = force * np.tile(CYCLE, len(poses))
-    empty, nothing = np.full(count, "", dtype=object), np.full((count, 3), np.nan)
+    cycles = np.zeros((len(poses), len(CYCLE), 3))
+    cycles[np.arange(len(poses)), :, axes] = force * np.array(CYCLE)
+    return planned_rows(poses, cycles, DWELL_S)
+
+
+def planned_rows(poses: Array, forces: Array, dwell: tuple[float, ...]) -> Measurements:
+    """Rows of visits to poses (c, 6) with loads (c, m, 3) [N], nothing measured yet, each as if measured next.
+
+    Each visit has a reference of its own, since the sensors are zeroed there; and rows and labels that no fitted row has, so
+    that a step at a certain row or pose of the data does not seem to act there.
+    """
+    count, size = forces.shape[:2]
+    visit = np.repeat(np.arange(count), size).astype(np.intp)
+    held = np.resize(np.array(dwell), size)
+    nothing = np.full((count * size, 3), np.nan)
+    wrench = np.concatenate([forces.reshape(-1, 3), np.zeros((count * size, 3))], axis=1)
     return Measurements(
-        source="candidates", theta=np.repeat(poses, size, axis=0), wrench=wrench, deflection=nothing, sigma=nothing,
-        time=60.0 * np.arange(count, dtype=float), dwell=np.resize(np.array(DWELL_S), count),
-        visit=np.repeat(np.arange(len(poses)), size).astype(np.intp), reference=np.zeros(count, dtype=np.intp),
-        validate=np.zeros(count, dtype=bool), machined_pass=empty, pose=empty, row=np.arange(1, count + 1),
-        line=np.arange(2, count + 2), findings=())
-
-
-def _noise(cell: Cell, model: Posterior, size: int) -> Array:
-    """Covariance (3m, 3m) of the readings of one cycle: sensor, and the offset they share."""
-    sensor = np.tile((model.size.sensor * cell.noise.deflection) ** 2, size)
-    shared = np.diag((model.size.offset * model.at_map.noise.offset) ** 2)
-    return np.asarray(np.diag(sensor) + np.kron(np.ones((size, size)), shared))
+        source="candidates", theta=np.repeat(poses, size, axis=0), wrench=wrench, deflection=np.zeros_like(nothing),
+        sigma=nothing, time=np.tile(np.cumsum(held) - held[0], count), dwell=np.tile(held, count), visit=visit,
+        reference=visit, validate=np.zeros(count * size, dtype=bool),
+        machined_pass=np.full(count * size, "", dtype=object), pose=np.full(count * size, "not measured yet", dtype=object),
+        row=np.zeros(count * size, dtype=np.intp), line=np.arange(2, count * size + 2), findings=())

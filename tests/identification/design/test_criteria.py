@@ -7,7 +7,7 @@ import pytest
 
 from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.information import instrument, run_information
-from identification.design.loads import slot
+from identification.design.loads import Slot, loads_of, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix, signature
@@ -88,7 +88,7 @@ def test_a_run_tells_what_identify_would_make_of_its_rows(cell, domain, pool, lo
         noise = noise_model(cell, rows, rig.compliance)
         design = noise.rotation @ (signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] * rig.compliance)
         expected = noise.weights(NoiseSize()).inner(design, design)
-        found = run_information(rig, domain.look(theta[None]).columns, loads)[0]
+        found = run_information(rig, domain.look(theta[None]).columns, loads_of(loads))[0]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
@@ -96,10 +96,10 @@ def test_the_sign_of_the_cycle_and_repeats_of_it(domain, pool):
     """Turning every load round tells the same; a cycle twice tells more than once and less than at two visits."""
     columns = domain.look(pool.theta[:50]).columns
     once = slot("y", "cycle", 300)
-    turned = type(once)("y", -once.forces)
-    twice = type(once)("y", np.concatenate([once.forces, once.forces]))
-    one, two = run_information(domain.rig, columns, once), run_information(domain.rig, columns, twice)
-    np.testing.assert_allclose(run_information(domain.rig, columns, turned), one, rtol=1e-9, atol=1e-6)
+    turned = Slot("y", -once.forces)
+    twice = Slot("y", np.concatenate([once.forces, once.forces]))
+    one, two = (run_information(domain.rig, columns, loads_of(loads)) for loads in (once, twice))
+    np.testing.assert_allclose(run_information(domain.rig, columns, loads_of(turned)), one, rtol=1e-9, atol=1e-6)
     for difference in (two - one, 2 * one - two):
         assert (np.linalg.eigvalsh(difference)[:, 0] >= -1e-8 * np.linalg.eigvalsh(one)[:, -1]).all()
 

@@ -1,0 +1,40 @@
+"""What a plan with richer loads gains over a plainer one: loads along any line over base axes, the outlook over the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identification.design.domain import random_pool
+from identification.design.exchange import many_exchanges
+from identification.design.procedure import Design, Effort, Task, refined, total_information
+
+EFFORT = Effort(poses=2000, exchanges=30, refinements=6)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """against: the plainer plan in words. ratio: Phi of this plan over that of the best of those that was found. largest,
+    other_largest: largest std of ln k after this plan, after that one."""
+
+    against: str
+    ratio: float
+    largest: float
+    other_largest: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"against": self.against, "criterion_ratio": self.ratio, "largest_log_std": self.largest,
+                "largest_log_std_there": self.other_largest}
+
+
+def compared(found: Design, plainer: Task, against: str, rng: np.random.Generator) -> Comparison:
+    """The plan against the best that a short search finds for a plainer task with the same criterion and prior."""
+    pool = random_pool(plainer.domain, EFFORT.poses, rng)
+    plans = many_exchanges(pool, plainer.criterion, plainer.prior, plainer.demand, rng, EFFORT.exchanges, plainer.replicates)
+    best = max((refined(plainer, pool.take(rows))[0] for rows, _ in plans[: EFFORT.refinements]), key=lambda one: one.value)
+    there = np.linalg.inv(total_information(plainer, best.runs))
+    return Comparison(against, found.certificate.value / best.value, float(np.sqrt(np.diag(found.covariance).max())),
+                      float(np.sqrt(np.diag(there).max())))
