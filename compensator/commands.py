@@ -178,7 +178,7 @@ def correction_lines(corrected: Corrected) -> list[str]:
         + (f"{figures['held_back']} corrections held back, else the rounding of the written numbers)" if figures["held_back"]
            else "the rounding of the written numbers)"),
         f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
-        *([f"forces taken as logged: {as_logged(figures)}"] if figures["left_per_10_n_per_mm_um"] else []),
+        *([f"forces taken as logged: {as_logged(figures)}"] if figures["left_at_10_n_per_mm_um"] else []),
         *(corrected.advice.words() if corrected.advice else []),
         *([] if figures["feed_check"] is None else _feed_lines(figures["feed_check"]["corrected"])),
     ]

@@ -110,11 +110,16 @@ def engaged(
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=plan.toolpath.source),)
 
 
-def left_as_logged(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> Array:
-    """How far off the plan (M,) [m] each N/m of cutting stiffness leaves the tool, to first order, where the forces are taken
-    as logged: the deviation grows as its force does."""
+def left_as_logged(
+    plan: Plan, forces: TargetForces, prediction: Prediction, stiffness: float, offsets: Array | None
+) -> Array:
+    """How far off the plan (M,) [m] the tool stays with a cutting stiffness [N/m] where the forces are taken as logged.
+
+    By g = K (e . n) / F_n more force it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left.
+    """
     per_newton, _ = _deeper(plan, forces, prediction, offsets)
-    return np.asarray(np.linalg.norm(prediction.position, axis=1) * np.abs(per_newton[prediction.targets]))
+    growth = np.abs(stiffness * per_newton[prediction.targets])
+    return np.asarray(np.linalg.norm(prediction.position, axis=1) * growth / (1 + growth))
 
 
 def _deeper(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:

@@ -45,6 +45,8 @@ TOOLPATH_SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES)
 # Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
 WRITTEN_POSITION = 1e-7
 WRITTEN_ROTATION = 1e-7
+# What is left for this cutting stiffness [N/m] is told where none is known.
+ASSUMED_CUTTING = 1e4
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,9 @@ class Predicted:
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written. cutting (M,) [m per N/m]: how far off the cutting stiffness leaves
-    the tool, None where the force was made to follow the cut. advice: on the posture, and feed: the feed check, where they were
-    asked for.
+    loaded tool from the plan with the numbers as written. cutting (M,) [m]: how far off a cutting stiffness of 10 N/mm
+    leaves the tool, None where the force was made to follow the cut. advice: on the posture, and feed: the feed check, where
+    they were asked for.
     """
 
     planned: Predicted
@@ -177,7 +179,7 @@ def correct_program(planned: Predicted) -> Corrected:
         prediction = predict_path(predicted.plan, forces, predicted.model, targets)
         told = (*told, *more)
     else:
-        cutting = left_as_logged(predicted.plan, forces, prediction, offsets)
+        cutting = left_as_logged(predicted.plan, forces, prediction, ASSUMED_CUTTING, offsets)
     slope = settings.slope or (np.inf if forces.named else SLOPE)
     restraint = Restraint(prediction, settings.confidence, slope)
     correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
@@ -328,7 +330,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
             "residual_um": _figures(1e6 * corrected.residual),
             "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
             "expected_worse": round(float(corrected.correction.harm.sum()), 2),
-            "left_per_10_n_per_mm_um": None if corrected.cutting is None else _figures(1e10 * corrected.cutting),
+            "left_at_10_n_per_mm_um": None if corrected.cutting is None else _figures(1e6 * corrected.cutting),
             "feed_check": feed_figures(corrected.feed) if corrected.feed else None,
         }
         if corrected.advice is not None:
@@ -338,8 +340,8 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
 
 def as_logged(figures: dict[str, Any]) -> str:
     """What an unknown cutting stiffness leaves, for people."""
-    left = figures["left_per_10_n_per_mm_um"]
-    return (f"each 10 N/mm of cutting stiffness leaves about {left['rms']:.1f} um RMS, {left['largest']:.1f} um at most "
+    left = figures["left_at_10_n_per_mm_um"]
+    return (f"a cutting stiffness of 10 N/mm leaves {left['rms']:.1f} um RMS, {left['largest']:.1f} um at most "
             "(--cutting-stiffness, or correct the log of the corrected pass)")
 
 
