@@ -106,7 +106,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         again = job.correct(job.log(second, found.commands, "pass2.csv"), stiffness)
         third = job.mill(again.commands)
         last = job.correct(job.log(third, again.commands, "pass3.csv"), stiffness)
-        by_target = job.correct(job.log(job.first, job.planned, "targets.csv", by_target=True), stiffness)
+        targets = job.log(job.first, job.planned, "targets.csv", by_target=True)
+        by_target, ahead = job.correct(targets, stiffness), job.correct(targets, stiffness, cell=job.cell_ahead())
         known = job.correct(log, truth).commands
         exact = job.perfect_log(job.first, "perfect.csv")
         perfect = job.correct(exact, truth, settings(tare=()), job.cell_in_base()).commands
@@ -116,7 +117,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
             "corrected: pass 2": second,
             "corrected again from the log of pass 2: pass 3": third,
             "and once more: pass 4": job.mill(last.commands),
-            "log by target in place of position": job.mill(by_target.commands),
+            "log by the target moved to, taken for the nearest": job.mill(by_target.commands),
+            "log by the target moved to, and cell.yaml says so": job.mill(ahead.commands),
             "true k": job.mill(known),
             "identified k, force of pass 1 held": job.mill(found.commands, job.first.force_n),
             "true k, force held": job.mill(known, job.first.force_n),

@@ -182,7 +182,7 @@ def open_force_log(path: Path, form: ForceLogFile, log_format: str | None = None
     if not keys:
         found = ", ".join(one for one in names if one)
         raise error("CS3001", f"no column says where on the path a sample belongs: found {found}", file=name, line=header_line,
-                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg")
+                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg, time_s")
     wanted = (*(FORCE_COUNTS if counts else FORCES), *moments, *(KEYS[keys[0]][0] if keys[0] in KEYS else ()),
               *[one for one in TIMES if one in names][:1], *(("sequence",) if "sequence" in names else ()))
     known = (*FORCES, *OPTIONAL)

@@ -132,13 +132,7 @@ def _weak(log: ForceLog, plan: Plan, forced: NDArray[np.bool_], samples: Indices
 
 def _assign(log: ForceLog, plan: Plan) -> Indices:
     """Target (M,) of each sample, -1 where it is not on the path."""
-    count = len(plan.toolpath)
     if log.key == "target":
-        if log.place.max() >= count:
-            row = int(np.argmax(log.place >= count))
-            raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has "
-                        f"{counted(count, 'target')} (0 to {count - 1})", file=log.source, line=int(log.line[row]),
-                        hint="is it the log of this program?")
         return log.place.astype(np.intp)
     length = arc_length(plan.world_position, plan.toolpath.move)
     known = ~np.isnan(length)

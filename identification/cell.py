@@ -78,6 +78,7 @@ class ForceLogFile(Strict):
     sign: Literal["on_tool", "by_tool"] = "on_tool"
     columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
     rate_hz: Positive | None = None
+    target: Literal["nearest", "ahead"] = "nearest"
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
     saturation_n: Positive | None = None

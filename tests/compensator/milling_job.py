@@ -155,6 +155,12 @@ class MillingJob:
         output.write_text(self.cell.read_text().split("force_log:")[0])
         return output
 
+    def cell_ahead(self) -> Path:
+        """The cell that says that the log names the target the tool moves to."""
+        output = self.folder / "cell_ahead.yaml"
+        output.write_text(self.cell.read_text() + "  target: ahead\n")
+        return output
+
     def mirrored(self, log: Path, stiffness: Path) -> Commands:
         """One mirrored step: the planned positions less the deviation that is predicted there; orientation as planned."""
         predicted = predict_program(Inputs(self.cell, self.program, stiffness, log), settings())

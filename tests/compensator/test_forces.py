@@ -120,6 +120,23 @@ def test_by_joint_angles(tmp_path) -> None:
     assert_allclose(forces.wrench[:, 0], [1, 2, 3, 4, 5])
 
 
+def test_the_target_ahead_is_the_place_on_the_way(tmp_path) -> None:
+    """Samples named after the target that the tool moves to give what the same samples with their places give."""
+    places = np.arange(0.5, 40, 1.0)
+    force = np.column_stack([np.sin(places / 5), places, places**2])
+    ahead = np.column_stack([np.ceil(places / 10), force])
+    cell = CELL + "force_log: {target: ahead}\n"
+    by_target = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", ahead), cell)
+    by_place = place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", np.column_stack([places, force])))
+    assert_allclose(by_target.wrench, by_place.wrench, atol=1e-9)
+    assert by_target.samples.tolist() == [5, 10, 10, 10, 5]
+    assert "CS3040" in {finding.code for finding in by_target.findings}
+    nearest = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", ahead))
+    assert nearest.samples.tolist() == [0, 10, 10, 10, 10]
+    with pytest.raises(CompstiffError, match="CS3004.*beyond"):
+        place(tmp_path, "target,fx_n,fy_n,fz_n\n5,1,0,0\n", cell)
+
+
 @pytest.mark.parametrize(("text", "code", "words"), [
     ("target,fx_n,fy_n,fz_n\n5,1,0,0\n", "CS3004", "beyond the program, which has 5 targets"),
     ("target,fx_n,fy_n,fz_n\n-1,1,0,0\n", "CS3004", "not a target number"),
