@@ -81,19 +81,21 @@ def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[
     """
     path = plan.toolpath
     forced = np.flatnonzero(forces.forced)
-    blocked = [int(i) for i in forced if path.block[i]]
+    stopped = path.block[forced] != ""
+    blocked, rest = forced[stopped].tolist(), forced[~stopped]
     unusable = [i for i in blocked if np.isfinite(path.position[i]).all() and np.isnan(path.quaternion[i]).any()]
     if unusable:
         raise CompstiffError(*(at(plan, i, "CS4103", "error", f"a move with force: {path.block[i]}",
                                   "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
     findings = [at(plan, i, "CS4101", "warning", f"a move with force stays uncorrected: {path.block[i]}") for i in blocked]
-    rest = np.array([i for i in forced if not path.block[i]], dtype=np.intp)
-    joints = [int(i) for i in rest if np.isnan(path.position[i]).any()]
+    by_joints = np.isnan(path.position[rest]).any(axis=1)
+    joints, rest = rest[by_joints].tolist(), rest[~by_joints]
     findings += [at(plan, i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
                     "cut with MoveL, MoveC or MoveJ") for i in joints]
-    rest = rest[~np.isnan(path.position[rest]).any(axis=1)]
     problems = []
-    for i in rest:
+    unknown = [np.array([bool(frame.problem) for frame in frames], dtype=bool) for frames in (path.tools, path.workobjects)]
+    doubtful = unknown[0][path.tool[rest]] | unknown[1][path.workobject[rest]] | ~np.isnan(path.external[rest]).all(axis=1)
+    for i in rest[doubtful]:
         tool, item = path.tools[path.tool[i]], path.workobjects[path.workobject[i]]
         for kind, name, problem in (("tool", tool.name, tool.problem), ("work object", item.name, item.problem)):
             if problem:
@@ -106,8 +108,8 @@ def targets_to_correct(plan: Plan, forces: TargetForces) -> tuple[Indices, list[
                                "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
     if problems:
         raise Refused(*problems)
-    lost = [i for i in rest if not plan.reached[i]]
-    if lost:
+    lost = rest[~plan.reached[rest]]
+    if len(lost):
         raise Refused(*(at(plan, int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
                            "check tool, work object and base frame") for i in lost[:20]))
     _refuse_outside(plan, rest, plan.theta[rest], "as planned")
