@@ -67,14 +67,20 @@ def _directions(move: NDArray[np.uint8], points: Array) -> tuple[Array, Array, A
     return arriving, leaving, length
 
 
+def _in_the_cut(targets: Indices) -> Indices:
+    """Those of the targets (M,) with force, ascending, between two with force: lead-in and lead-out may be round."""
+    return np.asarray(targets[1:-1][(np.diff(targets)[:-1] == 1) & (np.diff(targets)[1:] == 1)])
+
+
 def corners(plan: Plan, targets: Indices, tolerance: float, *, tightened: bool) -> list[Finding]:
-    """A finding (CS4320) where zones at targets with force cut more than the tolerance [m]; tightened: by what remains."""
+    """A finding (CS4320) where zones in the cut cut more than the tolerance [m]; tightened: by what remains."""
     miss, _ = corner_misses(plan.toolpath, plan.world_position)
-    over = targets[miss[targets] > 1.001 * tolerance]
+    inside = _in_the_cut(targets)
+    over = inside[miss[inside] > 1.001 * tolerance]
     if not len(over):
         return []
     worst = int(over[np.argmax(miss[over])])
-    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {len(over)} targets with force by more than "
+    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {len(over)} targets in the cut by more than "
                f"{1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
                "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller there")]
 
@@ -86,7 +92,8 @@ def with_tighter_zones(
     CS4322)."""
     path = plan.toolpath
     miss, half_sine = corner_misses(path, plan.world_position)
-    over = targets[miss[targets] > tolerance]
+    inside = _in_the_cut(targets)
+    over = inside[miss[inside] > tolerance]
     possible = [int(i) for i in over if move_text(program, int(i) - int(path.move[i] == Move.ARC_END)) is not None]
     findings = []
     if len(possible) < len(over):
