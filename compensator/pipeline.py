@@ -179,7 +179,8 @@ def correct_program(planned: Predicted) -> Corrected:
         prediction = predict_path(predicted.plan, forces, predicted.model, targets)
         told = (*told, *more)
     else:
-        cutting = left_as_logged(predicted.plan, forces, prediction, ASSUMED_CUTTING, offsets)
+        with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+            cutting = left_as_logged(predicted.plan, forces, prediction, ASSUMED_CUTTING, offsets)
     slope = settings.slope or (np.inf if forces.named else SLOPE)
     restraint = Restraint(prediction, settings.confidence, slope)
     correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)

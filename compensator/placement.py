@@ -135,6 +135,7 @@ def match_forwards(points: Array, s: Array, samples: Array) -> Array:
     if len(points) < 2:
         near = np.linalg.norm(samples - points[0], axis=1) < OFF_PATH if len(points) else np.zeros(len(samples), bool)
         return np.where(near, 0.0, np.nan)
+    samples = np.clip(samples, -FARTHEST, FARTHEST)
     starts, vectors = points[:-1], np.diff(points, axis=0)
     squares = np.maximum(np.einsum("ij,ij->i", vectors, vectors), 1e-300)
     count = min(len(samples), max(KEYS_PER_TARGET * len(points), FEWEST_KEYS))
