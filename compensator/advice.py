@@ -70,10 +70,9 @@ class Advice:
         if told["turn_deg"] == 0:
             return [f"Posture: no turn about the tool's axis lowers the deviation; {span}"]
         return [f"Posture: turned by {told['turn_deg']:g} deg about the tool's axis the deviation would be "
-                f"{told['rms_um'][1]:g} in "
-                f"place of {told['rms_um'][0]:g} um RMS ({100 * told['gain']:.0f} % less), {told['largest_um'][1]:g} in place "
-                "of "
-                f"{told['largest_um'][0]:g} um at most; {span}; collisions are not checked"]
+                f"{told['rms_um'][1]:.1f} in place of {told['rms_um'][0]:.1f} um RMS ({100 * told['gain']:.0f} % less), "
+                f"{told['largest_um'][1]:.1f} in place of {told['largest_um'][0]:.1f} um at most; {span}; "
+                "collisions are not checked"]
 
 
 def advise(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Advice | None:

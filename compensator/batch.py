@@ -80,6 +80,12 @@ def programs_in(folder: Path) -> list[Path]:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(folder)) from reason
 
 
+def log_beside(program: Path, folder: Path | None = None) -> Path | None:
+    """The log with the program's stem beside it, or in a folder; None without one, or with several."""
+    found = [path for suffix in LOG_SUFFIXES if (path := (folder or program.parent) / (program.stem + suffix)).is_file()]
+    return found[0] if len(found) == 1 else None
+
+
 def no_log(program: Path, folder: Path | None, then: str) -> Finding:
     """What is said of a program without a log. folder: of the logs, None where each lies beside its program; then: what becomes
     of it."""

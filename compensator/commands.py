@@ -14,6 +14,7 @@ from compensator.post_command import post
 from compensator.settings import CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, Settings, with_settings
 from compensator.tare import tare
 from identification.console import EXISTING, PATH, READABLE, WRITABLE, Outcome, Session, command
+from identification.findings import counted
 
 if TYPE_CHECKING:
     from compensator.pipeline import Corrected, Inputs, Predicted
@@ -61,7 +62,7 @@ def predict(
     write_whole(files)
     return Outcome(summary(predicted), predicted.findings, _predicted_lines(predicted),
                    next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
-                   f"{forces_file} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")
+                   f"{forces_file}{settings.as_options()} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")
 
 
 @command("correct", writes=True)
@@ -98,10 +99,13 @@ def _correct_one(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
     offsets: Path | None, report: Path | None, settings: Settings,
 ) -> Outcome:
+    from compensator.batch import log_beside
     from compensator.pipeline import Inputs, summary
 
+    forces_file = forces_file or log_beside(toolpath_file)
     if forces_file is None:
-        raise click.UsageError("Missing option '--forces': the force log of this program.")
+        raise click.UsageError("Missing option '--forces': there is no force log " +
+                               f"{toolpath_file.stem}.forces.csv (or .parquet) beside the program.")
     for path in (forces_file, offsets, report):
         if path and path.is_dir():
             raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
@@ -110,7 +114,9 @@ def _correct_one(
     if settings.first_forces and not settings.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
-    step = f"open {report} in a browser" if report else f"compare {toolpath_file} with {output}, then load it into the robot"
+    parts = sorted(path.name for path in output.parent.glob(f"{output.stem}_[0-9]*{output.suffix}")) if settings.split else []
+    step = f"open {report} in a browser" if report else (
+        f"load {output}{f' and its parts {parts[0]} ... {parts[-1]}' if parts else ''} into the robot, first in air")
     return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
 
 
@@ -175,22 +181,25 @@ def correction_lines(corrected: Corrected) -> list[str]:
         f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
         f"{figures['turn_deg']['largest']:.4f} deg",
         f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
-        + (f"{figures['held_back']} corrections held back, else the rounding of the written numbers)" if figures["held_back"]
-           else "the rounding of the written numbers)"),
+        + (f"{counted(figures['held_back'], 'correction')} held back, else the rounding of the written numbers)"
+           if figures["held_back"] else "the rounding of the written numbers)"),
         f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
         *([f"forces taken as logged: {as_logged(figures)}"] if figures["left_at_10_n_per_mm_um"] else []),
         *(corrected.advice.words() if corrected.advice else []),
-        *([] if figures["feed_check"] is None else _feed_lines(figures["feed_check"]["corrected"])),
+        *([] if figures["feed_check"] is None else _feed_lines(**figures["feed_check"])),
     ]
 
 
-def _feed_lines(feed: dict[str, Any]) -> list[str]:
-    held, judged = feed["held_back"], feed["judged"]
+def _feed_lines(planned: dict[str, Any], corrected: dict[str, Any]) -> list[str]:
+    def both(key: str, form: str, factor: int = 1) -> str:
+        return f"{factor * corrected[key]:{form}} (as planned {factor * planned[key]:{form}})"
+
     return [
-        f"feed: {judged - held} of {judged} moves can hold it, {feed['held_back_with_force']} of the others with force; the "
-        f"lowest share {100 * feed['lowest_feed_ratio']:.0f} % ({100 * feed['lowest_feed_ratio_with_force']:.0f} % with force)",
-        f"time: {feed['time_s']:.1f} s, of them {feed['lost_held_back_s']:.2f} s lost where the feed cannot be held and "
-        f"{feed['lost_ramps_s']:.2f} s at stops and changes of feed",
+        f"feed cannot be held by {both('held_back', 'd')} of {corrected['judged']} moves, in the cut by "
+        f"{both('held_back_with_force', 'd')}; lowest share {both('lowest_feed_ratio', '.0f', 100)} %, in the cut "
+        f"{both('lowest_feed_ratio_with_force', '.0f', 100)} %",
+        f"time: {both('time_s', '.1f')} s, of them {both('lost_held_back_s', '.2f')} s lost where the feed cannot be held and "
+        f"{both('lost_ramps_s', '.2f')} s at stops and changes of feed",
     ]
 
 

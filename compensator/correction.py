@@ -21,7 +21,7 @@ from compensator.placement import arc_length
 from compensator.planning import Plan
 from compensator.prediction import Prediction
 from compensator.restraint import chance_of_harm, confident_share, limited_steps
-from identification.findings import CompstiffError, Finding, Refused
+from identification.findings import CompstiffError, Finding, Refused, counted
 from identification.model.compliance import displacement, joint_torque, loaded_angles
 from identification.model.inverse import configuration, nearest_angles, wrist_distance
 from identification.model.kinematics import forward
@@ -207,7 +207,7 @@ def _restrained(
     if len(unsure):
         left = np.linalg.norm((full - sure)[unsure], axis=1)
         findings.append(at(plan, int(targets[unsure[np.argmax(left)]]), "CS4112", "note",
-                           f"{len(unsure)} corrections are small against their own uncertainty: "
+                           f"small against their own uncertainty: {counted(len(unsure), 'correction')}; "
                            f"{int((share[unsure] == 0).sum())} are left out, the others reduced; up to "
                            f"{1e6 * left.max():.1f} um of expected deviation stay",
                            f"each correction makes its point better with a probability of at least {restraint.confidence:g} "

@@ -208,8 +208,8 @@ def _check_names(names: Sequence[str], required: Sequence[str], source: str, lin
     if missing:
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(one for one in names if one) or 'none'}", file=source, line=line,
-                    hint="the header line names the columns, unit included, as in FORMATS (docs/formats.md); or name them in "
-                    "cell.yaml, force_log.columns")
+                    hint="the header line names the columns, unit included, as in docs/formats.md of the project; or name "
+                    "them in cell.yaml, force_log.columns")
     for group in TOGETHER:
         there = [one for one in group if one in names]
         if there and len(there) < len(group):

@@ -12,6 +12,8 @@ from compensator.force_log import ForceLog, read_force_log
 from compensator.log_path import on_path
 from compensator.placement import arc_length, nearest_target
 from compensator.planning import Plan
+from compensator.time_placement import air_moves
+from compensator.toolpath import Move
 from compensator.zero import Range, base_from_log, zero_of
 from identification.cell import Cell
 from identification.findings import Finding, Level, counted, error
@@ -21,6 +23,8 @@ __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 BATCHES = 8
+# A log with more than this share of its samples off the path is that of another program.
+MOST_LOST = 0.9
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
 SIGMAS, GROW, GAP = 5.0, 2.0, 3
 
@@ -60,10 +64,11 @@ def place_forces(
     findings: list[Finding] = []
     placed = target >= 0
     number = int(log.weight.sum())
-    if not placed.any():
-        raise error("CS3005", f"none of the {number} samples lies on this path", file=log.source,
-                    hint="is it the log of this program, with TCP positions in its work object?")
     lost = int(log.weight[~placed].sum())
+    if lost > MOST_LOST * number:
+        few = "none" if not placed.any() else f"only {number - lost}"
+        raise error("CS3005", f"{few} of the {number} samples {'lies' if number - lost < 2 else 'lie'} on this path",
+                    file=log.source, hint="is it the log of this program, with TCP positions in its work object?")
     if lost:
         level: Level = "warning" if lost > 0.01 * number else "note"
         findings.append(Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
@@ -101,7 +106,23 @@ def place_forces(
         standard_error = np.hypot(standard_error, _by_place(plan, wrench[:, :3]) * doubt[:, None])
     wrench = np.where(forced[:, None], wrench, 0.0)
     findings += _gaps(log, plan, samples, forced)
+    if zero.bias is None:
+        findings += _in_air(log, plan, samples, forced, wrench)
     return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log.key == "target")
+
+
+def _in_air(log: ForceLog, plan: Plan, samples: Indices, forced: NDArray[np.bool_], wrench: Array) -> list[Finding]:
+    """Where no bias is known and moves at the air feed show a force, the bias is likely it."""
+    by_joints = np.isin(plan.toolpath.move, (Move.JOINT, Move.ABSOLUTE))
+    air = np.flatnonzero(air_moves(plan.toolpath.feed, by_joints) & (samples > 0))
+    touched = air[forced[air]]
+    if 2 * len(touched) <= len(air):
+        return []
+    size = np.linalg.norm(wrench[touched, :3], axis=1)
+    return [Finding("CS3041", "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed show a force, "
+                    f"{np.median(size):.1f} N in the middle, and are moved with the others: no bias was taken off",
+                    file=log.source, line=None, target=int(touched[0]),
+                    hint="name targets in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml")]
 
 
 def _ranges(tare: Range | Sequence[Range] | None) -> list[Range]:
@@ -266,8 +287,12 @@ def _gaps(log: ForceLog, plan: Plan, samples: Indices, forced: NDArray[np.bool_]
     empty = samples == 0
     inside = empty[1:-1] & forced[:-2] | empty[1:-1] & forced[2:]
     count = int(inside.sum())
-    findings = [Finding("CS3011", "note", f"{int(empty.sum())} of {len(samples)} targets got no sample and stay as they are",
-                        file=log.source)] if empty.any() else []
+    level: Level = "warning" if 2 * empty.sum() > len(empty) else "note"
+    findings = []
+    if empty.any():
+        findings.append(Finding(
+            "CS3011", level, f"{int(empty.sum())} of {len(samples)} targets got no sample and stay as they are",
+            file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
     if count:
         first = int(np.argmax(inside)) + 1
         findings.append(Finding(

@@ -19,6 +19,8 @@ from identification.model.stiffness_file import same_tool
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# No cut is as light, and no robot as stiff [m].
+HARDLY = 2e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,12 @@ def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
             carried = compliance_matrix(model.robot, theta, tool, model.compliance)[:, :3, :3]
             covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
     notes, findings = _state_notes(plan, targets, state_changes(plan, forces, model, targets) if model.effects else [])
+    largest = np.linalg.norm(position, axis=1).max(initial=0.0)
+    if count and largest < HARDLY:
+        findings = [*findings, Finding(
+            "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
+            f"{np.linalg.norm(forces.wrench[targets, :3], axis=1).max():.3g} N", file=plan.toolpath.source,
+            hint="are the forces in newtons, and is it the stiffness file of this robot?")]
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *findings))
 
 

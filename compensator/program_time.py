@@ -90,7 +90,7 @@ def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
     spread = _spread(program, found)
     typical, largest = 1e3 * np.nanquantile(spread, [0.5, 0.95])
     findings = [Finding(
-        "CS3064", "note", f"placed by time alone: the program starts at {found.start:.2f} s of the log's clock, override "
+        "CS3064", "warning", f"placed by time alone: the program starts at {found.start:.2f} s of the log's clock, override "
         f"{100 * found.override:.1f} %, stretches slip by up to {found.slip:.2f} s; {100 * found.share:.0f} % of the force "
         f"follows the program, score {found.score:.0f} against {_rival(found)}; 1 sigma of the time {np.median(found.std):.3f} "
         f"s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)", file=source)]

@@ -73,6 +73,15 @@ class Settings:
         """The input files among them, by name."""
         return [(item.name, value) for item in fields(self) if isinstance(value := getattr(self, item.name), Path)]
 
+    def as_options(self) -> str:
+        """What `correct` needs to read the log and the stiffness as here, as on the command line."""
+        words = [f"--tare {first}:{last}" for first, last in self.tare]
+        words += [f"--log-format {self.log_format}"] if self.log_format else []
+        words += [f"--spindle-rpm {self.spindle_rpm:g}"] if self.spindle_rpm else []
+        if self.scale != ONE:
+            words.append(f"--scale {self.scale.value:g}" + (f":{self.scale.std:g}" if self.scale.std else ""))
+        return "".join(f" {word}" for word in words)
+
     def as_dict(self) -> dict[str, Any]:
         """JSON values in SI, files by their name."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # Readings whose joints differ by less than this [rad] from the first of their group are one orientation; a group of less than
 # this share of the largest one was logged on the way between two.
 SAME, FEW = 3e-4, 0.1
+# Noise of one sample of a sensor without contact [N], at most.
+RESTLESS = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +66,20 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     group = _groups(log.place)
     size = np.bincount(group, log.weight)
     kept = np.flatnonzero(size >= FEW * size.max())
-    findings = list(log.findings)
+    # The spindle stands still.
+    findings = [finding for finding in log.findings if finding.code not in ("CS3027", "CS3028", "CS3035")]
     between = int(size.sum() - size[kept].sum())
     if between:
         findings.append(Finding("CS3038", "note", f"{counted(between, 'sample')} between the orientations not used",
                                 file=log.source))
     loads = form.sign * np.concatenate([log.force, log.moment], axis=1)
     mean = np.array([np.average(loads[group == k], axis=0, weights=log.weight[group == k]) for k in kept])
+    restless = max(float(np.sqrt(np.average((loads[group == k, :3] - mean[index, :3]) ** 2, axis=0,
+                                            weights=log.weight[group == k]).sum())) for index, k in enumerate(kept))
+    if restless > RESTLESS:
+        raise error("CS3037", f"the force varies by {restless:.0f} N (1 sigma) while the joints stand still, at most "
+                    f"{RESTLESS:g} N are those of a sensor without contact", file=log.source,
+                    hint="log with the spindle off and the tool free; load tests are for compstiff identify")
     theta = np.array([log.place[group == k].mean(axis=0) for k in kept])
     flange_from_log = cell.flange_from_tcp
     if form.kind == "sensor" and form.flange_from_sensor is not None:
@@ -86,6 +95,10 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     if found.mass < -3 * found.mass_std:
         raise error("CS3034", f"the payload would be {found.mass:.2f} kg: forces point up where they should point down",
                     file=log.source, hint="check force_log.sign and the sensor's frame in cell.yaml")
+    if found.mass <= 3 * found.mass_std:
+        findings.append(Finding("CS3034", "warning", f"a payload of {found.mass:.3f} +- {found.mass_std:.3f} kg is not told "
+                                "from none: none is written", file=log.source,
+                                hint="does the log have its weight removed already?"))
     if found.centre is None and log.has_moment:
         findings.append(Finding("CS3034", "warning", f"the centre of mass is not estimated: {len(mean)} orientations, the "
                                 f"least turn {turn[1]:.1f} deg over two directions", file=log.source,
@@ -127,7 +140,9 @@ def as_yaml(stills: Stills, source: str) -> str:
     if stills.centre is not None:
         lines.append(f"  bias_nm: [{', '.join(f'{x:.5f}' for x in stills.bias[3:])}]")
         payload += f", centre_of_mass_mm: [{', '.join(f'{1e3 * x:.2f}' for x in stills.centre)}]"
-    return "\n".join([*lines, "  weight: in_log", f"  payload: {{{payload}}}"]) + "\n"
+    if stills.payload.mass > 3 * stills.payload.mass_std:
+        lines += ["  weight: in_log", f"  payload: {{{payload}}}"]
+    return "\n".join(lines) + "\n"
 
 
 def summary(stills: Stills) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from compensator.force_log import ForceLog
 from compensator.payload import Payload, estimate_payload, turns, weight
 from compensator.planning import Plan
 from identification.cell import Cell
-from identification.findings import Finding, Level, error
+from identification.findings import Finding, Level, counted, error
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.rotations import Frame
 
@@ -21,6 +21,9 @@ Indices = NDArray[np.intp]
 Range = tuple[int, int]
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
+# A target of --tare is not in air where its mean is off the others' by this share of the largest force, by this force [N], and
+# by so many standard errors.
+IN_AIR, LEAST_FORCE, SURELY = 0.2, 5.0, 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,7 @@ def zero_of(
         held = form.sign * np.nan_to_num(weight(fall, mass, arm))
     if air is not None:
         apart = _per_stretch(held, index, share, tare)
+        _check_air(log, loads - held[index], index, share, tare)
         bias = (air.mean - apart).mean(axis=0)
         findings += _tared(log, air.mean - apart, bias, mass, tare)
     else:
@@ -100,6 +104,10 @@ def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array,
     neighbours included: from up to 32 consecutive batches."""
     means, falls, squares, degrees = [], [], np.zeros(6), 0
     for first, last in tare:
+        if last >= len(fall):
+            raise error("CS3006", f"--tare {first}:{last} names targets beyond the program, which has "
+                        f"{counted(len(fall), 'target')} (0 to {len(fall) - 1})", file=log.source,
+                        hint="name targets of an air move: FIRST:LAST, counted from 0 in the order of the text")
         rows = np.flatnonzero((index >= first) & (index <= last))
         if not len(rows):
             raise error("CS3006", f"no sample lies on the targets {first} to {last} of --tare", file=log.source,
@@ -113,6 +121,30 @@ def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array,
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
     return Air(np.array(means), np.array(falls), np.sqrt(squares / max(degrees, 1)))
+
+
+def _check_air(log: ForceLog, loads: Array, index: Indices, share: Array, tare: Sequence[Range]) -> None:
+    """Raises CompstiffError (CS3039) where the targets of a stretch show forces that differ as those of a cut do: by a fifth of
+    the largest of the whole log."""
+    count = int(index.max()) + 1
+    samples = np.bincount(index, share, minlength=count)
+    seen = np.flatnonzero(samples)
+    total = np.column_stack([np.bincount(index, share * column, minlength=count) for column in loads[:, :3].T])
+    mean = np.asarray(total[seen] / samples[seen, None])
+    row = np.searchsorted(seen, index)
+    spread = np.bincount(row, share * ((loads[:, :3] - mean[row]) ** 2).sum(axis=1)) / samples[seen]
+    error_of = np.sqrt(np.maximum(spread, np.median(spread)) / np.bincount(row))
+    for first, last in tare:
+        inside = (seen >= first) & (seen <= last)
+        if not (~inside).any():
+            continue
+        middle = np.median(mean[inside], axis=0)
+        off = np.linalg.norm(mean - middle, axis=1)
+        worst = int(np.argmax(np.where(inside, off, -1.0)))
+        if off[worst] > max(IN_AIR * off.max(), LEAST_FORCE, SURELY * error_of[worst]):
+            raise error("CS3039", f"the targets {first} to {last} of --tare are not all in air: target {seen[worst]} shows "
+                        f"{off[worst]:.1f} N more than the middle of them, the largest force of the log is {off.max():.1f} N",
+                        file=log.source, hint="name targets during which the tool touches nothing")
 
 
 def _per_stretch(values: Array, index: Indices, share: Array, tare: Sequence[Range]) -> Array:

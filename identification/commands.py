@@ -216,7 +216,7 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
 
 
 @command("explain")
-@click.argument("code", metavar="CODE", required=False)
+@click.argument("code", metavar="[CODE]", required=False)
 def explain(session: Session, code: str | None) -> Outcome:
     """Explain a finding: its cause, its effect, what to do; without CODE, list them."""
     from identification.catalogue import catalogue, explain_code

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification.cell import Cell
 from identification.extension import predicted_deflection
-from identification.findings import Finding
+from identification.findings import Finding, error
 from identification.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
 from identification.inference import Posterior, posterior
 from identification.measurements import Measurements
@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 SUSPICIOUS_WEIGHT = 0.3
 # Probability of the prior under which its disagreement with the data is said.
 PRIOR_CONFLICT = 1e-3
+# Off by more than this factor in every joint that the data tell is no robot, but a unit.
+UNIT = 100.0
 # Residual over stated noise from which it is said that the stated noise does not explain the data.
 LARGER_THAN_STATED = 2.0
 
@@ -103,10 +105,16 @@ def fit_stiffness(
     }
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
                             tuple(grade.grade for grade in grades), figures, interval=found.draws.interval(0.95))
-    findings = (*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior))
+    findings = [*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior)]
+    if held_out is not None and held_out[1] > held_out[0]:
+        findings.append(Finding(
+            "CS1019", "warning", f"on the validation rows the identified stiffnesses are off by {1e6 * held_out[1]:.1f} um "
+            f"RMS, the prior's by {1e6 * held_out[0]:.1f} um", file=measurements.source,
+            hint="do not correct with them: check units, signs and joint columns, then compstiff diagnose"))
     std = residual_std(cell, measurements, found.size, np.exp(found.mean))
     return Fit(model, found, residual, std, row_weight, grades, ellipsoid(found),
-               information_spectrum(found, prior), conflicts, profiles(found) if with_profiles else (), held_out, findings)
+               information_spectrum(found, prior), conflicts, profiles(found) if with_profiles else (), held_out,
+               tuple(findings))
 
 
 def _findings(
@@ -161,12 +169,13 @@ def _against_prior(source: str, found: Posterior, grades: tuple[JointGrade, ...]
     if p_value > PRIOR_CONFLICT:
         return []
     factor = np.exp(-(found.mean - expected)[seen])
-    together = factor.min() > 100 or factor.max() < 0.01
-    return [Finding(
-        "CS1017", "warning", f"the stiffnesses lie a factor {factor.min():.3g} to {factor.max():.3g} off the prior's medians, "
-        f"which it gives a probability of {p_value:.1g}", file=source,
-        hint="deflections are in micrometres, forces in newton: the factor looks like a unit" if together else
-        "is it the right robot, tool and prior? The data outweigh the prior where joints are graded reliable")]
+    said = (f"the stiffnesses lie a factor {factor.min():.3g} to {factor.max():.3g} off the prior's medians, which it gives a "
+            f"probability of {p_value:.1g}")
+    if factor.min() > UNIT or factor.max() < 1 / UNIT:
+        raise error("CS1018", said, file=source, hint="deflections are in micrometres, forces in newton: the factor looks "
+                    "like a unit. If the robot really is so, state its prior in cell.yaml")
+    return [Finding("CS1017", "warning", said, file=source, hint="is it the right robot, tool and prior? The data outweigh the "
+                    "prior where joints are graded reliable")]
 
 
 def _rms(values: Array) -> float:

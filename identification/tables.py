@@ -62,7 +62,7 @@ def read_table(
     if missing:
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=str(path), line=header_line,
-                    hint="the header line names the columns, unit included, as in FORMATS (docs/formats.md)")
+                    hint="the header line names the columns, unit included, as in docs/formats.md of the project")
     for group in together:
         there = [name for name in group if name in names]
         if there and len(there) < len(group):

@@ -91,7 +91,8 @@ def read_yaml(path: str | Path, model: type[Model]) -> Model:
     except RecursionError as reason:
         raise error("CS0101", "is not a file of this kind: brackets nested too deeply", file=name) from reason
     if not isinstance(content, dict):
-        raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1)
+        raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1,
+                    hint="is this the YAML file that is meant? CELL, the cell.yaml, comes first on the command line")
     try:
         return model.model_validate(content)
     except ValidationError as reason:

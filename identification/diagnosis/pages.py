@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -108,6 +109,8 @@ def _in_order(found: Diagnosis, before: Array, after: Array | None, allowed: Arr
 
 def _by_pose(found: Diagnosis, before: Array, after: Array | None, allowed: Array) -> Figure:
     groups, names = poses(found.rows), pose_names(found.rows)
+    # P2 before P10.
+    order = sorted(names, key=lambda name: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)])
 
     def grouped(values: Array) -> list[float]:
         return [1e6 * float(np.sqrt(np.nanmean(values[groups == g] ** 2))) for g in range(len(names))]
@@ -119,7 +122,8 @@ def _by_pose(found: Diagnosis, before: Array, after: Array | None, allowed: Arra
     data.append({"type": "scatter", "mode": "lines+markers", "x": names, "y": grouped(allowed), "name": "the noise allows",
                  "line": {"color": "#888", "dash": "dot"}})
     return Figure("By pose", "RMS of what is left at each pose.", data, {
-        "barmode": "group", "xaxis": {"type": "category"}, "yaxis": {"title": {"text": "RMS [um]"}, **GRID}})
+        "barmode": "group", "xaxis": {"type": "category", "categoryorder": "array", "categoryarray": order},
+        "yaxis": {"title": {"text": "RMS [um]"}, **GRID}})
 
 
 def _by_load(found: Diagnosis, before: Array) -> Figure:

@@ -98,7 +98,8 @@ def _parse(path: str | Path, name: str) -> _StiffnessFile:
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except json.JSONDecodeError as reason:
-        raise error("CS1201", f"is not JSON: {reason.msg}", file=name, line=reason.lineno, column=reason.colno) from reason
+        raise error("CS1201", f"is not JSON: {reason.msg}", file=name, line=reason.lineno, column=reason.colno,
+                    hint="name the stiffness file that compstiff identify wrote (-o)") from reason
     except (ValueError, RecursionError) as reason:
         raise error("CS1201", f"is not JSON: {reason}", file=name) from reason
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -503,7 +503,7 @@ def test_other_toolpath_formats_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("value", ["0:1", "0", "a:b", "1:0", "5:9", "-1:0", "0:1:2", ":"])
 def test_tare_is_checked(tmp_path: Path, value: str) -> None:
-    forces = HEAD + "0,5,5,5\n0,5,5,5\n1,65,95,-115\n2,65,95,-115\n"
+    forces = HEAD + "0,5,5,5\n0,5,5,5\n1,4,6,5\n2,65,95,-115\n"
     job = Job(tmp_path, program=P.program(), forces=forces)
     result = job.correct("--json", f"--tare={value}")
     if value == "0:1":
@@ -513,6 +513,15 @@ def test_tare_is_checked(tmp_path: Path, value: str) -> None:
     else:
         assert result.code in (1, 2), result
         assert result.json["findings"]
+
+
+def test_kilonewtons_under_newtons_are_noticed(tmp_path: Path) -> None:
+    job = Job(tmp_path, program=P.program(), forces=HEAD + "0,0.05,0.09,-0.12\n1,0.06,0.09,-0.1\n2,0.05,0.08,-0.1\n")
+    result = job.correct("--json")
+    assert result.code == 0
+    said = [finding for finding in result.json["findings"] if finding["code"] == "CS4125"]
+    assert said
+    assert "newtons" in said[0]["hint"]
 
 
 def test_tare_takes_the_bias_out(tmp_path: Path) -> None:

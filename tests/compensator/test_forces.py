@@ -7,8 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from compensator.forces import TargetForces, place_forces, read_force_log
+from compensator.pipeline import Inputs, predict_program
 from compensator.planning import Plan, plan_path
 from compensator.rapid import read_rapid
+from compensator.settings import Settings
 from identification.cell import read_cell
 from identification.findings import CompstiffError
 from identification.model.rotations import quaternion_to_matrix
@@ -153,6 +155,33 @@ def test_the_target_ahead_is_the_place_on_the_way(tmp_path) -> None:
 def test_refusals(tmp_path, text: str, code: str, words: str) -> None:
     with pytest.raises(CompstiffError, match=f"{code}.*{words}"):
         place(tmp_path, text)
+
+
+def test_tare_over_a_cut_or_beyond_the_program(tmp_path) -> None:
+    """A bias with a cutting force in it would be taken off everywhere."""
+    rows = np.column_stack([np.repeat(np.arange(5), 20), np.random.default_rng(4).normal(0, 2, (100, 3))])
+    rows[60:, 2] += 100
+    text = log_text("target,fx_n,fy_n,fz_n", rows)
+    assert place(tmp_path, text, tare=(0, 2)).forced.tolist() == [False] * 3 + [True] * 2
+    with pytest.raises(CompstiffError, match="CS3039.*target 3 shows 9"):
+        place(tmp_path, text, tare=(0, 3))
+    with pytest.raises(CompstiffError, match="CS3006.*beyond the program, which has 5 targets"):
+        place(tmp_path, text, tare=(0, 5))
+
+
+def test_the_log_of_another_program_is_refused(tmp_path) -> None:
+    """19 of 20 samples lie elsewhere, as where two parts touch."""
+    rows = np.column_stack([1000 + 60 * np.arange(20.0), np.zeros(20), np.full(20, 700.0), np.full((20, 3), 50.0)])
+    with pytest.raises(CompstiffError, match="CS3005.*only 1 of the 20 samples lies on this path"):
+        place(tmp_path, log_text("x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", rows))
+
+
+def test_a_bias_that_nobody_took_off_is_said(sample_inputs: Inputs) -> None:
+    """The sample's sensor shows 6 N in air: without --tare its rapid moves show a force, with it they do not."""
+    codes = [{finding.code for finding in predict_program(sample_inputs, Settings(tare=tare)).findings}
+             for tare in ((), ((0, 2),))]
+    assert "CS3041" in codes[0]
+    assert "CS3041" not in codes[1]
 
 
 def test_tare_without_samples(tmp_path) -> None:

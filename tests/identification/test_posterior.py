@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from identification.cell import read_cell
+from identification.findings import CompstiffError
 from identification.fit import fit_stiffness
 from identification.model.compliance import equilibrium
 from tests.identification.test_inference import TRUE, simulate
@@ -164,7 +165,18 @@ def test_a_pose_that_moved_is_found(tmp_path) -> None:
 def test_data_against_the_prior(tmp_path) -> None:
     cell, rows = simulate(tmp_path, np.random.default_rng(8))
     assert not any(finding.code == "CS1017" for finding in fit_stiffness(cell, rows).findings)
-    in_millimetres = fit_stiffness(cell, replace(rows, deflection=1e-3 * rows.deflection))
-    said = [finding for finding in in_millimetres.findings if finding.code == "CS1017"]
-    assert len(said) == 1
-    assert "looks like a unit" in said[0].hint
+    softer = fit_stiffness(cell, replace(rows, deflection=30 * rows.deflection))
+    assert sum(finding.code == "CS1017" for finding in softer.findings) == 1
+    with pytest.raises(CompstiffError, match=r"(?s)CS1018.*looks like a unit"):
+        fit_stiffness(cell, replace(rows, deflection=1e-3 * rows.deflection))
+
+
+def test_validation_rows_that_the_prior_tells_better_are_said(tmp_path) -> None:
+    """Fitted rows three times too soft, validation rows as they are."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(9))
+    kept = rows.visit >= rows.visit.max() - 1
+    wrong = np.where(kept[:, None], rows.deflection, 60 * rows.deflection)
+    said = [finding.code for finding in fit_stiffness(cell, replace(rows, deflection=wrong, validate=kept)).findings]
+    assert "CS1019" in said
+    said = [finding.code for finding in fit_stiffness(cell, replace(rows, validate=kept)).findings]
+    assert "CS1019" not in said
