@@ -16,7 +16,7 @@ from compensator.rapid import RapidProgram, read_rapid
 from compensator.settings import Settings
 from compensator.toolpath import Move
 from identification.cell import Cell
-from identification.findings import Finding, error
+from identification.findings import Finding, Refused, error
 from identification.model.inverse import configuration
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, rotation_vector
@@ -64,8 +64,8 @@ def read_cam_path(path: Path, settings: Settings) -> CamPath:
 def post(path: CamPath, cell: Cell, settings: Settings, name: str) -> Posted:
     """The planned program. name: what findings call it, for a file that is not written.
 
-    Raises CompstiffError: CS2153 (joints and poses of a table do not fit), CS4303 (no configuration goes all along the path),
-    CS4304 (tool axis along the direction of its x axis), CS4306 (the text does not read back).
+    Raises Refused (CS4303: no configuration goes all along the path), CompstiffError: CS2153 (joints and poses of a table do
+    not fit), CS4304 (tool axis along the direction of its x axis), CS4306 (the text does not read back).
     """
     quaternion, confdata, said, chosen = _oriented(path, cell, settings)
     assumed = {"form": path.form, "zone_mm": settings.zone_mm, "rapid_mm_s": settings.rapid_mm_s,
@@ -113,10 +113,12 @@ def _oriented(
     else:
         held = hold(cell.robot, flange)
         if held.failed_at >= 0:
-            raise error("CS4303", "no configuration of the robot goes all along the path: the one that gets farthest ends at "
-                        f"target {held.failed_at} of {len(path)} (out of reach, beyond a joint limit, or a jump)",
-                        file=path.source, line=int(path.line[held.failed_at]), target=held.failed_at,
-                        hint="check workobject and tool in cell.yaml; turn the tool with --tool-x, or move the part")
+            raise Refused(Finding(
+                "CS4303", "error", "no configuration of the robot goes all along the path: the one that gets farthest ends at "
+                f"target {held.failed_at} of {len(path)} (out of reach, beyond a joint limit, or a jump)", file=path.source,
+                line=int(path.line[held.failed_at]), target=held.failed_at,
+                hint="check workobject and tool in cell.yaml (a work object that is not stated lies in the robot's base); "
+                "turn the tool with --tool-x, or move the part"))
         if held.reserve < LITTLE:
             findings.append(Finding(
                 "CS4305", "warning", f"{np.degrees(held.reserve):.1f} degrees from {held.where} at target {held.at}",

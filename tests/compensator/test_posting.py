@@ -17,7 +17,7 @@ from compensator.rapid import read_rapid
 from compensator.settings import DEFAULTS, Settings
 from compensator.toolpath import Move
 from identification.cell import read_cell
-from identification.findings import CompstiffError
+from identification.findings import CompstiffError, Refused
 from identification.model.inverse import wrist_distance
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, quaternion_to_matrix
@@ -138,7 +138,7 @@ def test_a_chosen_direction_leaves_at_least_the_reserve_of_every_other(tmp_path,
 
 def test_out_of_reach_is_refused_with_the_line(tmp_path, cell):
     (tmp_path / "far.apt").write_text("UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/5000,0,0\n")
-    with pytest.raises(CompstiffError, match="CS4303") as caught:
+    with pytest.raises(Refused, match="CS4303") as caught:
         planned(tmp_path / "far.apt", cell)
     assert caught.value.findings[0].line == 4
 
