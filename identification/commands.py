@@ -212,7 +212,7 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
     if verdict == "ambiguous":
         return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
                 "loads that tell them apart; measure them, add the rows, then diagnose again")
-    return f"measure what next_measurements in {output} says, add the rows, then diagnose again"
+    return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"
 
 
 @command("explain")

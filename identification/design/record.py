@@ -151,7 +151,7 @@ def worth(plan: Plan, joints: bool = True) -> list[str]:
     if alike:
         lines.append("noticed at their typical size but not told apart: " + "; ".join(alike))
     if expected.runs and plan.settled is None:
-        lines.append("largest uncertainty of a stiffness by number of runs: " + ", ".join(
+        lines.append("largest uncertainty of a stiffness by number of runs, each planned for the criterion: " + ", ".join(
             f"{n}: {spread(std).removeprefix('to ').removeprefix('within ')}"
             for n, std in zip(expected.runs, expected.stds, strict=True)))
     return lines

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from identification.cell import Cell
 from identification.diagnosis.gain import pose_names, poses
 from identification.diagnosis.procedure import Diagnosis
-from identification.diagnosis.record import conflicts, expected_std, extended_residual, plain_residual, record, summary, value
+from identification.diagnosis.record import (
+    conflicts,
+    expected_std,
+    extended_residual,
+    next_words,
+    plain_residual,
+    record,
+    summary,
+    value,
+)
 from identification.extension import added, situation_of
 from identification.findings import Finding
 from identification.measurements import Measurements
@@ -60,15 +69,7 @@ def _ranking(found: Diagnosis) -> ReportTable | None:
 
 
 def _next(content: dict[str, Any]) -> ReportTable | None:
-    rows = []
-    for item in content["next_measurements"]:
-        if item["kind"] == "load":
-            angles = ", ".join(f"{angle:.1f}" for angle in item["q_deg"])
-            forces = ", ".join(f"{force:.0f}" for force in item["forces_n"])
-            rows.append([f"joints ({angles}) deg: load along base {item['axis']}, {forces} N",
-                         f"{item['separates'][0]} from {item['separates'][1]}, by {item['expected_sigmas']:.1f} sigma"])
-        else:
-            rows.append([item["what"], item["about"]])
+    rows = [list(next_words(item)) for item in content["next_measurements"]]
     return ReportTable("What to measure next", ["do", "it tells"], rows) if rows else None
 
 

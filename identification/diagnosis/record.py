@@ -18,6 +18,8 @@ from identification.noise import residual_std
 from identification.priors import PriorModel
 from identification.subsets import Conflict, subset_conflicts
 
+# So many checks are told on the terminal.
+MOST_CHECKS = 4
 Array = NDArray[np.float64]
 FORMAT = "compstiff-diagnosis"
 
@@ -86,6 +88,16 @@ def next_measurements(found: Diagnosis) -> list[dict[str, Any]]:
     return listed
 
 
+def next_words(item: dict[str, Any]) -> tuple[str, str]:
+    """One of the next measurements: what to do, and what it tells."""
+    if item["kind"] != "load":
+        return item["what"], item["about"]
+    angles = ", ".join(f"{angle:.1f}" for angle in item["q_deg"])
+    forces = ", ".join(f"{force:.0f}" for force in item["forces_n"])
+    return (f"joints ({angles}) deg: load along base {item['axis']}, {forces} N",
+            f"{item['separates'][0]} from {item['separates'][1]}, by {item['expected_sigmas']:.1f} sigma")
+
+
 def _named(cause: Cause) -> dict[str, Any]:
     return {"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability}
 
@@ -152,6 +164,8 @@ def summary(cell: Cell, found: Diagnosis) -> list[str]:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
         lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
                      f"({angles}) deg separates {load.separates[0]} from {load.separates[1]} by {load.distance:.1f} sigma")
+    checks = [next_words(item) for item in next_measurements(found) if item["kind"] == "check"]
+    lines += [f"next: check {what} ({about})" for what, about in checks[:MOST_CHECKS]]
     return lines
 
 
