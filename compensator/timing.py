@@ -189,5 +189,6 @@ def _failure(route: Route, plan: Plan, part: Indices) -> CompstiffError:
     path = plan.toolpath
     return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
                  f"{1e-3 * np.degrees(abs(route.slope[part[place], joint])):.3g} deg a millimetre of path",
-                 file=path.source, line=int(path.line[target]), column=int(path.column[target]), target=target,
+                 file=path.source, line=int(path.line[target]), column=int(path.column[target]),
+                 target=int(path.number[target]),
                  hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")
