@@ -328,9 +328,8 @@ def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array,
     crowded = np.zeros(len(leg), dtype=bool)
     close = (np.diff(d) < CLOSEST) & (leg[1:] == leg[:-1])
     crowded[1:] |= close & ~is_fixed[1:]
-    crowded[:-1] |= close & is_fixed[1:] & ~is_fixed[:-1]
-    # Just behind a corner the point before is the corner itself, on the leg before.
-    crowded |= (d < CLOSEST) & ~is_fixed
+    # Just behind a corner the point before is the corner itself, on the leg before; at the end of a leg stands the target.
+    crowded |= ((d < CLOSEST) | (length[leg] - d < CLOSEST)) & ~is_fixed
     return leg[~crowded], d[~crowded]
 
 
