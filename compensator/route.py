@@ -314,7 +314,8 @@ def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array,
     clear_start, clear_end = np.where(sharp[before], legs.radius[before], 0), np.where(sharp[driven], legs.radius[driven], 0)
     for share in RAMP:
         for ramp, clear, from_start in ((at_start, clear_start, True), (at_end, clear_end, False)):
-            d = clear + share * ramp
+            # Of a ramp of less than CLOSEST at least the end has to be there, or the whole interval counts as the ramp.
+            d = clear + share * np.maximum(ramp, 10 * CLOSEST)
             wanted = (ramp > 0) & (d < length[driven])
             loose.append((driven[wanted], d[wanted] if from_start else (length[driven] - d)[wanted]))
     # A leg between two stops has at least its middle.

@@ -179,3 +179,56 @@ def test_no_speed_at_a_singular_start(tmp_path: Path) -> None:
         drive(program(tmp_path, moves([start, end], "v100")))
     [found] = stopped.value.findings
     assert (found.target, found.line) == (1, FIRST_LINE + 1)
+
+
+def test_a_stop_in_the_middle_leaves_a_speed(tmp_path: Path) -> None:
+    """Three moves the solver's rounding at the stop once left without any speed."""
+    angles = [[0, 10, 20, 15.5486964403, 30, 0],
+              [-0.44198534108, 10, 20, 13.7319089666, 29.016592008, 0.730322],
+              [7.75976812356, 10.4936210953, 29.4343701777, 15.7546355926, 35.2284917486, -1.7371528]]
+    text = moves(angles)
+    text[1:] = [text[1].replace("v100", "v50"), text[2].replace("v100", "v5")]
+    run = drive(program(tmp_path, text))
+    lengths = [np.linalg.norm(pose(b).p - pose(a).p) for a, b in zip(angles, angles[1:], strict=False)]
+    # Length over feed and some ramps; the second move takes a minute.
+    assert_allclose(run.time[-1], lengths[0] / 0.05 + lengths[1] / 0.005, rtol=5e-3)
+
+
+def slow_job(folder: Path, zone: str) -> Job:
+    """A robot whose joints turn so slowly that no long move holds 50 mm/s."""
+    source = robot().source.read_text()
+    (folder / "slow.yaml").write_text(re.sub(r"speed_deg_s: \d+", "speed_deg_s: 1", source))
+    program_text = Path3(LINES).program().replace(",z1,", f",{zone},")
+    return Job(folder, program=program_text, forces=log(160), cell=kit.cell_text("slow.yaml"))
+
+
+def test_after_densifying_lines_and_targets_are_those_of_the_program_given(tmp_path: Path) -> None:
+    job = slow_job(tmp_path, "z1")
+    line_of = [i for i, text in enumerate(str(job.program).splitlines(), 1) if "Move" in text]
+    result = job.correct("--json", "--check-feed", "--report", tmp_path / "report.html")
+    assert result.code == 0, result.out
+    assert result.json["result"]["added_targets"] > 5
+    found = [one for one in result.json["findings"] if one["code"].startswith("CS44") and one["target"] is not None]
+    assert {one["code"] for one in found} >= {"CS4401"}
+    for one in found:
+        assert 0 < one["target"] < 4
+        assert one["line"] == line_of[one["target"]]
+        assert Path(one["file"]).name == "part.mod"
+    feed = result.json["result"]["feed_check"]
+    for when in ("planned", "corrected"):
+        assert feed[when]["judged"] == feed[when]["held_back"] == 3, "moves of the program given, each once"
+        assert feed[when]["held_back_with_force"] <= 3
+    assert_allclose(feed["planned"]["time_s"], feed["corrected"]["time_s"], rtol=0.02)
+    shown = re.findall(r"target (\d+), line (\d+)", (tmp_path / "report.html").read_text())
+    assert shown
+    assert all(int(line) == line_of[int(number)] for number, line in shown)
+    refused = job.correct("--json", "--force", "--strict-feed")
+    assert refused.code == 3
+    assert all(one["line"] == line_of[one["target"]] for one in refused.json["findings"] if one["code"] == "CS4402")
+
+
+def test_as_planned_is_the_program_as_given(tmp_path: Path) -> None:
+    """Zones made smaller slow the robot down in the corner: that is a difference of the correction, not of the plan."""
+    job = slow_job(tmp_path, "z20")
+    feed = job.correct("--json", "--check-feed", "--tighten-zones").json["result"]["feed_check"]
+    assert feed["corrected"]["time_s"] > 1.05 * feed["planned"]["time_s"]
