@@ -4,6 +4,7 @@ program as given. Angles come from the drawing of the arm (tests/virtual_cell) a
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import re
 from pathlib import Path
 
@@ -189,7 +190,7 @@ def test_a_stop_in_the_middle_leaves_a_speed(tmp_path: Path) -> None:
     text = moves(angles)
     text[1:] = [text[1].replace("v100", "v50"), text[2].replace("v100", "v5")]
     run = drive(program(tmp_path, text))
-    lengths = [np.linalg.norm(pose(b).p - pose(a).p) for a, b in zip(angles, angles[1:], strict=False)]
+    lengths = [np.linalg.norm(pose(b).p - pose(a).p) for a, b in itertools.pairwise(angles)]
     # Length over feed and some ramps; the second move takes a minute.
     assert_allclose(run.time[-1], lengths[0] / 0.05 + lengths[1] / 0.005, rtol=5e-3)
 
