@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from compensator.feasibility import FeedCheck, check_feed, figures, judge
 from compensator.timing import drive
-from identification.findings import CompstiffError, Finding
+from identification.findings import CompstiffError, Finding, Refused
 from tests.acceptance import kit
 from tests.acceptance.kit import IRB6660, Frame, Job, Rotation
 from tests.acceptance.test_placement import Path3
@@ -113,6 +113,8 @@ def test_a_line_the_arm_cannot_follow(tmp_path: Path) -> None:
     assert "between 1 pair of targets" in found.message
     assert np.isnan(check.before.ratio).all()
     assert {one.code for one in check.findings} == {"CS4403", "CS4404"}
+    with pytest.raises(Refused, match="CS4402: 1 cut the robot cannot follow"):
+        check_feed(plan, forces_of(2, [0, 1]), None, strict=True)
 
 
 def test_moves_beside_a_target_out_of_reach(tmp_path: Path) -> None:
