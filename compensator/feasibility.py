@@ -131,8 +131,8 @@ def check_feed(
         raise Refused(*_cuts(check, "CS4402", "error"))
     unfollowed = np.flatnonzero(last.drive.route.lost & last.cutting)
     if strict and len(unfollowed):
-        raise Refused(at(last.plan, int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the robot "
-                         "cannot follow between the targets: it would stop", "add targets, or turn the part"))
+        raise Refused(at(last.plan, int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
+                         "robot cannot follow between the targets: it would stop", "add targets, or turn the part"))
     findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, forces, "as planned")]
     if corrected is not None and after is not None:
         findings += _places(after, corrected[1], "after correction")
