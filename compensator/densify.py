@@ -340,7 +340,7 @@ def _rewritten(
                     file=path.source, hint="a defect in compstiff: please report it; --keep-targets does without them")
     # What is said of a target is said of the move in the program as it was given.
     owner = np.searchsorted(kept, np.arange(len(got)))
-    toolpath = replace(got, line=path.line[owner], column=path.column[owner], findings=path.findings)
+    toolpath = replace(got, line=path.line[owner], column=path.column[owner], findings=path.findings, given=owner)
     dense = replace(again, toolpath=toolpath)
     return Dense(dense, plan_path(toolpath, plan.cell), forces, kept, tuple(_said(path, added, parts, settings)))
 

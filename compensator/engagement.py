@@ -96,7 +96,7 @@ def engaged(
         raise CompstiffError(Finding(
             "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness.value:g} N/mm the force here would change by "
             f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=plan.toolpath.source,
-            line=int(plan.toolpath.line[worst]), target=worst,
+            line=int(plan.toolpath.line[worst]), target=int(plan.toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
     error_of = np.abs(forces.wrench[:, :3] * per_newton[:, None]) * stiffness.std
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None],

@@ -29,13 +29,15 @@ Flags = NDArray[np.bool_]
 
 # A feed of this share or more is held.
 HELD = 0.99
+# A move passes the wrist singularity between its targets where it comes nearer than this share of their distance.
+NEARER = 0.9
 # So many stretches are told one by one.
 MOST_TOLD = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Feasibility:
-    """One program, driven.
+    """One program, driven. plan, poses: what was driven; cutting (N,): the moves with force at both of their ends.
 
     ratio (N,): the lowest share of the programmed feed that the joints can hold on the way to each target, 1 where all of it;
     NaN where the move is not judged by its feed. joint (N,) index and by_speed (N,): what holds it back there, at the grid
@@ -43,6 +45,9 @@ class Feasibility:
     limit or the rod's window is left between the targets. lost (N,) [s]: over length / feed.
     """
 
+    plan: Plan
+    poses: Poses
+    cutting: Flags
     drive: Drive
     ratio: Array
     joint: Indices
@@ -57,14 +62,17 @@ class Feasibility:
         """Moves (N,) that cannot hold their feed."""
         return np.asarray(self.ratio < HELD)
 
+    def moves(self, which: Flags | Indices) -> int:
+        """How many moves of the program as given these are: one that was given further targets counts once."""
+        return len(np.unique(self.plan.toolpath.number[which]))
+
 
 @dataclass(frozen=True, eq=False)
 class FeedCheck:
-    """Before and after correction. cutting (N,): the moves with force at both of their ends."""
+    """The program as given, and as corrected, with the targets that were added to it and the zones that were made smaller."""
 
     before: Feasibility
     after: Feasibility | None
-    cutting: Flags
     findings: tuple[Finding, ...]
 
     @property
@@ -73,8 +81,9 @@ class FeedCheck:
         return self.after or self.before
 
 
-def judge(plan: Plan, poses: Poses | None = None) -> Feasibility:
+def judge(plan: Plan, forces: TargetForces | None = None, poses: Poses | None = None) -> Feasibility:
     """Drives the planned poses, or these. Raises CompstiffError (CS4409)."""
+    poses = poses or Poses(plan.base_from_tcp, plan.theta)
     driven = drive(plan, poses)
     route, robot, count = driven.route, plan.cell.robot, len(plan.toolpath)
     ratio, by_speed = np.full(count, np.nan), np.zeros(count, dtype=bool)
@@ -100,42 +109,50 @@ def judge(plan: Plan, poses: Poses | None = None) -> Feasibility:
         np.minimum.at(wrist, leg, wrist_distance(robot, route.theta[part]))
         np.logical_or.at(outside, leg, (robot.limit_excess(route.theta[part]) > 1e-7).any(axis=1))
     lost = np.where(known, driven.duration - driven.programmed, 0.0)
-    return Feasibility(driven, ratio, joint, by_speed, point, wrist, outside, lost)
+    forced = np.zeros(count, dtype=bool) if forces is None else forces.forced
+    # A single noisy target on an air move is no cut.
+    return Feasibility(plan, poses, forced & forced[route.legs.before], driven, ratio, joint, by_speed, point, wrist, outside,
+                       lost)
 
 
-def check_feed(plan: Plan, forces: TargetForces, corrected: Poses | None, *, strict: bool) -> FeedCheck:
-    """The verdict on the planned program and, where there is one, on the corrected one.
+def check_feed(
+    plan: Plan, forces: TargetForces, corrected: tuple[Plan, TargetForces, Poses] | None, *, strict: bool
+) -> FeedCheck:
+    """The verdict on the program as given and, where there is one, on the corrected one: its plan, with the targets that were
+    added, the forces on it, and the poses it commands.
 
     strict: Refused (CS4402) where a cut cannot hold its feed in the program that would be written.
     """
-    before = judge(plan)
-    after = None if corrected is None else judge(plan, corrected)
-    # A single noisy target on an air move is no cut.
-    cutting = forces.forced & forces.forced[before.drive.route.legs.before]
-    check = FeedCheck(before, after, cutting, ())
+    before = judge(plan, forces)
+    after = None if corrected is None else judge(*corrected)
+    check = FeedCheck(before, after, ())
     last = check.last
-    if strict and (last.slow & cutting).any():
-        raise Refused(*_cuts(plan, check, "CS4402", "error"))
-    findings = [*_cuts(plan, check, "CS4401", "warning"), *_air(plan, check),
-                *_places(plan, before, after, forces), *_assumed(plan, last)]
-    return FeedCheck(before, after, cutting, tuple(findings))
+    if strict and (last.slow & last.cutting).any():
+        raise Refused(*_cuts(check, "CS4402", "error"))
+    unfollowed = np.flatnonzero(last.drive.route.lost & last.cutting)
+    if strict and len(unfollowed):
+        raise Refused(at(last.plan, int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
+                         "robot cannot follow between the targets: it would stop", "add targets, or turn the part"))
+    findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, forces, "as planned")]
+    if corrected is not None and after is not None:
+        findings += _places(after, corrected[1], "after correction")
+    return FeedCheck(before, after, (*findings, *_configurations(before), *_assumed(before)))
 
 
 def figures(check: FeedCheck) -> dict[str, Any]:
     """What `--json` tells, JSON values: before and after correction."""
-    return {when: _figures(one, check.cutting) for when, one in (("planned", check.before), ("corrected", check.after))
-            if one is not None}
+    return {when: _figures(one) for when, one in (("planned", check.before), ("corrected", check.after)) if one is not None}
 
 
-def _figures(one: Feasibility, cutting: Flags) -> dict[str, Any]:
-    held_back = one.slow
+def _figures(one: Feasibility) -> dict[str, Any]:
+    held_back, cutting = one.slow, one.cutting
     judged = ~np.isnan(one.ratio)
     lowest = [float(np.nanmin(one.ratio[mask], initial=1.0)) for mask in (judged, judged & cutting)]
     return {
         "time_s": round(float(one.drive.time[-1]), 4), "programmed_time_s": round(float(np.nansum(one.drive.programmed)), 4),
         "joint_moves_s": round(float(np.nansum(one.drive.duration[one.drive.route.legs.joint])), 4),
-        "judged": int(judged.sum()), "held_back": int(held_back.sum()),
-        "held_back_with_force": int((held_back & cutting).sum()),
+        "judged": one.moves(judged), "held_back": one.moves(held_back),
+        "held_back_with_force": one.moves(held_back & cutting),
         "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
         "lost_held_back_s": round(float(np.nansum(one.lost[held_back])), 4),
         "lost_ramps_s": round(float(np.nansum(one.lost[judged & ~held_back])), 4),
@@ -143,8 +160,8 @@ def _figures(one: Feasibility, cutting: Flags) -> dict[str, Any]:
     }
 
 
-def _reason(plan: Plan, one: Feasibility, target: int) -> str:
-    robot, joint = plan.cell.robot, int(one.joint[target])
+def _reason(one: Feasibility, target: int) -> str:
+    robot, joint = one.plan.cell.robot, int(one.joint[target])
     limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if one.by_speed[target]
              else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
     route, words = one.drive.route, ""
@@ -155,15 +172,16 @@ def _reason(plan: Plan, one: Feasibility, target: int) -> str:
         nearer_end = route.s[grid[-1]] - route.s[place] <= route.s[place] - route.s[grid[0]]
         corner = target if nearer_end else int(legs.before[target])
         if legs.radius[corner] > 0 and legs.corner[corner] > np.radians(1.0):
-            words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target {corner}, rounded by a zone of "
+            words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target "
+                     f"{one.plan.toolpath.number[corner]}, rounded by a zone of "
                      f"{1e3 * legs.radius[corner]:.3g} mm")
     return f"joint {joint + 1} at its {limit}{words}"
 
 
-def _cuts(plan: Plan, check: FeedCheck, code: str, level: Level) -> list[Finding]:
+def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
     """One finding a stretch of moves with force that cannot hold their feed, the worst first; the rest counted."""
     one = check.last
-    places = np.flatnonzero(one.slow & check.cutting)
+    places = np.flatnonzero(one.slow & one.cutting)
     if not len(places):
         return []
     runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
@@ -172,28 +190,28 @@ def _cuts(plan: Plan, check: FeedCheck, code: str, level: Level) -> list[Finding
     findings = []
     for index in order[:MOST_TOLD]:
         target, run = int(worst[index]), runs[index]
-        before = "" if check.after is None else f"; as planned {_percent(min(check.before.ratio[target], 1.0))}"
+        planned = float(check.before.ratio[one.plan.toolpath.number[target]])
+        before = "" if check.after is None or np.isnan(planned) else f"; as planned {_percent(min(planned, 1.0))}"
         findings.append(at(
-            plan, target, code, level, f"a cut of {counted(len(run), 'target')} cannot hold {_feed(one, target)}: "
-            f"{_percent(one.ratio[target])}, {_reason(plan, one, target)}; {np.nansum(one.lost[run]):.2f} s lost{before}",
+            one.plan, target, code, level, f"a cut of {counted(one.moves(run), 'target')} cannot hold {_feed(one, target)}: "
+            f"{_percent(one.ratio[target])}, {_reason(one, target)}; {np.nansum(one.lost[run]):.2f} s lost{before}",
             "lower the feed there, round the corner with a larger zone, or turn the part away from the wrist singularity"))
     if len(runs) > MOST_TOLD:
         rest = worst[order[MOST_TOLD:]]
-        findings.append(at(plan, int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the lowest "
+        findings.append(at(one.plan, int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the lowest "
                            f"{_percent(one.ratio[rest].min())}"))
     return findings
 
 
-def _air(plan: Plan, check: FeedCheck) -> list[Finding]:
+def _air(one: Feasibility) -> list[Finding]:
     """One note for all moves without force that cannot hold their feed."""
-    one = check.last
-    places = np.flatnonzero(one.slow & ~check.cutting)
+    places = np.flatnonzero(one.slow & ~one.cutting)
     if not len(places):
         return []
     target = int(places[np.argmin(one.ratio[places])])
-    return [at(plan, target, "CS4411", "note", f"{counted(len(places), 'move')} without force cannot hold their feed, "
-               f"{np.nansum(one.lost[places]):.2f} s lost; the lowest share {_percent(one.ratio[target])} of "
-               f"{_feed(one, target)}: {_reason(plan, one, target)}")]
+    return [at(one.plan, target, "CS4411", "note", f"{counted(one.moves(places), 'move')} without force cannot hold their "
+               f"feed, {np.nansum(one.lost[places]):.2f} s lost; the lowest share {_percent(one.ratio[target])} of "
+               f"{_feed(one, target)}: {_reason(one, target)}")]
 
 
 def _percent(ratio: float) -> str:
@@ -204,42 +222,49 @@ def _feed(one: Feasibility, target: int) -> str:
     return f"{1e3 * one.drive.route.feed[one.point[target]]:g} mm/s"
 
 
-def _places(plan: Plan, before: Feasibility, after: Feasibility | None, forces: TargetForces) -> list[Finding]:
-    """What lies between the targets: the wrist singularity, joint limits, moves that cannot be followed, configurations."""
+def _places(one: Feasibility, forces: TargetForces, when: str) -> list[Finding]:
+    """What lies between the targets: the wrist singularity, joint limits, moves that cannot be followed."""
     findings = []
-    robot, source = plan.cell.robot, [(before, "as planned")] + ([(after, "after correction")] if after else [])
-    for one, when in source:
-        route = one.drive.route
-        # The targets with force themselves are judged by the correction (CS4105, CS4106, CS4110).
-        near = np.flatnonzero((one.wrist < NEARLY_SINGULAR) & ~forces.forced)
-        if len(near):
-            closest = int(near[np.argmin(one.wrist[near])])
-            findings.append(at(plan, closest, "CS4406", "warning", f"{when}: {counted(len(near), 'move')} without force within "
-                               f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest "
-                               f"{np.degrees(one.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
-        left = np.flatnonzero(one.outside)
-        if len(left):
-            findings.append(at(plan, int(left[0]), "CS4407", "warning", f"{when}: on the way to {counted(len(left), 'target')} "
-                               "a joint limit or the parallel rod's window is left", "step through these moves at low speed"))
-        lost = np.flatnonzero(route.lost)
-        if len(lost):
-            findings.append(at(plan, int(lost[0]), "CS4404", "warning", f"{when}: between {counted(len(lost), 'pair')} of "
-                               "targets the robot cannot follow the straight line or arc; these moves were not judged",
-                               "step through these moves, or add targets"))
-    legs = before.drive.route.legs
-    moved = np.flatnonzero(legs.joint & ~np.isin(plan.toolpath.move, (1, 2, 3)))
-    if len(moved):
-        ends = [configuration(robot, plan.theta[which])[:, 3] for which in (moved, legs.before[moved])]
-        changed = moved[ends[0] != ends[1]]
-        if len(changed):
-            findings.append(at(plan, int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another "
-                               "configuration of arm or wrist"))
+    plan, robot, route = one.plan, one.plan.cell.robot, one.drive.route
+    # The targets with force themselves are judged by the correction (CS4105, CS4106, CS4110): of moves between them only what
+    # comes nearer than both.
+    own = np.where(forces.forced, wrist_distance(robot, one.poses.theta), np.inf)
+    near = np.flatnonzero(one.wrist < np.minimum(NEARLY_SINGULAR, NEARER * np.minimum(own, own[route.legs.before])))
+    if len(near):
+        closest = int(near[np.argmin(one.wrist[near])])
+        cuts = one.moves(near[forces.forced[near]])
+        findings.append(at(plan, closest, "CS4406", "warning", f"{when}: {counted(one.moves(near), 'move')} "
+                           f"{f'({cuts} with force, between its targets) ' if cuts else 'without force '}"
+                           f"within {np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest "
+                           f"{np.degrees(one.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
+    left = np.flatnonzero(one.outside)
+    if len(left):
+        findings.append(at(plan, int(left[0]), "CS4407", "warning", f"{when}: on the way to "
+                           f"{counted(one.moves(left), 'target')} a joint limit or the parallel rod's window is left",
+                           "step through these moves at low speed"))
+    lost = np.flatnonzero(route.lost)
+    if len(lost):
+        findings.append(at(plan, int(lost[0]), "CS4404", "warning", f"{when}: between {counted(one.moves(lost), 'pair')} of "
+                           "targets the robot cannot follow the straight line or arc; these moves were not judged",
+                           "step through these moves, or add targets"))
     return findings
 
 
-def _assumed(plan: Plan, one: Feasibility) -> list[Finding]:
+def _configurations(one: Feasibility) -> list[Finding]:
+    """Joint moves that change the configuration."""
+    plan, legs = one.plan, one.drive.route.legs
+    moved = np.flatnonzero(legs.joint & ~np.isin(plan.toolpath.move, (1, 2, 3)))
+    if not len(moved):
+        return []
+    ends = [configuration(plan.cell.robot, plan.theta[which])[:, 3] for which in (moved, legs.before[moved])]
+    changed = moved[ends[0] != ends[1]]
+    return [at(plan, int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another configuration of "
+               "arm or wrist")] if len(changed) else []
+
+
+def _assumed(one: Feasibility) -> list[Finding]:
     """What the verdict rests on."""
-    legs, path = one.drive.route.legs, plan.toolpath
+    plan, legs, path = one.plan, one.drive.route.legs, one.plan.toolpath
     count = len(path)
     cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (path.zone > 0)).sum())
     text = (f"the limits are the speeds and accelerations of the robot file {plan.cell.robot.name}; zones are driven as "

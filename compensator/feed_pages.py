@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction import NEARLY_SINGULAR
-from compensator.feasibility import FeedCheck, figures
+from compensator.feasibility import Feasibility, FeedCheck, figures
 from compensator.placement import arc_length
-from compensator.planning import Plan
 from identification.report import AXES, Figure, ReportTable
 
 Array = NDArray[np.float64]
@@ -33,18 +32,18 @@ def feed_table(check: FeedCheck) -> ReportTable:
     return ReportTable("Can the robot hold the feed?", ["what", *told], rows, numbers=tuple(range(1, 1 + len(told))))
 
 
-def feed_figures(plan: Plan, check: FeedCheck) -> list[Figure]:
+def feed_figures(check: FeedCheck) -> list[Figure]:
     """The share of the feed along the path, and the places on the path."""
-    return [_along(plan, check), _places(plan, check)]
+    return [_along(check), _places(check.last, "as planned" if check.after is None else "as corrected")]
 
 
-def _along(plan: Plan, check: FeedCheck) -> Figure:
-    length = 1e3 * arc_length(plan.world_position, plan.toolpath.move)
+def _along(check: FeedCheck) -> Figure:
     data: list[dict[str, Any]] = []
-    thinned = len(length) > STRETCHES
+    thinned = len(check.last.ratio) > STRETCHES
     for name, one in (("planned", check.before), ("corrected", check.after)):
         if one is None:
             continue
+        length = 1e3 * arc_length(one.plan.world_position, one.plan.toolpath.move)
         shares = np.where(np.isnan(one.ratio), np.inf, np.minimum(one.ratio, 1.0))
         stretches = np.array_split(np.arange(len(shares)), min(STRETCHES, len(shares)))
         kept = np.array([part[np.argmin(shares[part])] for part in stretches])
@@ -60,8 +59,8 @@ def _along(plan: Plan, check: FeedCheck) -> Figure:
     return Figure("The feed the joints can hold", caption, data, layout)
 
 
-def _places(plan: Plan, check: FeedCheck) -> Figure:
-    one, where = check.last, 1e3 * plan.base_from_tcp.position
+def _places(one: Feasibility, when: str) -> Figure:
+    plan, where = one.plan, 1e3 * one.plan.base_from_tcp.position
     where = np.where(plan.known[:, None], where, np.nan)
     kept = np.unique(np.linspace(0, len(where) - 1, min(len(where), 5 * STRETCHES)).astype(np.intp))
     path = where[kept]
@@ -70,8 +69,8 @@ def _places(plan: Plan, check: FeedCheck) -> Figure:
          "line": {"color": "#bbb", "width": 1}, "hoverinfo": "skip"}]
     joints = one.drive.route.legs
     for name, mask, colour in (
-        ("cut below its feed", one.slow & check.cutting, "#b3261e"),
-        ("air move below its feed", one.slow & ~check.cutting, "#e0a100"),
+        ("cut below its feed", one.slow & one.cutting, "#b3261e"),
+        ("air move below its feed", one.slow & ~one.cutting, "#e0a100"),
         ("near the wrist singularity", one.wrist < NEARLY_SINGULAR, "#6a3d9a"), ("outside a joint limit", one.outside, "#000"),
         ("joint move", joints.joint, "#3878b0"), ("not judged", one.drive.route.lost, "#0a0"),
     ):
@@ -80,13 +79,13 @@ def _places(plan: Plan, check: FeedCheck) -> Figure:
             shown = targets[np.argsort(np.nan_to_num(one.ratio[targets], nan=1.0), kind="stable")[:STRETCHES]]
             shares = ["" if np.isnan(one.ratio[i]) else f", {100 * min(one.ratio[i], 1.0):.0f} %" for i in shown]
             data.append({"type": "scatter3d", "mode": "markers", "x": where[shown, 0], "y": where[shown, 1],
-                         "z": where[shown, 2], "name": f"{name} ({len(targets)})", "hoverinfo": "text",
+                         "z": where[shown, 2], "name": f"{name} ({one.moves(targets)})", "hoverinfo": "text",
                          "marker": {"size": 3, "color": colour},
-                         "text": [f"target {i}, line {plan.toolpath.line[i]}{share}"
+                         "text": [f"target {plan.toolpath.number[i]}, line {plan.toolpath.line[i]}{share}"
                                   for i, share in zip(shown, shares, strict=True)]})
     axes = {f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}
     camera = {"eye": {"x": 1.3, "y": -1.6, "z": 1.3}}
     layout = {"scene": {"aspectmode": "data", "camera": camera, **axes}, "showlegend": True}
     return Figure("Where the robot cannot hold the feed, and other places to look at",
-                  f"Base frame, the program {'as corrected' if check.after else 'as planned'}. At most {STRETCHES} places of a "
-                  "kind are drawn, the slowest first.", data, layout, height=560)
+                  f"Base frame, the program {when}; numbers and lines of targets are those of the program as given. At most "
+                  f"{STRETCHES} places of a kind are drawn, the slowest first.", data, layout, height=560)

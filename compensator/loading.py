@@ -46,10 +46,10 @@ def each_tool(plan: Plan, targets: Indices) -> list[tuple[Frame, Indices]]:
 
 
 def at(plan: Plan, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
-    """A finding at the place of a target in the program's text."""
+    """A finding at the place of a target in the text of the program as it was given."""
     path = plan.toolpath
     return Finding(code, level, message, file=path.source, line=int(path.line[target]),
-                   column=int(path.column[target]), target=target, hint=hint)
+                   column=int(path.column[target]), target=int(path.number[target]), hint=hint)
 
 
 def loaded_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array) -> Frame:

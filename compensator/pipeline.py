@@ -189,7 +189,7 @@ def correct_program(planned: Predicted) -> Corrected:
     residual, poses = _read_back(predicted, forces, correction, written.content)
     feed = None
     if settings.check_feed or settings.strict_feed:
-        feed = check_feed(predicted.plan, forces, poses, strict=settings.strict_feed)
+        feed = check_feed(given.plan, given.forces, (predicted.plan, forces, poses), strict=settings.strict_feed)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings, *(feed.findings if feed else ()))
     advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.advise else None
     return Corrected(given, predicted, kept, correction, written.content, residual, findings, cutting, advice, feed)

@@ -95,10 +95,10 @@ def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
         f"follows the program, score {found.score:.0f} against {_rival(found)}; 1 sigma of the time {np.median(found.std):.3f} "
         f"s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)", file=source)]
     if found.odd:
-        low, high = (int(np.searchsorted(program.time, time)) for time in found.odd[0])
+        low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in found.odd[0])
         findings.append(Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the "
                                 "program: is there no stock, or did the program stand still?", file=path,
-                                line=int(plan.toolpath.line[min(low, len(plan.toolpath) - 1)])))
+                                line=int(plan.toolpath.line[low]), target=low))
     return replace(log, key="path_mm", place=found.place, spread=np.nan_to_num(spread),
                    findings=(*log.findings, *findings))
 

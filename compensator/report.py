@@ -57,7 +57,7 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
     tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
     if corrected is not None and corrected.feed is not None:
         tables.append(feed_table(corrected.feed))
-        drawn += feed_figures(corrected.predicted.plan, corrected.feed)
+        drawn += feed_figures(corrected.feed)
     return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
                   corrected.findings if corrected else predicted.findings, figures)
 
@@ -97,7 +97,8 @@ def _space(predicted: Predicted) -> Figure:
         points = where[targets[drawn]]
         data.append({
             "type": "scatter3d", "mode": "markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
-            "name": "with force", "text": [f"target {t}, {a:.1f} um" for t, a in zip(targets[drawn], along, strict=True)],
+            "name": "with force", "text": [f"target {t}, {a:.1f} um" for t, a in zip(
+                predicted.plan.toolpath.number[targets[drawn]], along, strict=True)],
             "hoverinfo": "text",
             "marker": {"size": 2.5, "color": along, "colorscale": "RdBu", "reversescale": True, "cmin": -limit,
                        "cmax": limit, "colorbar": {"title": {"text": "um"}}}})

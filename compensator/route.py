@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from compensator.placement import circle, turned_angle
 from compensator.planning import Plan
 from compensator.toolpath import Move
-from identification.model.inverse import inverse, nearest_solution
+from identification.model.inverse import BRANCHES, Solutions, configuration, inverse, nearest_solution
 from identification.model.kinematics import chunks, jacobian
 from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 
@@ -37,6 +37,9 @@ BLEND = np.linspace(0.0, 1.0, 13)
 # Where a ramp from or to a slower speed is resolved, as shares of its length.
 RAMP = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3])
 CLOSEST = 1e-6
+# Between two grid points no joint turns farther than this [rad], as near the wrist singularity it would, unless they are this
+# near to each other [m].
+FARTHEST_TURN, FINEST = np.radians(5.0), 20e-6
 BATCH = 16_384
 
 
@@ -197,7 +200,7 @@ def build_route(plan: Plan, poses: Poses) -> Route:
 
 
 def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
-    robot, count = plan.cell.robot, len(legs.linear)
+    count = len(legs.linear)
     feed = np.where(plan.toolpath.feed > 0, plan.toolpath.feed, np.inf)
     driven = np.flatnonzero(legs.linear)
     after = np.full(count, -1)
@@ -206,15 +209,18 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
     push, jump, sharp = _demands(plan, poses, legs, driven, after, np.minimum(both, 10.0))
     leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), push, sharp)
 
-    theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
-    for part in chunks(len(leg), BATCH):
-        pose, blend[part] = _pose(poses.base_from_tcp, legs, after, sharp, leg[part], d[part])
-        here = leg[part]
-        position[part] = pose.position
-        share = (d[part] / legs.length[here])[:, None]
-        reference = (1 - share) * poses.theta[legs.before[here]] + share * poses.theta[here]
-        tool = Frame(plan.flange_from_tcp.rotation[here], plan.flange_from_tcp.position[here])
-        theta[part], _ = nearest_solution(robot, inverse(robot, pose @ tool.inverse(), reference), reference)
+    theta, position, blend = _joints(plan, poses, legs, after, sharp, leg, d)
+    while True:
+        low = np.where(leg[1:] == leg[:-1], d[:-1], 0.0)
+        turn = np.abs(np.diff(theta, axis=0)).max(axis=1, initial=0.0)
+        wide = np.flatnonzero((turn > FARTHEST_TURN) & (d[1:] - low > FINEST))
+        if not len(wide):
+            break
+        more_leg, more_d = leg[wide + 1], 0.5 * (low + d[1:])[wide]
+        more = _joints(plan, poses, legs, after, sharp, more_leg, more_d)
+        leg, d = np.insert(leg, wide + 1, more_leg), np.insert(d, wide + 1, more_d)
+        theta, position, blend = (np.insert(old, wide + 1, new, axis=0)
+                                  for old, new in zip((theta, position, blend), more, strict=True))
     stop = ((d == 0) | (d == legs.length[leg])) & np.where(d == 0, True, legs.stop[leg])
     ends = stop & (d > 0)
     # Path length: along the legs, in blends along the parabola.
@@ -232,6 +238,31 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
     width = 0.5 * (s[single + 1] - s[single - 1])[:, None]
     bend[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
     return Route(legs, leg, s, bound, theta, slope, bend, stop, lost)
+
+
+def _joints(
+    plan: Plan, poses: Poses, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array
+) -> tuple[Array, Array, Indices]:
+    """Joint angles (K, 6) [rad] at grid points, NaN where the arm does not get to in the configuration it has at the ends of
+    the leg; positions (K, 3) [m]; and the target (K,) in whose blend a point lies, -1 outside."""
+    robot = plan.cell.robot
+    theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
+    # Which way the arm stands, front or back, folded up or down; the wrist may turn over, as that takes all its turn.
+    arm = np.full(len(legs.linear), -1)
+    known = np.flatnonzero(~np.isnan(poses.theta).any(axis=1))
+    arm[known] = configuration(robot, poses.theta[known])[:, 3] // 2
+    for part in chunks(len(leg), BATCH):
+        pose, blend[part] = _pose(poses.base_from_tcp, legs, after, sharp, leg[part], d[part])
+        here, start = leg[part], legs.before[leg[part]]
+        position[part] = pose.position
+        share = (d[part] / legs.length[here])[:, None]
+        reference = (1 - share) * poses.theta[start] + share * poses.theta[here]
+        tool = Frame(plan.flange_from_tcp.rotation[here], plan.flange_from_tcp.position[here])
+        found = inverse(robot, pose @ tool.inverse(), reference)
+        branch = np.arange(BRANCHES) // 2
+        same = (branch == arm[start][:, None]) | (branch == arm[here][:, None])
+        theta[part], _ = nearest_solution(robot, Solutions(found.theta, found.reachable & same), reference)
+    return theta, position, blend
 
 
 def _demands(
@@ -283,7 +314,8 @@ def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array,
     clear_start, clear_end = np.where(sharp[before], legs.radius[before], 0), np.where(sharp[driven], legs.radius[driven], 0)
     for share in RAMP:
         for ramp, clear, from_start in ((at_start, clear_start, True), (at_end, clear_end, False)):
-            d = clear + share * ramp
+            # Of a ramp of less than CLOSEST at least the end has to be there, or the whole interval counts as the ramp.
+            d = clear + share * np.maximum(ramp, 10 * CLOSEST)
             wanted = (ramp > 0) & (d < length[driven])
             loose.append((driven[wanted], d[wanted] if from_start else (length[driven] - d)[wanted]))
     # A leg between two stops has at least its middle.
@@ -297,9 +329,8 @@ def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array,
     crowded = np.zeros(len(leg), dtype=bool)
     close = (np.diff(d) < CLOSEST) & (leg[1:] == leg[:-1])
     crowded[1:] |= close & ~is_fixed[1:]
-    crowded[:-1] |= close & is_fixed[1:] & ~is_fixed[:-1]
-    # Just behind a corner the point before is the corner itself, on the leg before.
-    crowded |= (d < CLOSEST) & ~is_fixed
+    # Just behind a corner the point before is the corner itself, on the leg before; at the end of a leg stands the target.
+    crowded |= ((d < CLOSEST) | (length[leg] - d < CLOSEST)) & ~is_fixed
     return leg[~crowded], d[~crowded]
 
 

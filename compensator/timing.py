@@ -27,6 +27,8 @@ Indices = NDArray[np.intp]
 # Grid points solved at once; the squared speed that stands for no bound [m^2/s^2].
 WINDOW = 20_000
 FASTEST = 1e2
+# Where the robot stands its squared speed is at most this [m^2/s^2]: with 0 the solver's rounding leaves no speed at all.
+REST = 1e-12
 # A window runs on by so many braking distances, and by so many points at least.
 OVERRUN, FEWEST = 2.0, 50
 
@@ -169,14 +171,15 @@ def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel,
         """0 <= speed^2 <= bound."""
 
         def compute_constraint_params(self, *_: Any, **__: Any) -> tuple[Any, ...]:
-            return None, None, None, None, None, None, np.column_stack([np.zeros(len(bound)), bound])
+            return None, None, None, None, None, None, np.column_stack([np.zeros(len(bound)), np.maximum(bound, REST)])
 
     logging.getLogger("toppra").setLevel(logging.CRITICAL)      # a failure is told by its place, `_failure`
     limits = np.column_stack([-robot.acceleration, robot.acceleration])
     solver = TOPPRA([SpeedBound(), JointAccelerationConstraint(limits, DiscretizationType.Interpolation)], Sampled(),
                     gridpoints=s, solver_wrapper="seidel", parametrizer="ParametrizeConstAccel")
-    _, speed, _ = solver.compute_parameterization(first, 0.0)
-    if solver.problem_data.return_code != ParameterizationReturnCode.Ok or speed is None:
+    with np.errstate(invalid="ignore"):
+        _, speed, _ = solver.compute_parameterization(first, 0.0)
+    if solver.problem_data.return_code != ParameterizationReturnCode.Ok or speed is None or not np.isfinite(speed).all():
         return None
     return np.asarray(speed)
 
@@ -189,5 +192,6 @@ def _failure(route: Route, plan: Plan, part: Indices) -> CompstiffError:
     path = plan.toolpath
     return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
                  f"{1e-3 * np.degrees(abs(route.slope[part[place], joint])):.3g} deg a millimetre of path",
-                 file=path.source, line=int(path.line[target]), column=int(path.column[target]), target=target,
+                 file=path.source, line=int(path.line[target]), column=int(path.column[target]),
+                 target=int(path.number[target]),
                  hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")

@@ -65,6 +65,8 @@ class Toolpath:
     feed       (N,) [m/s] programmed TCP speed; NaN where unknown
     zone       (N,) [m] radius of the fly-by zone, 0 for a fine point; NaN where unknown
     block      (N,) "" or the reason why this target cannot be corrected (a target computed at run time, \\Corr ...)
+    given      (N,) number of each target in the program as it was given, None where none was added since; `line` and `column`
+               are always those of that program
     """
 
     source: str
@@ -85,6 +87,12 @@ class Toolpath:
     tools: tuple[ToolFrame, ...]
     workobjects: tuple[WorkObject, ...]
     findings: tuple[Finding, ...] = ()
+    given: Indices | None = None
+
+    @property
+    def number(self) -> Indices:
+        """What people are told of a target (N,): its number in the program as given, that of its move where it was added."""
+        return np.arange(len(self)) if self.given is None else self.given
 
     def __len__(self) -> int:
         return len(self.move)

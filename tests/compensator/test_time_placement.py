@@ -121,3 +121,25 @@ def test_refusals_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> 
     assert finding["code"] == "CS3060"
     assert "its feed is not known" in finding["message"]
     assert not (tmp_path / "out.mod").exists()
+
+
+def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path) -> None:
+    """One pass of the log has no force but the sensor's noise: a warning at its targets, the rest placed all the same."""
+    plan, force, place = sample_log()
+    program = program_of(plan)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], ~program.air, [False]]).astype(int)))
+    first, last = edges[::2][12], edges[1::2][12] - 1        # targets of one stretch that cuts
+    over_air = (place > program.length[first - 1]) & (place < program.length[last])
+    force = np.where(over_air[:, None], np.random.default_rng(2).normal(0, 2.0, force.shape), force)
+    path = tmp_path / "air.parquet"
+    columns = {f"f{axis}_n": force[:, i] for i, axis in enumerate("xyz")}
+    pq.write_table(pa.table({"time_s": clock(plan, place, 0.9, 3.0, 0.2)} | columns), path)
+    inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
+    predicted = predict_program(inputs, Settings(tare=((0, 2),)))
+    [found] = [one for one in predicted.findings if one.code == "CS3065"]
+    low, high = (int(text) for text in found.message.removeprefix("between targets ").split(" the ")[0].split(" and "))
+    # The stretch reaches half way into the air on either side.
+    assert edges[1::2][11] - 1 <= low <= first
+    assert last <= high <= edges[::2][13]
+    assert (found.target, found.line) == (low, plan.toolpath.line[low])
+    assert found.file == str(sample_inputs.toolpath)
