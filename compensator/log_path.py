@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.following import match_forwards
 from compensator.force_log import ForceLog
-from compensator.placement import arc_length, match_forwards, polyline
+from compensator.placement import arc_length, polyline
 from compensator.planning import Plan
 from compensator.program_time import placed_by_time
 from identification.findings import Finding, counted, error

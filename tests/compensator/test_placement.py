@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.placement import arc_length, match_forwards, nearest_target, polyline
+from compensator.following import match_forwards
+from compensator.placement import arc_length, nearest_target, polyline
 from compensator.toolpath import Move
 
 LINEAR, VIA, END, JOINT = (np.uint8(m) for m in (Move.LINEAR, Move.ARC_VIA, Move.ARC_END, Move.JOINT))
