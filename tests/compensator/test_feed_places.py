@@ -234,4 +234,4 @@ def test_as_planned_is_the_program_as_given(tmp_path: Path) -> None:
     """Zones made smaller slow the robot down in the corner: that is a difference of the correction, not of the plan."""
     job = slow_job(tmp_path, "z20")
     feed = job.correct("--json", "--check-feed", "--tighten-zones").json["result"]["feed_check"]
-    assert feed["corrected"]["time_s"] > 1.05 * feed["planned"]["time_s"]
+    assert feed["corrected"]["time_s"] > 1.02 * feed["planned"]["time_s"]
