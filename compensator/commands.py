@@ -114,10 +114,16 @@ def _correct_one(
     if settings.first_forces and not settings.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
-    parts = sorted(path.name for path in output.parent.glob(f"{output.stem}_[0-9]*{output.suffix}")) if settings.split else []
-    step = f"open {report} in a browser" if report else (
-        f"load {output}{f' and its parts {parts[0]} ... {parts[-1]}' if parts else ''} into the robot, first in air")
+    step = f"open {report} in a browser" if report else f"load {output}{_parts_of(output)} into the robot, first in air"
     return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
+
+
+def _parts_of(output: Path) -> str:
+    """The parts that were written with a program, by its record: parts of an earlier split may lie beside them."""
+    import json
+
+    parts = [part["file"] for part in json.loads(output.with_name(output.name + ".json").read_bytes())["parts"]]
+    return f" and its parts {parts[0]} ... {parts[-1]}" if parts else ""
 
 
 def run_correction(

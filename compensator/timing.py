@@ -157,6 +157,7 @@ def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel,
     from toppra.algorithm import TOPPRA, ParameterizationReturnCode
     from toppra.constraint import DiscretizationType, JointAccelerationConstraint, LinearConstraint
 
+    # toppra has no types: its classes are Any to the type checker.
     class Sampled(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
         """The route's own derivatives, which TOPPRA asks for at the grid points alone."""
 

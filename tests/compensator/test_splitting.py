@@ -16,7 +16,7 @@ from compensator.split_files import split_files
 from compensator.splitting import split_program
 from identification.cell import read_cell
 from identification.findings import CompstiffError, Refused
-from tests.support import write_cell
+from tests.support import compstiff, write_cell
 
 from .rapid.helpers import target
 from .virtual_job import model_of
@@ -182,6 +182,11 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     inside_out = Inputs(inputs.cell, tmp_path / "two_001.mod", inputs.stiffness, inputs.forces)
     with pytest.raises(CompstiffError, match="CS0006"):
         run_correction(inside_out, tmp_path / "two.mod", None, None, Settings(split=25, tare=()), overwrite=True)
+    # The next step names the parts of this split, not one that an earlier split left behind.
+    (tmp_path / "next_009.mod").write_bytes(parts[0].read_bytes())
+    done = compstiff("correct", inputs.cell, inputs.toolpath, "--stiffness", inputs.stiffness, "--forces", inputs.forces, "-o",
+                     tmp_path / "next.mod", "--split", "25")
+    assert "next_001.mod ... next_002.mod into the robot" in done.stderr
     record = json.loads((tmp_path / "many.mod.json").read_text())
     assert [part["file"] for part in record["parts"]] == ["many_001.mod", "many_002.mod"]
     assert {"CS4300", "CS4302"} <= {finding["code"] for finding in record["findings"]}
