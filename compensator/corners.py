@@ -19,7 +19,7 @@ from compensator.planning import Plan
 from compensator.rapid import RapidProgram
 from compensator.rapid.insertion import move_text, with_zones
 from compensator.toolpath import Move, Toolpath
-from identification.findings import Finding
+from identification.findings import Finding, counted
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -80,8 +80,8 @@ def corners(plan: Plan, targets: Indices, tolerance: float, *, tightened: bool) 
     if not len(over):
         return []
     worst = int(over[np.argmax(miss[over])])
-    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {len(over)} targets in the cut by more than "
-               f"{1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
+    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut by more "
+               f"than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
                "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller there")]
 
 

@@ -524,6 +524,24 @@ def test_kilonewtons_under_newtons_are_noticed(tmp_path: Path) -> None:
     assert "newtons" in said[0]["hint"]
 
 
+def test_the_next_step_reads_the_log_as_this_one_did(tmp_path: Path) -> None:
+    job = Job(tmp_path, program=P.program(), forces=HEAD + "0,4,5,6\n0,6,5,4\n1,65,95,-115\n2,5,5,5\n")
+    result = job.predict("--tare", "0:0", "--scale", "1.2:0.1")
+    assert result.code == 0, result
+    assert f"--forces {tmp_path / 'forces.csv'} --tare 0:0 --scale 1.2:0.1 -o" in result.err
+
+
+def test_one_program_takes_the_log_beside_it(tmp_path: Path) -> None:
+    job = Job(tmp_path, program=P.program(), forces=FORCE).write()
+    (tmp_path / "forces.csv").rename(tmp_path / "part.forces.csv")
+    call = ["correct", tmp_path / "cell.yaml", tmp_path / "part.mod", "--stiffness", tmp_path / "stiffness.json", "-o", job.out]
+    assert kit.run(*call).code == 0
+    (tmp_path / "part.forces.csv").unlink()
+    result = kit.run(*call, "--force")
+    assert result.code == 2
+    assert "part.forces.csv" in result.err
+
+
 def test_tare_takes_the_bias_out(tmp_path: Path) -> None:
     job = Job(tmp_path, program=P.program(), forces=HEAD + "0,4,5,6\n0,6,5,4\n1,65,95,-115\n2,5,5,5\n")
     result = job.correct("--tare", "0:0")

@@ -74,6 +74,18 @@ def test_corners_are_said_and_tightened(tmp_path: Path) -> None:
     assert job.out.read_text() == before
 
 
+def test_the_corner_at_which_the_cut_ends_keeps_its_zone(tmp_path: Path) -> None:
+    path = Path3(SQUARE)
+    moves = [kit.move(path.text[0]), kit.move(path.text[1]), kit.move(path.text[2], zone="z5\\Z:=3"),
+             kit.move(path.text[3]), kit.move(path.text[4])]
+    forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},{50 * (i < 3)},{100 * (i < 3)},0\n" for i in range(5))
+    job = Job(tmp_path, program=kit.module(moves), forces=forces)
+    message = next(f["message"] for f in job.correct("--json").json["findings"] if f["code"] == "CS4320")
+    assert "at 1 target in the cut" in message
+    assert job.correct("--force", "--tighten-zones").code == 0
+    assert re.findall(r",(\w+(?:\\Z:=[\d.]+)?),tMill", job.out.read_text()) == ["z1", "z1\\Z:=0.014", "z5\\Z:=3", "z1", "z1"]
+
+
 def test_a_zone_of_a_move_that_is_not_touched_is_said(tmp_path: Path) -> None:
     path = Path3(SQUARE)
     moves = [kit.move(text) for text in path.text]

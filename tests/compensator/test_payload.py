@@ -133,6 +133,34 @@ def test_one_direction_of_turn_does_not_give_the_centre() -> None:
     assert found.mass == pytest.approx(MASS, rel=0.01)
 
 
+def test_readings_under_load_are_no_still_readings(tmp_path) -> None:
+    """Load tests at joints that stand still: 200 N on and off."""
+    still = still_log(tmp_path, np.random.default_rng(1))
+    head, *rows = still.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    loaded = [[*one[:6], f"{float(one[6]) + 200 * (i % 2):.6f}", *one[7:]] for i, one in enumerate(cells)]
+    still.write_text("\n".join([head, *(",".join(one) for one in loaded)]) + "\n")
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 1
+    assert said["findings"][0]["code"] == "CS3037"
+    assert "100 N" in said["findings"][0]["message"]
+
+
+def test_a_payload_that_is_not_told_from_none_is_not_written(tmp_path) -> None:
+    rng, rows = np.random.default_rng(4), []
+    for q5, q6 in WRIST:
+        rows += [[10.0, 10, 5, 0, q5, q6, *(BIAS + noise)] for noise in rng.normal(0, 1.5, (30, 6))]
+    header = ",".join([*(f"q{k}_deg" for k in range(1, 7)), "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"])
+    still = tmp_path / "still.csv"
+    still.write_text(header + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 0
+    assert "CS3034" in {finding["code"] for finding in said["findings"]}
+    written = (tmp_path / "payload.yaml").read_text()
+    assert "bias_n" in written
+    assert "payload:" not in written
+
+
 def test_tare_needs_a_sensor_and_joint_angles(tmp_path) -> None:
     still = still_log(tmp_path, np.random.default_rng(1))
     assert tare(tmp_path, still, CELL + "{frame: base}")[1]["findings"][0]["code"] == "CS3037"
