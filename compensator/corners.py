@@ -80,8 +80,8 @@ def corners(plan: Plan, targets: Indices, tolerance: float, *, tightened: bool) 
     if not len(over):
         return []
     worst = int(over[np.argmax(miss[over])])
-    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut by more "
-               f"than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
+    return [at(plan, worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut by "
+               f"more than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
                "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller there")]
 
 
