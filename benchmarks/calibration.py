@@ -33,9 +33,9 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.cell import Cell, read_cell
-from identification.fit import fit_stiffness
+from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.compliance import compliance_matrix, equilibrium
 from tests.support import random_poses
 

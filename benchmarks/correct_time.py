@@ -29,15 +29,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator import pipeline
-from compensator.data import shipped
-from compensator.offsets import offsets_csv
-from compensator.pipeline import Inputs
+from compensator.correction import job as pipeline
+from compensator.correction.job import Inputs
+from compensator.correction.offsets import offsets_csv
 from compensator.rapid import read_rapid
-from identification.cell import read_cell
-from identification.files import write_whole
-from identification.fit import fit_stiffness
+from identification.common.files import write_whole
+from identification.common.shipped import shipped
+from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 
 # What the pipeline calls, and the stage it belongs to.
 STAGES = {

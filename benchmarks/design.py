@@ -33,8 +33,7 @@ LONGEST_S = 300
 
 import numpy as np
 
-from compensator.milling_poses import milling_poses
-from identification.cell import read_cell
+from compstiff.milling_poses import milling_poses
 from identification.design.constraints import Margins
 from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import TOLERANCE, Domain, random_pool
@@ -45,6 +44,7 @@ from identification.design.milling import prediction_weight
 from identification.design.procedure import QUICK, Task, design
 from identification.design.refine import refine
 from identification.design.request import default_position
+from identification.model.cell import read_cell
 from identification.model.kinematics import jacobian
 
 

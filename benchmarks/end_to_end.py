@@ -21,12 +21,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator.data import shipped
-from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
-from compensator.settings import Settings
-from identification.cell import read_cell
-from identification.fit import fit_stiffness
+from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.settings import Settings
+from identification.common.shipped import shipped
+from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import loaded_pose
 from samples.make_samples import TRUE_STIFFNESS
 
@@ -41,7 +41,7 @@ def sample(folder: Path) -> Corrected:
     stiffness = folder / "stiffness.json"
     stiffness.write_text(json.dumps(fit.model.as_dict()))
     inputs = Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
-    return correct_program(predict_program(inputs, Settings(tare=((0, 2),))))
+    return correct_program(predict_program(inputs, Settings.of(tare=((0, 2),))))
 
 
 def accuracy(job: Corrected) -> None:
@@ -103,7 +103,7 @@ def scale(job: Corrected, folder: Path, count: int) -> None:
     cell.write_text(inputs.cell.read_text().replace("frame: tool ", "frame: base "))
     before = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-m", "compensator", "correct", cell, program, "--stiffness", inputs.stiffness, "--forces", log,
+        [sys.executable, "-m", "compstiff", "correct", cell, program, "--stiffness", inputs.stiffness, "--forces", log,
          "-o", folder / f"out{count}.mod", "--offsets", folder / f"offsets{count}.csv", "-q"], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     seconds = time.perf_counter() - before

@@ -62,8 +62,8 @@ def one(how: str, file: str) -> None:
             for chunk in pd.read_csv(file, chunksize=200_000):
                 chunk.to_numpy().sum()
     else:
-        from compensator.force_log import read_force_log
-        from identification.cell import ForceLogFile
+        from compensator.forces.log import read_force_log
+        from identification.model.cell import ForceLogFile
 
         borders = 1e-3 * np.arange(0.5, 30_000)
         begun = time.process_time()

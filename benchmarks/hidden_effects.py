@@ -31,16 +31,16 @@ from scipy.stats import beta, chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.cell import Cell, read_cell
 from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.procedure import Diagnosis, diagnose
 from identification.diagnosis.projection import Base, scores
 from identification.diagnosis.record import record
-from identification.extension import response, situation_of
-from identification.inference import Posterior
+from identification.fit.fitted_model import response, situation_of
+from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.posterior import Posterior
 from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
-from identification.noise import NoiseSize, noise_model
 from tests.hidden_effects.cases import KINDS, hidden_in
 from tests.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, label, truth_names
 from tests.hidden_effects.oracle import OTHER_LAW, oracle, squares_left

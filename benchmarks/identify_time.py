@@ -15,9 +15,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.cell import read_cell
-from identification.fit import fit_stiffness
+from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
 from tests.support import measurement_text, random_poses
 
@@ -51,7 +51,7 @@ def main() -> None:
                 fit_stiffness(cell, rows)
                 times.append(time.perf_counter() - start)
             start = time.perf_counter()
-            subprocess.run([sys.executable, "-m", "compensator", "identify", "cell.yaml", "m.csv", "-o", "s.json", "-q"],
+            subprocess.run([sys.executable, "-m", "compstiff", "identify", "cell.yaml", "m.csv", "-o", "s.json", "-q"],
                            cwd=folder, check=True, capture_output=True)
             print(f"{count:>8}{1e3 * float(np.median(times)):>12.0f}{time.perf_counter() - start:>14.2f}")
 

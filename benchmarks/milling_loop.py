@@ -31,9 +31,9 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator.settings import Settings
-from identification.cell import read_cell
+from compensator.correction.settings import Settings
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
 from tests.compensator.milling_job import MillingJob, grown, made_worse, rms, settings
 from tests.virtual_cell.cell import parse

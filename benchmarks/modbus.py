@@ -26,9 +26,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from compensator.cell.link import Address, Link
-from compensator.cell.push import push_table
-from compensator.cell.server import Loopback
+from compensator.modbus.link import Address, Link
+from compensator.modbus.push import push_table
+from compensator.modbus.server import Loopback
 from tests.compensator.cell import kit
 from tests.compensator.cell.faults import network_faults
 from tests.compensator.cell.proxy import Fault, Proxy

@@ -20,11 +20,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.cell import Cell, read_cell
+from identification.diagnosis.discrimination import CYCLE, candidate_rows
 from identification.diagnosis.procedure import Diagnosis, diagnose
-from identification.diagnosis.settle import CYCLE, candidate_rows
-from identification.extension import response
+from identification.fit.fitted_model import response
 from identification.measurements import read_measurements
+from identification.model.cell import Cell, read_cell
 from tests.hidden_effects.cases import hidden_in
 from tests.hidden_effects.judge import label, truth_names
 from tests.hidden_effects.more_rows import measured_further

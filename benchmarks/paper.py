@@ -27,9 +27,9 @@ from scipy.optimize import minimize
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.cell import Cell, read_cell
-from identification.fit import fit_stiffness
+from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.compliance import equilibrium
 from identification.model.inverse import inverse
 from identification.model.robot import BUILT_IN, read_robot

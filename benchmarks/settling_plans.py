@@ -20,16 +20,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.next_loads import CERTAIN, FORCE_N, certainty, diagnosed
-from identification.cell import Cell
 from identification.design.criteria import d_criterion
+from identification.design.discrimination import Diagnosed, fitted_rivals, settling_runs
 from identification.design.domain import Domain, Pool, random_pool
 from identification.design.exchange import free_demand, many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.procedure import Task
 from identification.design.request import measured_place
-from identification.design.settling import Diagnosed, fitted_rivals, settling_runs
 from identification.diagnosis.procedure import Diagnosis
+from identification.model.cell import Cell
 from identification.model.kinematics import forward
 from tests.hidden_effects.cases import hidden_in
 from tests.hidden_effects.judge import truth_names

@@ -21,12 +21,12 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 import numpy as np
 import pyarrow.parquet as pq
 
-from compensator.placement import arc_length
-from compensator.planning import Plan, plan_path
-from compensator.program_time import program_of
+from compensator.forces.program_time import program_of
+from compensator.forces.time_alignment import Program, TimePlacement, place_by_time
+from compensator.path.arc_length import arc_length
+from compensator.path.plan import Plan, plan_path
 from compensator.rapid import read_rapid
-from compensator.time_placement import Program, TimePlacement, place_by_time
-from identification.cell import read_cell
+from identification.model.cell import read_cell
 
 SAMPLES = Path(__file__).parent.parent / "samples"
 

@@ -22,10 +22,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 
-from compensator.planning import Plan, plan_path
-from compensator.timing import drive
+from compensator.path.plan import Plan, plan_path
+from compensator.path.timing import drive
 from compensator.toolpath import ToolFrame, Toolpath, WorkObject
-from identification.cell import read_cell
+from identification.model.cell import read_cell
 
 HERE = Path(__file__).parent
 

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import Finding
+from identification.common.findings import Finding
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

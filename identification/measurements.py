@@ -8,16 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import CompstiffError, Finding, error, fold
+from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MOMENTS, SIGMAS
+from identification.common.findings import CompstiffError, Finding, error, fold
+from identification.common.tables import Table, read_table
 from identification.model.robot import RobotModel
-from identification.tables import Table, read_table
 
 Array = NDArray[np.float64]
-JOINTS = tuple(f"q{i}_deg" for i in range(1, 7))
-FORCES = ("fx_n", "fy_n", "fz_n")
-MOMENTS = ("mx_nm", "my_nm", "mz_nm")
-DEFLECTIONS = ("dx_um", "dy_um", "dz_um")
-SIGMAS = ("sx_um", "sy_um", "sz_um")
 PURPOSES = ("identify", "validate")
 # A deflection beyond this is taken for a mistaken unit: every laser of such a rig ends at some millimetres.
 LARGEST_DEFLECTION_M = 0.05

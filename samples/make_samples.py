@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from identification.cell import read_cell
+from identification.model.cell import read_cell
 from identification.model.inverse import configuration, inverse, nearest_solution
 from identification.model.rotations import Frame
 from samples import cam, cutting, part

@@ -37,7 +37,7 @@ def write_cell(folder: Path, text: str = CELL) -> Path:
 
 def compstiff(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Runs the installed command line."""
-    return subprocess.run([sys.executable, "-m", "compensator", *map(str, arguments)], cwd=cwd, capture_output=True,
+    return subprocess.run([sys.executable, "-m", "compstiff", *map(str, arguments)], cwd=cwd, capture_output=True,
                           text=True, timeout=120)
 
 

@@ -12,12 +12,12 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from compensator.cli import compstiff as group
-from identification import console
-from identification.catalogue import catalogue
-from identification.console import Outcome, Session
-from identification.files import check_writable, write_whole
-from identification.findings import CompstiffError, Finding, Refused, error, fold
+from compstiff.cli import console
+from compstiff.cli.main import compstiff as group
+from compstiff.outcome import Outcome, Session
+from identification.common.catalogue import catalogue
+from identification.common.files import check_writable, write_whole
+from identification.common.findings import CompstiffError, Finding, Refused, error, fold
 from tests.support import compstiff
 
 ROOT = Path(__file__).parents[1]
@@ -98,19 +98,19 @@ def test_help_and_version() -> None:
 def test_help_starts_fast() -> None:
     """What costs time (numpy, pandas, scipy, plotly, pymodbus, toppra, pydantic) stays out of the start-up path."""
     slow = ["numpy", "pandas", "scipy", "plotly", "pymodbus", "toppra", "pydantic", "yaml", "jinja2", "pyarrow"]
-    code = f"import sys, compensator.cli; print([m for m in {slow!r} if m in sys.modules])"
+    code = f"import sys, compstiff.cli.main; print([m for m in {slow!r} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
 def test_a_reader_that_goes_away_is_no_defect() -> None:
-    done = subprocess.run(["bash", "-c", f"{sys.executable} -m compensator explain --json | head -c 10"], capture_output=True,
+    done = subprocess.run(["bash", "-c", f"{sys.executable} -m compstiff explain --json | head -c 10"], capture_output=True,
                           text=True, timeout=60)
     assert done.stdout == '{\n "format'
     assert done.stderr == ""
 
 
 def test_ctrl_c_exits_130(tmp_path) -> None:
-    code = ("import sys, time\nfrom identification import console\n"
+    code = ("import sys, time\nfrom compstiff.cli import console\n"
             "def body(session):\n    print('ready', flush=True)\n    time.sleep(30)\n"
             "console.command('wait')(body)(standalone_mode=False)")
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE)
@@ -138,7 +138,7 @@ def test_files_are_written_whole_or_not_at_all(tmp_path) -> None:
 
 def test_every_code_has_its_page_and_every_page_its_code() -> None:
     used = set()
-    for package in ("identification", "compensator"):
+    for package in ("identification", "compensator", "compstiff"):
         for path in (ROOT / package).rglob("*.py"):
             used |= set(re.findall(r"\"(CS\d{4})\"", path.read_text()))
     assert used == set(catalogue())

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from identification import progress
+from identification.common import progress
 
 
 @pytest.mark.parametrize(("watched", "slow"), [(True, True), (True, False), (False, True)])

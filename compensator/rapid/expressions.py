@@ -9,7 +9,7 @@ from typing import Literal
 
 from compensator.rapid.lexer import OPERATORS, Token
 from compensator.rapid.text import Source
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 
 Kind = Literal["number", "name", "string", "aggregate", "call", "element", "star", "other"]
 

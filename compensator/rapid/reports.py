@@ -15,7 +15,7 @@ from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
 from compensator.toolpath import Array, ToolFrame, WorkObject
-from identification.findings import Finding, Level
+from identification.common.findings import Finding, Level
 
 Mask = NDArray[np.bool_]
 

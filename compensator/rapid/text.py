@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import CompstiffError, error
+from identification.common.findings import CompstiffError, error
 
 Offsets = NDArray[np.int64]
 

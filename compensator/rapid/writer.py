@@ -12,7 +12,7 @@ from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reports import Places
 from compensator.toolpath import Move
-from identification.findings import Finding
+from identification.common.findings import Finding
 
 Edit = tuple[int, int, bytes]           # source.data[start:end] becomes the bytes
 

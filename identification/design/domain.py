@@ -18,11 +18,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import error
 from identification.design.constraints import Margins, inequalities
 from identification.design.information import Instrument, run_information
 from identification.design.loads import Loads, LoadTable, Slot
 from identification.design.stance import Stance, stance
-from identification.findings import error
 from identification.model.inverse import inverse
 from identification.model.rotations import Frame
 

@@ -12,7 +12,7 @@ from identification.design.exchange import Demand, exchange
 from identification.design.procedure import Design
 from identification.design.sheet import Sheet, as_measurements
 from identification.diagnosis.plan import Outlook, outlook
-from identification.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
+from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]

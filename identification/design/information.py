@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
 from identification.design.loads import Loads
-from identification.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
+from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import Finding
+from identification.common.report import AXIS_COLOURS, Figure, ReportTable, render
+from identification.design.discrimination import Settled
 from identification.design.domain import Domain
 from identification.design.forecast import Forecast
 from identification.design.loads import FREE
 from identification.design.procedure import Design, approximate_information
 from identification.design.record import Plan, along, spread, worth
-from identification.design.settling import Settled
 from identification.design.sheet import Sheet
 from identification.diagnosis.plan import shown_size
-from identification.findings import Finding
 from identification.model.kinematics import chain
-from identification.report import AXIS_COLOURS, Figure, ReportTable, render
 
 Array = NDArray[np.float64]
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
+from identification.common.findings import Finding
 from identification.design.domain import Domain
 from identification.design.sheet import Sheet
-from identification.findings import Finding
+from identification.model.cell import Cell
 from identification.model.inverse import inverse, nearest_solution
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, matrix_to_quaternion

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from identification.design.comparison import Comparison
+from identification.design.discrimination import Settled
 from identification.design.forecast import Forecast
 from identification.design.loads import FREE
 from identification.design.procedure import Design
 from identification.design.request import Prepared
-from identification.design.settling import Settled
 from identification.design.sheet import Sheet
 from identification.diagnosis.plan import not_told_apart
 

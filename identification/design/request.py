@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
+from identification.common.findings import Finding, error
 from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import Domain
@@ -17,11 +17,11 @@ from identification.design.information import Instrument, instrument
 from identification.design.loads import FREE, Slot, slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.design.procedure import Task
-from identification.findings import Finding, error
+from identification.fit.priors import PriorModel
 from identification.measurements import read_measurements
+from identification.model.cell import Cell
 from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
-from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 DEFAULT_RUNS = 8
@@ -89,7 +89,7 @@ def prepare(cell: Cell, wanted: Request, milling: MillingPoses | None) -> Prepar
 def _known(cell: Cell, wanted: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:
     """Instrument, precision (6, 6) of ln c before the runs, and in words where it comes from."""
     if wanted.measured is not None:
-        from identification.fit import fit_stiffness
+        from identification.fit.fit import fit_stiffness
 
         fit = fit_stiffness(cell, read_measurements(wanted.measured, cell.robot))
         model = fit.model

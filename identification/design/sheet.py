@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.columns import DEFLECTIONS, FORCES, JOINTS
 from identification.design.domain import Pool
 from identification.design.loads import Slot
-from identification.measurements import DEFLECTIONS, FORCES, JOINTS, Measurements
+from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

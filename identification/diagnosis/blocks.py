@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
-from identification.extension import predicted_deflection
-from identification.inference import posterior
+from identification.fit.fitted_model import predicted_deflection
+from identification.fit.posterior import posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.compliance import joint_torque
-from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 SLOW = 200

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.dictionary import Dictionary
 from identification.diagnosis.patterns import Pattern
 from identification.diagnosis.projection import Base, information_blocks
-from identification.noise import NoiseModel, NoiseSize
+from identification.fit.noise import NoiseModel, NoiseSize
 
 Array = NDArray[np.float64]
 REPLICATES = 199

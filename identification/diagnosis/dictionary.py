@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.extension import Term
+from identification.fit.fitted_model import Term
+from identification.fit.noise import NoiseModel
 from identification.model.effects import Effect, Signature
-from identification.model.extended import EffectInForce
-from identification.model.situation import Situation
-from identification.noise import NoiseModel
+from identification.model.effects_in_force import EffectInForce
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # Coefficients of one signature; the widest have three.

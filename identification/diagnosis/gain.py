@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
-from identification.extension import predicted_deflection, response
-from identification.inference import Posterior
+from identification.fit.fitted_model import predicted_deflection, response
+from identification.fit.noise import noise_model
+from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
-from identification.noise import noise_model
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 RESAMPLES = 999

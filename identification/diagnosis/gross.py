@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
-from identification.extension import predicted_deflection, situation_of
-from identification.inference import Posterior
+from identification.fit.fitted_model import predicted_deflection, situation_of
+from identification.fit.noise import DEGREES, residual_std, tails
+from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
-from identification.noise import DEGREES, residual_std, tails
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 # Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.

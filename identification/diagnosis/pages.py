@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
+from identification.common.findings import Finding
+from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
 from identification.diagnosis.gain import pose_names, poses
 from identification.diagnosis.procedure import Diagnosis
 from identification.diagnosis.record import (
@@ -23,10 +24,9 @@ from identification.diagnosis.record import (
     summary,
     value,
 )
-from identification.extension import added, situation_of
-from identification.findings import Finding
+from identification.fit.fitted_model import added, situation_of
 from identification.measurements import Measurements
-from identification.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}

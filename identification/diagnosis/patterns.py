@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.projection import Base
-from identification.model.situation import Situation
-from identification.noise import NoiseModel
+from identification.fit.noise import NoiseModel
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # Waves over the time (or order) of the measurements, and over a joint's angle.

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary
 from identification.diagnosis.projection import Base
 from identification.diagnosis.search import base_at
-from identification.extension import situation_of
+from identification.fit.fitted_model import situation_of
+from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
-from identification.noise import NoiseSize, noise_model
-from identification.priors import PriorModel
 
 Array = NDArray[np.float64]
 ALARM = 0.05

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
 from identification.diagnosis.blocks import Thinning, in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.discrepancy import discrepancies, uncertain
+from identification.diagnosis.discrimination import NextLoad, next_loads, rivals_of
 from identification.diagnosis.gain import Gain, gain
 from identification.diagnosis.gross import BadRow, bad_rows
 from identification.diagnosis.patterns import patterns
@@ -21,13 +21,13 @@ from identification.diagnosis.projection import Base
 from identification.diagnosis.sag import sag_columns
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey, survey
-from identification.diagnosis.settle import NextLoad, next_loads, rivals_of
-from identification.extension import Term, predicted_deflection, situation_of, split
-from identification.inference import Posterior, posterior
+from identification.fit.fitted_model import Term, predicted_deflection, situation_of, split
+from identification.fit.posterior import Posterior, posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
-from identification.model.extended import EffectInForce
-from identification.priors import PriorModel
+from identification.model.effects_in_force import EffectInForce
 
 Array = NDArray[np.float64]
 Verdict = Literal["adequate", "named", "ambiguous", "unknown"]

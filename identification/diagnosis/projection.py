@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary
-from identification.noise import Weights
+from identification.fit.noise import Weights
 
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
+from identification.common.findings import Finding
 from identification.diagnosis.procedure import Cause, Diagnosis
-from identification.extension import predicted_deflection, situation_of, split
-from identification.findings import Finding
-from identification.inference import Posterior
+from identification.fit.fitted_model import predicted_deflection, situation_of, split
+from identification.fit.noise import residual_std
+from identification.fit.posterior import Posterior
+from identification.fit.priors import PriorModel
+from identification.fit.subsets import Conflict, subset_conflicts
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.effects import effects
-from identification.noise import residual_std
-from identification.priors import PriorModel
-from identification.subsets import Conflict, subset_conflicts
 
 # So many checks are told on the terminal.
 MOST_CHECKS = 4

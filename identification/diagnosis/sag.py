@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.situation import Situation
-from identification.noise import NoiseModel
+from identification.fit.noise import NoiseModel
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # Joints that carry the arm's weight, from 0.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
-from identification.extension import predicted_deflection
-from identification.inference import Posterior
+from identification.fit.fitted_model import predicted_deflection
+from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
-from identification.noise import NoiseSize, noise_model
+from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 PARTS = ("sensor noise", "force error", "re-seating")

@@ -12,17 +12,17 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
 from identification.diagnosis.dictionary import Dictionary, dictionary
 from identification.diagnosis.projection import Base, scores
 from identification.diagnosis.sag import sag_columns
-from identification.extension import Term, response, situation_of
-from identification.inference import Posterior
+from identification.fit.fitted_model import Term, response, situation_of
+from identification.fit.noise import NoiseModel, Weights
+from identification.fit.posterior import Posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.effects import Effect
-from identification.model.situation import Situation
-from identification.noise import NoiseModel, Weights
-from identification.priors import PriorModel
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # Sets of effects that are carried from one level to the next.

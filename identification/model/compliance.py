@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import error
+from identification.common.findings import error
 from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame, rotation_vector

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import error
+from identification.common.findings import error
 from identification.model.kinematics import chunks, quarter_turns, sine_cosine
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # Branch numbers are ABB's cfx for serial arms: 4 wrist centre behind axis 1, 2 wrist centre behind the lower arm,
 # 1 axis 5 negative.
 BRANCHES = 8
+# Axis 5 closer than this to the wrist singularity [rad]: axes 4 and 6 turn fast there (engineering judgement).
+NEARLY_SINGULAR = np.radians(2.0)
 # Within this of sin(theta5) = 0 [rad] only the sum of axes 4 and 6 is determined; axis 4 is then taken from a reference.
 WRIST_SINGULAR_RAD = 1e-9
 

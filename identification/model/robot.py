@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
-from identification.files import sha256
-from identification.findings import error
-from identification.yaml_source import EachJoint, NotNegative, Positive, Strict, Triple, read_yaml
+from identification.common.files import sha256
+from identification.common.findings import error
+from identification.common.yaml_source import EachJoint, NotNegative, Positive, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
 LoadPath = Literal["drive", "serial"]

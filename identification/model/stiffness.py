@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.compliance import deviation, displacement, equilibrium, loaded_angles, loaded_pose, signature
-from identification.model.extended import EffectInForce, added, displaced, slopes
+from identification.model.effects_in_force import EffectInForce, added, displaced, slopes
 from identification.model.gravity import DOWN
 from identification.model.kinematics import forward
+from identification.model.load_state import Situation, situation
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
-from identification.model.situation import Situation, situation
 
 __all__ = ["FORMAT", "JOINT_NAMES", "EffectInForce", "IdentifiedModel"]
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, ValidationError
 
-from identification.cell import Cell
-from identification.findings import CompstiffError, error
+from identification.common.findings import CompstiffError, error
+from identification.model.cell import Cell
 from identification.model.effects import effects
 from identification.model.gravity import fall_in_base
 from identification.model.rotations import Frame, rotation_vector

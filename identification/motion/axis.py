@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.joint_log import JointLog
+from identification.motion.autoregression import Memory, memory_of
 from identification.motion.band import BAND, low_pass, thinned
 from identification.motion.dictionary import Shape, catalogue, shapes
 from identification.motion.log_file import MotionLog
-from identification.motion.memory import Memory, memory_of
 
 Array = NDArray[np.float64]
 

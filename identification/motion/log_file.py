@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import Finding, error
+from identification.common.findings import Finding, error
+from identification.common.tables import read_table
 from identification.model.joint_log import JointLog
-from identification.tables import read_table
 
 Array = NDArray[np.float64]
 COLUMN = re.compile(r"q([1-6])_(motor_deg|link_deg|torque_nm|speed_deg_s)$")
@@ -76,7 +76,7 @@ def read_motion_log(path: str | Path) -> MotionLog:
     line: NDArray[np.intp] | None = None
     findings: list[Finding] = []
     if path.suffix.lower() == ".mat":
-        from identification.public.kuka_kr300 import read_record
+        from identification.formats.kuka_kr300 import read_record
 
         columns = read_record(path)
     else:

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from identification.findings import Finding
+from identification.common.findings import Finding
+from identification.common.report import Figure, ReportTable, render
 from identification.motion.procedure import AxisDiagnosis, LogDiagnosis
 from identification.motion.record import MICRO, sentence
 from identification.motion.stiffness import AxisStiffness
 from identification.motion.words import values
-from identification.report import Figure, ReportTable, render
 
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
 BEFORE, AFTER = "#c0392b", "#2b6ca3"

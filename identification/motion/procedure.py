@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.findings import error
+from identification.common.findings import error
 from identification.motion.axis import Axis, axis_of, solve
 from identification.motion.band import BAND
 from identification.motion.dictionary import Shape

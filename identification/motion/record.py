@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cell import Cell
-from identification.findings import Finding
-from identification.model.extended import EffectInForce
+from identification.common.findings import Finding
+from identification.model.cell import Cell
+from identification.model.effects_in_force import EffectInForce
 from identification.model.stiffness import IdentifiedModel
 from identification.motion.band import BAND
 from identification.motion.log_file import MotionLog

@@ -282,7 +282,7 @@ def run(*arguments: object) -> Run:
     """The command line, in this process."""
     import os
 
-    from compensator import cli
+    from compstiff.cli import main as cli
 
     out, err = io.StringIO(), io.StringIO()
     code: object = 0
@@ -303,7 +303,7 @@ def run(*arguments: object) -> Run:
 def spawn(*arguments: object, cwd: Path | None = None, timeout: float = 60) -> Run:
     """The command line, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "compensator", *map(str, arguments)], cwd=cwd, capture_output=True, timeout=timeout
+        [sys.executable, "-m", "compstiff", *map(str, arguments)], cwd=cwd, capture_output=True, timeout=timeout
     )
     return Run(done.returncode, done.stdout.decode("utf-8"), done.stderr.decode("utf-8"))
 

@@ -274,7 +274,7 @@ def test_killed_while_it_runs(tmp_path: Path) -> None:
         for name in good:
             (tmp_path / name).write_bytes(b"old")
         process = subprocess.Popen(
-            [sys.executable, "-m", "compensator", *map(str, job.arguments("--force"))],
+            [sys.executable, "-m", "compstiff", *map(str, job.arguments("--force"))],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
@@ -288,7 +288,7 @@ def test_killed_while_it_runs(tmp_path: Path) -> None:
 def test_ctrl_c(tmp_path: Path) -> None:
     job = big(tmp_path)
     process = subprocess.Popen(
-        [sys.executable, "-m", "compensator", *map(str, job.arguments())],
+        [sys.executable, "-m", "compstiff", *map(str, job.arguments())],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,

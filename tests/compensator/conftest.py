@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from compensator.data import shipped
-from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
-from compensator.settings import Settings
-from identification.cell import read_cell
-from identification.fit import fit_stiffness
+from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.settings import Settings
+from identification.common.shipped import shipped
+from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 
 TARE = (0, 2)
 
@@ -31,4 +31,4 @@ def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 @pytest.fixture(scope="session")
 def sample(sample_inputs: Inputs) -> Corrected:
     """The corrected sample program."""
-    return correct_program(predict_program(sample_inputs, Settings(tare=(TARE,))))
+    return correct_program(predict_program(sample_inputs, Settings.of(tare=(TARE,))))

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from compensator.offsets import offsets_csv
-from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
-from compensator.settings import Settings
-from identification.cell import read_cell
+from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.offsets import offsets_csv
+from compensator.correction.settings import Settings
+from identification.model.cell import read_cell
 from identification.model.stiffness import IdentifiedModel
 from tests.acceptance import kit
 from tests.virtual_cell import milling
@@ -30,7 +30,7 @@ TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
 
 def settings(**wanted: Any) -> Settings:
     """Settings with the tare and the wanted fields."""
-    return Settings(**({"tare": (TARE,)} | wanted))
+    return Settings.of(**({"tare": (TARE,)} | wanted))
 
 
 @dataclass(frozen=True)

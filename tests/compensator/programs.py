@@ -8,7 +8,7 @@ from pathlib import Path
 
 from click.testing import CliRunner, Result
 
-from compensator.cli import compstiff
+from compstiff.cli.main import compstiff
 from tests.compensator.virtual_job import job, there_and_back
 
 HARMLESS = "MODULE Empty\nPROC main()\nENDPROC\nENDMODULE\n"

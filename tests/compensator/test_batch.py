@@ -111,7 +111,7 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs",
              processes]
     # A process group of its own, as a terminal gives: Ctrl-C reaches the workers too.
-    running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE,
+    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, start_new_session=True)
     assert running.stdout is not None
     assert running.stderr is not None
@@ -135,7 +135,7 @@ def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
     place.put(*names)
     out = place.folder / "out"
     words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", 2]
-    running = subprocess.Popen([sys.executable, "-m", "compensator", *map(str, words)], stdout=subprocess.PIPE, text=True)
+    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE, text=True)
     assert running.stdout is not None
     first = running.stdout.readline()
     children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()

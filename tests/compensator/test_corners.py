@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.corners import corner_misses
+from compensator.correction.corners import corner_misses
 from compensator.rapid import read_rapid
 from tests.acceptance import kit
 from tests.acceptance.kit import Job

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.correction import correct_path, targets_to_correct
-from compensator.pipeline import Corrected, correct_program, summary
-from compensator.prediction import predict_path
+from compensator.correction.correct import correct_path, targets_to_correct
+from compensator.correction.job import Corrected, correct_program, summary
+from compensator.correction.prediction import predict_path
+from compensator.correction.settings import Settings
 from compensator.rapid import read_rapid
-from compensator.settings import Settings
-from identification.findings import CompstiffError, Refused
+from identification.common.findings import CompstiffError, Refused
 from identification.model.compliance import loaded_pose
 from identification.model.rotations import Frame, quaternion_to_matrix, rotation_vector
 from tests.virtual_cell.arm import IRB6660
@@ -114,7 +114,7 @@ def test_opposite_forces_give_opposite_first_order_corrections(sample: Corrected
 
 def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sample_inputs, tmp_path) -> None:
     """World and work object moved together with the base: the corrections are the same."""
-    from compensator.pipeline import Inputs, predict_program
+    from compensator.correction.job import Inputs, predict_program
 
     cell = tmp_path / "cell.yaml"
     cell.write_text(sample_inputs.cell.read_text() + "base_frame: {position_mm: [500, -300, 200], quaternion: "
@@ -129,7 +129,7 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
     program = tmp_path / "insert.mod"
     program.write_bytes(text.replace(old, new))
     again = correct_program(predict_program(
-        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings(tare=((0, 2),))))
+        Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings.of(tare=((0, 2),))))
     # A sample on the border between two targets may fall to the other one by the last digit: a few nanometres there.
     assert_allclose(again.correction.offset, sample.correction.offset, atol=2e-8)
 
@@ -157,7 +157,7 @@ def test_absurd_forces_are_an_error_not_a_program(sample: Corrected) -> None:
 
 def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer that spoils a corrected number, a number it should leave alone, or a move: refused each time (CS4203)."""
-    from compensator import pipeline
+    from compensator.correction import job as pipeline
     from compensator.rapid import Rewritten
 
     air = next(line for line in sample.content.split(b"\r\n") if b"vAir" in line and line.lstrip().startswith(b"MoveL"))
@@ -178,7 +178,7 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
 
 
 def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample: Corrected, monkeypatch) -> None:
-    from compensator import correction
+    from compensator.correction import correct as correction
     from identification.model.compliance import joint_torque
 
     monkeypatch.setattr(correction, "joint_torque", lambda *arguments: 1.01 * joint_torque(*arguments))

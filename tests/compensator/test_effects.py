@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from compensator import correction, pipeline, prediction
-from compensator.correction import correct_path
-from compensator.loading import loaded_path, resting_angles, state_changes
-from compensator.offsets import deviation_csv, offsets_csv
-from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
-from compensator.prediction import predict_path
+from compensator.correction import correct as correction
+from compensator.correction import job as pipeline
+from compensator.correction import prediction
+from compensator.correction.correct import correct_path
+from compensator.correction.forward import loaded_path, resting_angles, state_changes
+from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.offsets import deviation_csv, offsets_csv
+from compensator.correction.prediction import predict_path
 from compensator.rapid import read_rapid
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.model.rotations import Frame
 from tests.compensator.virtual_job import (
     AIR,

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.force_log import ForceLog, read_force_log
-from identification import number_blocks
-from identification.cell import ForceLogFile
-from identification.findings import CompstiffError
+from compensator.forces.log import ForceLog, read_force_log
+from identification.common import number_blocks
+from identification.common.findings import CompstiffError
+from identification.model.cell import ForceLogFile
 
 COUNT, RATE = 300, 2000.0
 RNG = np.random.default_rng(5)

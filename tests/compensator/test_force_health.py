@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from compensator.force_log import ForceLog, read_force_log
-from identification import number_blocks
-from identification.cell import ForceLogFile
+from compensator.forces.log import ForceLog, read_force_log
+from identification.common import number_blocks
+from identification.model.cell import ForceLogFile
 from tests.compensator.test_forces import place
 
 RATE, COUNT = 2000.0, 6000

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.forces import TargetForces, place_forces, read_force_log
-from compensator.pipeline import Inputs, predict_program
-from compensator.planning import Plan, plan_path
+from compensator.correction.job import Inputs, predict_program
+from compensator.correction.settings import Settings
+from compensator.forces.placement import TargetForces, place_forces, read_force_log
+from compensator.path.plan import Plan, plan_path
 from compensator.rapid import read_rapid
-from compensator.settings import Settings
-from identification.cell import read_cell
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
 from identification.model.rotations import quaternion_to_matrix
 
 QUATERNION = (0.02522428, -0.00054983, -0.99944426, 0.02178562)
@@ -178,7 +178,7 @@ def test_the_log_of_another_program_is_refused(tmp_path) -> None:
 
 def test_a_bias_that_nobody_took_off_is_said(sample_inputs: Inputs) -> None:
     """The sample's sensor shows 6 N in air: without --tare its rapid moves show a force, with it they do not."""
-    codes = [{finding.code for finding in predict_program(sample_inputs, Settings(tare=tare)).findings}
+    codes = [{finding.code for finding in predict_program(sample_inputs, Settings.of(tare=tare)).findings}
              for tare in ((), ((0, 2),))]
     assert "CS3041" in codes[0]
     assert "CS3041" not in codes[1]

@@ -10,13 +10,13 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
-from compensator.cli import compstiff
-from compensator.forces import place_forces, read_force_log
-from compensator.payload import estimate_payload, interval_factor, turns
-from compensator.planning import Plan, plan_path
+from compensator.forces.payload import estimate_payload, interval_factor, turns
+from compensator.forces.placement import place_forces, read_force_log
+from compensator.path.plan import Plan, plan_path
 from compensator.rapid import read_rapid
-from identification.cell import read_cell
-from identification.findings import CompstiffError
+from compstiff.cli.main import compstiff
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
 from tests.acceptance import kit
 from tests.acceptance.kit import IRB6660
 

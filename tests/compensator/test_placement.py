@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.following import match_forwards
-from compensator.placement import arc_length, nearest_target, polyline
+from compensator.forces.map_matching import match_forwards
+from compensator.path.arc_length import arc_length, nearest_target, polyline
 from compensator.toolpath import Move
 
 LINEAR, VIA, END, JOINT = (np.uint8(m) for m in (Move.LINEAR, Move.ARC_VIA, Move.ARC_END, Move.JOINT))

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.testing import assert_allclose
 
-from compensator.planning import Plan, plan_path
+from compensator.path.plan import Plan, plan_path
 from compensator.rapid import read_rapid
-from identification.cell import read_cell
+from identification.model.cell import read_cell
 from identification.model.inverse import configuration
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame

@@ -8,16 +8,17 @@ import sys
 import numpy as np
 import pytest
 
-from compensator.apt import read_apt
-from compensator.configurations import hold, tool_frames
-from compensator.pipeline import read_toolpath
-from compensator.planning import plan_path
-from compensator.posting import module_name, post, read_cam_path
+from compensator.correction.job import read_toolpath
+from compensator.correction.settings import DEFAULTS, Settings
+from compensator.path.configurations import hold, tool_frames
+from compensator.path.plan import plan_path
+from compensator.posting.apt import read_apt
+from compensator.posting.post import module_name, post, read_cam_path
+from compensator.posting.settings import PostingSettings
 from compensator.rapid import read_rapid
-from compensator.settings import DEFAULTS, Settings
 from compensator.toolpath import Move
-from identification.cell import read_cell
-from identification.findings import CompstiffError, Refused
+from identification.common.findings import CompstiffError, Refused
+from identification.model.cell import read_cell
 from identification.model.inverse import wrist_distance
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame, quaternion_to_matrix
@@ -68,7 +69,7 @@ def cell(tmp_path):
 @pytest.fixture
 def posted(tmp_path, cell):
     (tmp_path / "shell.apt").write_text(APT)
-    return post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS, "shell.mod")
+    return post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod")
 
 
 def test_what_is_posted_reads_back(tmp_path, posted, cell):
@@ -117,20 +118,20 @@ def test_the_choices_are_said(posted):
 def test_the_tools_x_follows_the_stated_direction(tmp_path, posted, cell):
     path = read_apt(tmp_path / "shell.apt")
     want = np.array([0.5, -1, 0]) / np.sqrt(1.25)
-    turned = post(path, cell, Settings(tool_x=(0.5, -1, 0)), "shell.mod").program.toolpath
+    turned = post(path, cell, PostingSettings(tool_x=(0.5, -1, 0)), "shell.mod").program.toolpath
     x = quaternion_to_matrix(turned.quaternion)[:, :, 0]
     # Of all turns about the tool axis the one whose x is nearest: x lies in the plane of the axis and the direction.
     np.testing.assert_allclose(np.einsum("ni,ni->n", x, np.cross(path.axis, want)), 0, atol=1e-7)
     assert (x @ want > 0.9).all()
     with pytest.raises(CompstiffError, match=r"CS4304: .* 0\.0 degrees"):
-        post(path, cell, Settings(tool_x=(0, 0, 1)), "shell.mod")
+        post(path, cell, PostingSettings(tool_x=(0, 0, 1)), "shell.mod")
 
 
 def test_a_chosen_direction_leaves_at_least_the_reserve_of_every_other(tmp_path, posted, cell):
     path = read_apt(tmp_path / "shell.apt")
     for angle in np.radians(np.arange(0, 360, 45)):
         try:
-            other = post(path, cell, Settings(tool_x=(np.cos(angle), np.sin(angle), 0.0)), "shell.mod")
+            other = post(path, cell, PostingSettings(tool_x=(np.cos(angle), np.sin(angle), 0.0)), "shell.mod")
         except CompstiffError:
             continue
         assert other.assumed["smallest_reserve_deg"] <= posted.assumed["smallest_reserve_deg"] + 1e-3
@@ -178,7 +179,7 @@ def test_a_table_with_its_feeds(tmp_path, cell):
 
 
 def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
-    read = planned(table(tmp_path, cell), cell, Settings(feed_mm_s=12.5)).toolpath
+    read = planned(table(tmp_path, cell), cell, Settings.of(feed_mm_s=12.5)).toolpath
     assert set(read.feed) == {0.0125}
     assert "12.5 mm/s" in next(finding.message for finding in read.findings if finding.code == "CS2150")
 
@@ -220,7 +221,7 @@ def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
     lines[5] = ",".join(cells)
     path.write_text("\n".join(lines))
     with pytest.raises(CompstiffError, match=code) as caught:
-        read_cam_path(path, DEFAULTS)
+        read_cam_path(path, DEFAULTS.posting)
     found = caught.value.findings[0]
     assert (found.line, found.column) == (6, lines[0].split(",").index(column) + 1)
 

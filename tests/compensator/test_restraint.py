@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compensator.pipeline import Corrected
-from compensator.restraint import chance_of_harm, confident_share, limited_steps
+from compensator.correction.job import Corrected
+from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
 from identification.model.compliance import loaded_pose
 from tests.acceptance import kit
 from tests.acceptance.kit import Job

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator import force_log, revolutions
-from compensator.force_log import ForceLog, read_force_log
-from identification.cell import ForceLogFile
+from compensator.forces import log as force_log
+from compensator.forces import revolutions
+from compensator.forces.log import ForceLog, read_force_log
+from identification.model.cell import ForceLogFile
 
 RATE = 25600.0
 
@@ -186,7 +187,7 @@ def test_a_long_log_kept_as_means_gives_the_same_means(tmp_path, monkeypatch, ke
 @pytest.mark.parametrize("turns", [0.6, 1.5, 3.0, 12.0])
 def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: float) -> None:
     """Steady force and white noise, averaged over revolutions of 40 samples: over 150 targets the means scatter as stated."""
-    from compensator.forces import place_forces
+    from compensator.forces.placement import place_forces
     from tests.compensator.test_forces import plan
 
     rng, here = np.random.default_rng(4), plan(tmp_path)
@@ -208,7 +209,7 @@ def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: floa
 @pytest.mark.parametrize("tare", [None, (0, 0)])
 def test_a_target_beside_the_cut_stays_without_force(tmp_path, tare) -> None:
     """The cut begins exactly where the second target's stretch does: no mean over a revolution carries force into the first."""
-    from compensator.forces import place_forces
+    from compensator.forces.placement import place_forces
     from tests.compensator.test_forces import plan
 
     force = cutting(6000, 5 * 400, 4000.0)

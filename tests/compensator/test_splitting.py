@@ -8,14 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensator.commands import run_correction
-from compensator.pipeline import Inputs, check_not_corrected
+from compensator.correction.files import run_correction
+from compensator.correction.job import Inputs, check_not_corrected
+from compensator.correction.settings import DEFAULTS, Settings
+from compensator.posting.settings import PostingSettings
+from compensator.posting.split_files import split_files
+from compensator.posting.splitting import split_program
 from compensator.rapid import read_rapid
-from compensator.settings import DEFAULTS, Settings
-from compensator.split_files import split_files
-from compensator.splitting import split_program
-from identification.cell import read_cell
-from identification.findings import CompstiffError, Refused
+from identification.common.findings import CompstiffError, Refused
+from identification.model.cell import read_cell
 from tests.support import compstiff, write_cell
 
 from .rapid.helpers import target
@@ -130,14 +131,14 @@ def test_parts_of_an_earlier_split_are_reported_and_none_is_overwritten(tmp_path
     body, air = moves(list("acacac"))
     content, output = module(body).encode(), tmp_path / "OUT.mod"
     (tmp_path / "OUT_009.mod").write_text("old")
-    _, sizes, findings = split_files(content, np.array(air), Settings(split=2), output, overwrite=False)
+    _, sizes, findings = split_files(content, np.array(air), PostingSettings(split=2), output, overwrite=False)
     assert sizes == [1, 2, 2, 1]
     assert "OUT_009.mod" in next(finding.message for finding in findings if finding.code == "CS4314")
     (tmp_path / "OUT_002.mod").write_text("old")
     with pytest.raises(CompstiffError, match="CS0003"):
-        split_files(content, np.array(air), Settings(split=2), output, overwrite=False)
+        split_files(content, np.array(air), PostingSettings(split=2), output, overwrite=False)
     with pytest.raises(CompstiffError, match="--split N is not given"):
-        split_files(content, np.array(air), Settings(split_load=True), output, overwrite=False)
+        split_files(content, np.array(air), PostingSettings(split_load=True), output, overwrite=False)
 
 
 CELL = """\
@@ -172,7 +173,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     after = read_rapid((tmp_path / "one.mod").read_bytes()).toolpath
     moved = np.linalg.norm(after.position - planned.position, axis=1)
     assert ((moved > 50e-6) == (np.linalg.norm(whole.predicted.forces.wrench, axis=1) > 0)).all()
-    run_correction(inputs, tmp_path / "many.mod", None, None, Settings(split=25), overwrite=False)
+    run_correction(inputs, tmp_path / "many.mod", None, None, Settings.of(split=25), overwrite=False)
     parts = [tmp_path / "many_001.mod", tmp_path / "many_002.mod"]
     assert sorted(tmp_path.glob("many_*.mod")) == parts
     split = np.concatenate([read_rapid(part.read_bytes()).toolpath.position for part in parts])
@@ -181,7 +182,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     (tmp_path / "two_001.mod").write_bytes((tmp_path / "one.mod").read_bytes())
     inside_out = Inputs(inputs.cell, tmp_path / "two_001.mod", inputs.stiffness, inputs.forces)
     with pytest.raises(CompstiffError, match="CS0006"):
-        run_correction(inside_out, tmp_path / "two.mod", None, None, Settings(split=25, tare=()), overwrite=True)
+        run_correction(inside_out, tmp_path / "two.mod", None, None, Settings.of(split=25, tare=()), overwrite=True)
     # The next step names the parts of this split, not one that an earlier split left behind.
     (tmp_path / "next_009.mod").write_bytes(parts[0].read_bytes())
     done = compstiff("correct", inputs.cell, inputs.toolpath, "--stiffness", inputs.stiffness, "--forces", inputs.forces, "-o",

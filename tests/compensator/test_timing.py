@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator import timing
-from compensator.feasibility import check_feed, figures, judge
-from compensator.forces import TargetForces
-from compensator.pipeline import Corrected, Inputs
-from compensator.planning import Plan, plan_path
+from compensator.correction.job import Corrected, Inputs
+from compensator.forces.placement import TargetForces
+from compensator.path import timing
+from compensator.path.feasibility import check_feed, figures, judge
+from compensator.path.plan import Plan, plan_path
+from compensator.path.route import build_legs
+from compensator.path.timing import drive, joint_move_time
 from compensator.rapid import read_rapid
-from compensator.route import build_legs
-from compensator.timing import drive, joint_move_time
-from identification.cell import read_cell
-from identification.findings import Refused
+from identification.common.findings import Refused
+from identification.model.cell import read_cell
 from identification.model.robot import RobotModel
 from identification.model.rotations import matrix_to_quaternion, quaternion_to_matrix, rotation_matrix
 from tests.support import compstiff, robot
@@ -160,21 +160,21 @@ def forces_of(count: int, forced: list[int]) -> TargetForces:
 
 def test_strict_refuses_a_cut_and_only_a_cut(tmp_path: Path) -> None:
     plan = corners(tmp_path, "z1")
-    check = check_feed(plan, forces_of(5, []), None, strict=True)
+    check = check_feed(plan, forces_of(5, []).forced, None, strict=True)
     assert figures(check)["planned"]["held_back_with_force"] == 0
     assert {finding.code for finding in check.findings} == {"CS4403", "CS4411"}
     with pytest.raises(Refused, match=r"CS4402.*cannot hold 200 mm/s: \d+ %, joint \d at its acceleration limit .* "
                                       r"in the corner of 90 deg at target \d"):
-        check_feed(plan, forces_of(5, [0, 1, 2, 3]), None, strict=True)
+        check_feed(plan, forces_of(5, [0, 1, 2, 3]).forced, None, strict=True)
 
 
 def test_unknown_feed_and_a_program_of_joint_moves_alone(tmp_path: Path) -> None:
     moves = lines([[1100, 0, 700], [1150, 0, 700], [1200, 0, 700]], "vUnknown", "z1")
-    unknown = check_feed(program(tmp_path, moves), forces_of(3, [0, 1, 2]), None, strict=True)
+    unknown = check_feed(program(tmp_path, moves), forces_of(3, [0, 1, 2]).forced, None, strict=True)
     assert "CS4405" in {finding.code for finding in unknown.findings}
     assert figures(unknown)["planned"]["judged"] == 0
     joint_moves = program(tmp_path, [move.replace("MoveL", "MoveJ") for move in moves])
-    alone = check_feed(joint_moves, forces_of(3, []), None, strict=True)
+    alone = check_feed(joint_moves, forces_of(3, []).forced, None, strict=True)
     assert figures(alone)["planned"]["joint_moves_s"] > 0
 
 

@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 
-from compensator.along_path import autocorrelation_time
-from compensator.cli import compstiff
-from compensator.readings import Readings, nearest, read_readings
-from compensator.verification import compare, estimate_scale
-from identification.cell import read_cell
+from compensator.verification.batch_means import autocorrelation_time
+from compensator.verification.comparison import compare, estimate_scale
+from compensator.verification.readings import Readings, nearest, read_readings
+from compstiff.cli.main import compstiff
+from identification.model.cell import read_cell
 from tests.support import write_cell
 
 SIGMAS = "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um"

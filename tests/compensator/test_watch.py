@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from compensator import watch as watching
-from compensator.batch import Folders
-from compensator.cli import compstiff
-from compensator.finished_files import Settled
-from compensator.job_run import Common, Done
-from compensator.journal import NAME, Journal
-from compensator.settings import Settings
-from compensator.watch import Watch
-from identification.console import Session
-from identification.findings import CompstiffError
+from compensator.correction.settings import Settings
+from compstiff.batch import watch as watching
+from compstiff.batch.finished_files import Settled
+from compstiff.batch.journal import NAME, Journal
+from compstiff.batch.pairing import Folders
+from compstiff.batch.program import Common, Done
+from compstiff.batch.watch import Watch
+from compstiff.cli.main import compstiff
+from compstiff.outcome import Session
+from identification.common.findings import CompstiffError
 from tests.compensator.programs import Shop, shop
 
 
@@ -233,7 +233,7 @@ def test_calls_that_are_refused(place: Shop) -> None:
 
 
 def start(place: Shop, out: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "compensator", *arguments(place, out, "--settle", 0.1, "--interval", 0.05, "--json")]
+    command = [sys.executable, "-m", "compstiff", *arguments(place, out, "--settle", 0.1, "--interval", 0.05, "--json")]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.pipeline import Corrected, Inputs, correct_program, predict_program
-from identification.cell import Cell, read_cell
+from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from identification.model.stiffness import EffectInForce, IdentifiedModel
 from tests.acceptance import kit

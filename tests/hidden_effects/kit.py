@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from click.testing import CliRunner
 
-from compensator.cli import compstiff
-from identification.cell import read_cell
+from compstiff.cli.main import compstiff
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from tests.hidden_effects.judge import Answer, answer, judge, label, truth_names
 from tests.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
 from tests.virtual_cell.arm_model import Tool

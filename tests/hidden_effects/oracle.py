@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.cell import Cell
-from identification.extension import Term, predicted_deflection, situation_of
-from identification.inference import Posterior, posterior
+from identification.fit.fitted_model import Term, predicted_deflection, situation_of
+from identification.fit.posterior import Posterior, posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
+from identification.model.cell import Cell
 from identification.model.effects import effects
 from identification.model.effects.sensor_step import SensorStep
-from identification.priors import PriorModel
 from tests.virtual_cell.cell import Case
 
 # Where the hidden law is another than the dictionary's, its parameters have no one true value.

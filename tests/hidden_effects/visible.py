@@ -13,15 +13,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from identification.cell import read_cell
 from identification.diagnosis.dictionary import Dictionary, dictionary
 from identification.diagnosis.projection import Base, scores
 from identification.diagnosis.search import base_at
-from identification.extension import situation_of
+from identification.fit.fitted_model import situation_of
+from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.priors import PriorModel
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.effects import effects
-from identification.noise import NoiseSize, noise_model
-from identification.priors import PriorModel
 from tests.hidden_effects.judge import label
 from tests.virtual_cell.cell import Case, Hidden, simulate
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.model.compliance import (
     compliance_matrix,
     deviation,

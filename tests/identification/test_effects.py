@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 from identification.model.compliance import compliance_matrix
 from identification.model.effects import Effect, effects
+from identification.model.load_state import Situation, situation
 from identification.model.rotations import Frame
-from identification.model.situation import Situation, situation
 from tests.support import random_poses, robot
 
 COMPLIANCE = 1 / np.array([1.6e6, 5.1e6, 1.5e6, 0.5e6, 0.2e6, 0.08e6])

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from identification.cell import Cell, read_cell
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
+from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from identification.model.robot import read_robot
 from identification.model.rotations import Frame

@@ -8,10 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 
-from identification.cell import Cell, read_cell
-from identification.findings import CompstiffError
-from identification.fit import fit_stiffness
+from identification.common.findings import CompstiffError
+from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.compliance import equilibrium, signature
 from tests.support import measurement_text, random_poses, write_cell
 from tests.virtual_cell.arm import IRB6660

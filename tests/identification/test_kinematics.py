@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.model.inverse import configuration, configured_solution, inverse, nearest_solution, wrist_distance
 from identification.model.kinematics import forward, jacobian
 from identification.model.robot import RobotModel, built_in_robots, read_robot

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.measurements import read_measurements
 from tests.support import robot
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identification import inference
-from identification.cell import Cell, read_cell
-from identification.gram import NoiseGram
-from identification.inference import posterior
+from identification.fit import posterior as inference
+from identification.fit.gram import NoiseGram
+from identification.fit.noise import NoiseModel
+from identification.fit.posterior import posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.compliance import compliance_matrix, equilibrium, signature
-from identification.noise import NoiseModel
-from identification.priors import PriorModel
 from tests.identification.test_inference import TRUE
 from tests.support import measurement_text, random_poses, write_cell
 

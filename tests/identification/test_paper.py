@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from benchmarks import paper
-from identification.cell import Cell
-from identification.fit import fit_stiffness
+from identification.fit.fit import fit_stiffness
+from identification.model.cell import Cell
 from identification.model.compliance import equilibrium, joint_torque
 from identification.model.kinematics import forward
 from tests.support import random_poses, robot

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from identification.cell import read_cell
-from identification.findings import CompstiffError
-from identification.fit import fit_stiffness
+from identification.common.findings import CompstiffError
+from identification.fit.fit import fit_stiffness
+from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
 from tests.identification.test_inference import TRUE, simulate
 from tests.support import write_cell

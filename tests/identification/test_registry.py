@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.model import effects as package
 from identification.model.effects import Effect, effects
+from identification.model.load_state import situation
 from identification.model.rotations import Frame
-from identification.model.situation import situation
 from tests.support import random_poses, robot
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "effects.md").read_text()

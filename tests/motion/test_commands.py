@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from compensator.cli import compstiff
-from identification.cell import read_cell
+from compstiff.cli.main import compstiff
+from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
 from tests.motion.gear import columns, write
 

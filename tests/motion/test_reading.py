@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import scipy.io
 
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 from identification.motion.log_file import is_motion_log, read_motion_log
 from tests.motion.gear import columns, write
 

@@ -10,11 +10,11 @@ import pytest
 import scipy.io
 from click.testing import CliRunner
 
-from compensator.cli import compstiff
-from identification.findings import CompstiffError
-from identification.public.lvm import read_lvm
-from identification.public.metallicadour import read_metallicadour
-from identification.public.net_ft import RECORD, read_net_ft
+from compstiff.cli.main import compstiff
+from identification.common.findings import CompstiffError
+from identification.formats.lvm import read_lvm
+from identification.formats.metallicadour import read_metallicadour
+from identification.formats.net_ft import RECORD, read_net_ft
 
 VALUES = np.round(np.random.default_rng(0).normal(0, 50, (40, 12)), 4)
 

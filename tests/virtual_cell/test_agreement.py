@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from identification.cell import read_cell
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import deviation
 from identification.model.kinematics import forward, jacobian
 from identification.model.robot import RobotModel, read_robot

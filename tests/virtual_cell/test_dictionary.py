@@ -13,9 +13,9 @@ import pytest
 
 from identification.model.effects import effects
 from identification.model.effects.sensor_step import SensorStep
+from identification.model.load_state import Situation, situation
 from identification.model.robot import RobotModel, read_robot
 from identification.model.rotations import Frame
-from identification.model.situation import Situation, situation
 from tests.virtual_cell.cell import DICTIONARY, Case, Hidden, simulate
 from tests.virtual_cell.files import robot_yaml
 from tests.virtual_cell.hidden import EFFECTS

@@ -10,7 +10,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pkgutil import iter_modules
 
-from identification.findings import error
+from identification.common.findings import error
 from identification.model.effects.base import Effect, Parameter, Signature
 
 __all__ = ["Effect", "Parameter", "Signature", "effects"]

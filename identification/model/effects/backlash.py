@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, saturated
 from identification.model.joint_log import JointLog
-from identification.model.situation import Situation
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # Friction holds the gear in its gap below this torque [N m]: an assumption, small against any cutting load's.

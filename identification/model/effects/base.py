@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.joint_log import JointLog
-from identification.model.situation import Situation
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 ONLY_IN_MOTION = "it shows only in logs taken in motion"

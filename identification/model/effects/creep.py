@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.situation import Situation
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
+from identification.model.load_state import Situation
 from identification.model.rotations import rotation_matrix
-from identification.model.situation import Situation
 
 Array = NDArray[np.float64]
 

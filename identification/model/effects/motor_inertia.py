@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import ONLY_IN_MOTION, Effect, Parameter
 from identification.model.joint_log import JointLog
-from identification.model.situation import Situation
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 

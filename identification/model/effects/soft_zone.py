@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, saturated
 from identification.model.joint_log import JointLog
-from identification.model.situation import Situation
+from identification.model.load_state import Situation
 
 Array = NDArray[np.float64]
 # K3 / K1 - 1 of harmonic gears, 1.5 to 1.9 in data sheets.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensator.apt import read_apt
+from compensator.posting.apt import read_apt
 from compensator.toolpath import Move
 
 from .interpreter import visited

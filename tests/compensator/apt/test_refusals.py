@@ -2,8 +2,8 @@
 
 import pytest
 
-from compensator.apt import read_apt
-from identification.findings import CompstiffError
+from compensator.posting.apt import read_apt
+from identification.common.findings import CompstiffError
 
 HEAD = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/30,20,5\n"         # three lines
 

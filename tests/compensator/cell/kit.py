@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.cell import link as linking
-from compensator.cell import registers as at
-from compensator.cell.link import Address, ExceptionReply, Link, LinkLost
-from compensator.cell.machine import CellMachine
-from compensator.cell.push import OLD, UNKNOWN, Table, identify, push_table
-from compensator.cell.registers import Command
-from compensator.cell.state import TableFiles, TableStore
-from compensator.cell.wire import Header, page_words, to_words
-from identification.findings import Refused, Unconfirmed
+from compensator.modbus import link as linking
+from compensator.modbus import registers as at
+from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
+from compensator.modbus.machine import CellMachine
+from compensator.modbus.push import OLD, UNKNOWN, Table, identify, push_table
+from compensator.modbus.registers import Command
+from compensator.modbus.state import TableFiles, TableStore
+from compensator.modbus.wire import Header, page_words, to_words
+from identification.common.findings import Refused, Unconfirmed
 
 ROBOT = "irb6660-205-1.90"
 LIMIT_UM = 2000
@@ -110,7 +110,7 @@ class CellProcess:
 
     def start(self) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "compensator", "cell", str(self.file), "--port", str(self.port), *self.options],
+            [sys.executable, "-m", "compstiff", "cell", str(self.file), "--port", str(self.port), *self.options],
             stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         assert self.process.stderr
         line = self.process.stderr.readline()

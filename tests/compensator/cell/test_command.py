@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from compensator.cell.commands import push
-from compensator.cell.server import Loopback
+from compensator.modbus.server import Loopback
+from compstiff.cli.push import push
 from tests.support import compstiff
 
 from . import kit
@@ -218,7 +218,7 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
 
     described = cell_yaml(tmp_path, 1)
     for sent, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0)):
-        process = subprocess.Popen([sys.executable, "-m", "compensator", "cell", str(described), "--port", "0", "--json"],
+        process = subprocess.Popen([sys.executable, "-m", "compstiff", "cell", str(described), "--port", "0", "--json"],
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert process.stderr
         assert process.stderr.readline().startswith("listening on 127.0.0.1:")
@@ -244,7 +244,7 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
     with Loopback(cell) as server:
         cell.write(96, [1, *kit.table(3).header.words()])
         described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(2)))
-        process = subprocess.Popen([sys.executable, "-m", "compensator", "push", str(described), str(file), "--apply",
+        process = subprocess.Popen([sys.executable, "-m", "compstiff", "push", str(described), str(file), "--apply",
                                     "--patience", "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         until = time.monotonic() + 20
         while cell.result != 7 and time.monotonic() < until:

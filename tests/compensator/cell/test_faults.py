@@ -2,7 +2,7 @@
 
 import pytest
 
-from compensator.cell.server import Loopback
+from compensator.modbus.server import Loopback
 
 from . import kit
 from .faults import network_faults

@@ -6,7 +6,7 @@ import struct
 import pytest
 from pyModbusTCP.client import ModbusClient
 
-from compensator.cell.server import Loopback
+from compensator.modbus.server import Loopback
 
 from . import kit
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from compensator.cell import registers as at
-from compensator.cell.machine import LEASE_S, ROBOT_STALE_S, RefusedWrite
-from compensator.cell.push import Table
-from compensator.cell.registers import Command, Refusal, Result, Robot
-from compensator.cell.wire import HEADER_WORDS, Header, page_words, split, to_words
+from compensator.modbus import registers as at
+from compensator.modbus.machine import LEASE_S, ROBOT_STALE_S, RefusedWrite
+from compensator.modbus.push import Table
+from compensator.modbus.registers import Command, Refusal, Result, Robot
+from compensator.modbus.wire import HEADER_WORDS, Header, page_words, split, to_words
 
 from .kit import load, machine, table
 

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from compensator.cell.receiver import receiver_text
-from compensator.cell.registers import MAP
-from compensator.data import shipped
+from compensator.modbus.receiver import receiver_text
+from compensator.modbus.registers import MAP
+from identification.common.shipped import shipped
 from tests.compensator.rapid.test_checker import CONFIGURATION
 
 from .kit import table

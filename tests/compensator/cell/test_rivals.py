@@ -6,11 +6,11 @@ import threading
 import numpy as np
 import pytest
 
-from compensator.cell import registers as at
-from compensator.cell.link import Address, Link
-from compensator.cell.registers import Command, Robot
-from compensator.cell.server import Loopback
-from compensator.cell.wire import page_words, split
+from compensator.modbus import registers as at
+from compensator.modbus.link import Address, Link
+from compensator.modbus.registers import Command, Robot
+from compensator.modbus.server import Loopback
+from compensator.modbus.wire import page_words, split
 
 from . import kit
 from .proxy import Fault, Proxy

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from compensator.cell.registers import Refusal, Result
-from compensator.cell.state import TableFiles, locked
-from identification.findings import CompstiffError
+from compensator.modbus.registers import Refusal, Result
+from compensator.modbus.state import TableFiles, locked
+from identification.common.findings import CompstiffError
 
 from .kit import load, machine, offsets_of, push, rows_on_disk, table
 from .test_machine import begin, commit, page, refused
@@ -88,9 +88,9 @@ def test_a_full_disk_leaves_the_old_table(tmp_path, monkeypatch, name, calls):
 
 
 def test_a_push_onto_a_full_disk_says_so(tmp_path, monkeypatch):
-    from compensator.cell import state
-    from compensator.cell.server import Loopback
-    from identification.findings import error
+    from compensator.modbus import state
+    from compensator.modbus.server import Loopback
+    from identification.common.findings import error
 
     cell = machine(tmp_path)
     load(cell, table(1))

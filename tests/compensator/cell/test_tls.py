@@ -5,9 +5,9 @@ import ssl
 import pytest
 import trustme
 
-from compensator.cell.server import Loopback
-from compensator.cell.tls import TlsFiles
-from identification.findings import CompstiffError
+from compensator.modbus.server import Loopback
+from compensator.modbus.tls import TlsFiles
+from identification.common.findings import CompstiffError
 
 from . import kit
 

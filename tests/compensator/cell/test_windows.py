@@ -6,14 +6,14 @@ import time
 import numpy as np
 import pytest
 
-from compensator.cell import registers as at
-from compensator.cell.link import Address, Link
-from compensator.cell.offset_file import Offsets, windows
-from compensator.cell.registers import Robot
-from compensator.cell.server import Loopback
-from compensator.cell.walk import push_windows
-from compensator.cell.wire import split
-from identification.findings import Unconfirmed
+from compensator.modbus import registers as at
+from compensator.modbus.link import Address, Link
+from compensator.modbus.offset_file import Offsets, windows
+from compensator.modbus.registers import Robot
+from compensator.modbus.server import Loopback
+from compensator.modbus.walk import push_windows
+from compensator.modbus.wire import split
+from identification.common.findings import Unconfirmed
 
 from . import kit
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.cell import registers, wire
-from compensator.cell.push import Table
+from compensator.modbus import registers, wire
+from compensator.modbus.push import Table
 
 from .kit import table
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from compensator.rapid import RapidProgram, Rewritten, read_rapid, rewrite
 from compensator.toolpath import Toolpath
-from identification.findings import Finding
+from identification.common.findings import Finding
 
 UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from compensator.rapid import read_rapid
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 
 from .helpers import UNUSED, program, target
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from compensator.rapid import read_rapid, rewrite
 from compensator.toolpath import Move
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 
 from .helpers import same
 

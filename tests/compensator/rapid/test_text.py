@@ -5,7 +5,7 @@ import codecs
 import pytest
 
 from compensator.rapid import read_rapid, rewrite
-from identification.findings import CompstiffError
+from identification.common.findings import CompstiffError
 
 from .helpers import found, millimetres, program, target
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.cell import read_cell
 from identification.design.domain import Domain, random_pool
 from identification.design.information import instrument
 from identification.design.loads import slot
+from identification.model.cell import read_cell
 from tests.support import write_cell
 
 CELL = """\

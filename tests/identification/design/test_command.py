@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from compensator.design import design
 from compensator.rapid import read_rapid
-from identification.cell import read_cell
-from identification.commands import diagnose
+from compstiff.cli.commissioning import diagnose
+from compstiff.cli.design_reader import design
+from identification.common.findings import CompstiffError
 from identification.design.domain import Domain
 from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
 from identification.diagnosis.plan import outlook
-from identification.findings import CompstiffError
-from identification.fit import fit_stiffness
+from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.compliance import deviation
 from identification.model.kinematics import chain, forward
 from tests.identification.design.conftest import CELL

@@ -9,10 +9,10 @@ from identification.design.criteria import a_criterion, d_criterion, e_criterion
 from identification.design.information import instrument, run_information
 from identification.design.loads import Slot, loads_of, slot
 from identification.design.milling import MillingPoses, prediction_weight
+from identification.fit.noise import NoiseSize, noise_model
 from identification.measurements import Measurements
 from identification.model.compliance import compliance_matrix, signature
 from identification.model.rotations import Frame
-from identification.noise import NoiseSize, noise_model
 from tests.support import random_poses
 
 STIFFNESS = np.array([2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6])

@@ -8,20 +8,20 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from identification.cell import read_cell
+from identification.common.findings import CompstiffError
 from identification.design.criteria import d_criterion
+from identification.design.discrimination import fitted_rivals, read_diagnosis, settling_runs
 from identification.design.domain import Domain, random_pool
 from identification.design.exchange import free_demand, many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.procedure import Task
 from identification.design.request import measured_place
-from identification.design.settling import fitted_rivals, read_diagnosis, settling_runs
+from identification.diagnosis.discrimination import candidate_rows, separation, settling
 from identification.diagnosis.procedure import diagnose
 from identification.diagnosis.record import record
-from identification.diagnosis.settle import candidate_rows, separation, settling
-from identification.findings import CompstiffError
 from identification.measurements import read_measurements
+from identification.model.cell import read_cell
 from identification.model.kinematics import forward
 from tests.hidden_effects.cases import hidden_in
 from tests.hidden_effects.more_rows import measured_further
@@ -77,8 +77,8 @@ def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
     chosen = np.array([0, 2, 3])
     fewer = found.squared(found.of(chosen[:2]))
     assert (found.squared(found.of(chosen)) >= fewer * (1 - 1e-9)).all()
-    from identification.extension import response
-    from identification.noise import noise_model
+    from identification.fit.fitted_model import response
+    from identification.fit.noise import noise_model
 
     noise = noise_model(cell, trial, np.exp(models[0].map[:6]))
     kept = np.isin(trial.visit, chosen)

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from identification.cell import Cell, read_cell
 from identification.diagnosis.blocks import in_blocks, integrated_time
 from identification.diagnosis.detect import detect, draw_noise
 from identification.diagnosis.dictionary import dictionary
+from identification.diagnosis.discrimination import candidate_rows, next_loads
 from identification.diagnosis.patterns import patterns
 from identification.diagnosis.plan import outlook
 from identification.diagnosis.procedure import diagnose
 from identification.diagnosis.projection import Base, evidence
-from identification.diagnosis.settle import candidate_rows, next_loads
-from identification.extension import Term, predicted_deflection, response, situation_of
-from identification.inference import posterior
+from identification.fit.fitted_model import Term, predicted_deflection, response, situation_of
+from identification.fit.posterior import posterior
+from identification.fit.priors import PriorModel
 from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
-from identification.priors import PriorModel
 from tests.support import compstiff
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.designs import Design

@@ -1,0 +1,148 @@
+"""The forward model along a program: where the tool of each target comes to rest under its force, effects in force included.
+
+The springs are those of compliance.py. Effects beyond them are evaluated over all targets of the program in their order, air
+moves with zero load among them, as one visit from zero load: what a gear remembers of its load passes from target to target,
+whatever tool is in the spindle. A target of unknown pose stands for the pose before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.placement import TargetForces
+from compensator.path.arc_length import arc_length
+from compensator.path.plan import Plan
+from identification.common.findings import CompstiffError
+from identification.model.compliance import displacement, equilibrium, loaded_angles
+from identification.model.effects_in_force import EffectInForce, displaced, split, turned
+from identification.model.kinematics import forward
+from identification.model.load_state import Situation
+from identification.model.rotations import Frame
+from identification.model.stiffness import IdentifiedModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# Newton's method for the angles under an effect: a step shrinks the error by the effect's slope, a few thousandths where it is
+# linear and up to one half where a gear crosses its gap.
+MAX_ROUNDS = 60
+TOLERANCE = 1e-11
+# Damping of its pseudo-inverse [m/rad, 1], against singular poses: far below the Jacobian's singular values elsewhere.
+DAMPING = 1e-6
+
+
+def each_tool(plan: Plan, targets: Indices) -> list[tuple[Frame, Indices]]:
+    """The targets by tool: flange_from_tcp and the places in `targets` that use it."""
+    tools = plan.toolpath.tool[targets]
+    groups = []
+    for tool in np.unique(tools):
+        places = np.flatnonzero(tools == tool)
+        first = targets[places[0]]
+        groups.append((Frame(plan.flange_from_tcp.rotation[first], plan.flange_from_tcp.position[first]), places))
+    return groups
+
+
+def loaded_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array) -> Frame:
+    """base_from_tcp (M) of the targets (M,) under their force, when the robot is commanded to theta (M, 6) [rad] there and to
+    the planned angles elsewhere.
+
+    Raises CompstiffError (CS1101) where the springs find no equilibrium.
+    """
+    pose = Frame(np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)))
+    rest = np.empty((len(targets), 6))
+    for tool, places in each_tool(plan, targets):
+        wrench = forces.wrench[targets[places]]
+        try:
+            state = equilibrium(model.robot, theta[places], tool, wrench, model.compliance)
+        except CompstiffError as stopped:
+            worst = int(targets[places[np.argmax(np.linalg.norm(wrench[:, :3], axis=1))]])
+            raise CompstiffError(*(plan.finding(worst, finding.code, "error", f"{finding.message} (largest force "
+                                      f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N)", finding.hint)
+                                   for finding in stopped.findings)) from stopped
+        rest[places] = loaded_angles(model.robot, theta[places], state.deflection)
+        plain = forward(model.robot, rest[places], tool)
+        pose.rotation[places], pose.position[places] = plain.rotation, plain.position
+    if not model.effects or not len(targets):
+        return pose
+    return displaced(pose, model.added(program(plan, forces, model, targets, rest))[targets])
+
+
+def program(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, rest: Array) -> Situation:
+    """All targets of the program (N), as the effects see them: at rest at angles rest (M, 6) [rad] at the `targets` (M,), at
+    the planned angles elsewhere."""
+    planned = plan.theta.copy()
+    planned[targets] = rest
+    known = ~np.isnan(planned).any(axis=1)
+    before = np.maximum.accumulate(np.where(known, np.arange(len(planned)), int(np.argmax(known))))
+    wrench = np.nan_to_num(forces.wrench)
+    return model.situation(planned[before], wrench, plan.flange_from_tcp, _dwell(plan, np.any(wrench != 0, axis=1)))
+
+
+def segment_times(plan: Plan) -> Array:
+    """Time (N,) [s] from the target before to each target with the programmed feed; NaN where that is not known."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        length = arc_length(plan.world_position, plan.toolpath.move)
+        steps = np.diff(length, prepend=length[:1])
+        return np.asarray(np.where(steps == 0, 0.0, steps / plan.toolpath.feed))
+
+
+def _dwell(plan: Plan, loaded: NDArray[np.bool_]) -> Array:
+    """How long the load has been on at each target (N,) [s]: since the last one without; moves of unknown feed take none."""
+    time = np.cumsum(np.nan_to_num(segment_times(plan), posinf=0.0))
+    return np.asarray(time - np.maximum.accumulate(np.where(loaded, 0.0, time)))
+
+
+def resting_angles(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Array:
+    """Angles (M, 6) [rad] at which the springs must hold the robot, so that what the effects add brings the tool to the plan.
+
+    Newton's method on the pose with the Jacobian of the joints alone; where an effect changes so steeply that a step does not
+    bring the tool nearer, that target's steps are halved. What has not converged is left for the caller to find.
+    """
+    robot = model.robot
+    goal = Frame(plan.base_from_tcp.rotation[targets], plan.base_from_tcp.position[targets])
+    rest, last, share = plan.theta[targets], np.full(len(targets), np.inf), np.ones(len(targets))
+    for _ in range(MAX_ROUNDS):
+        rows = program(plan, forces, model, targets, rest)
+        tool = displaced(Frame(rows.tool[targets], rows.tcp[targets]), model.added(rows)[targets])
+        missing = np.concatenate(displacement(goal, tool), axis=1)
+        distance = np.linalg.norm(missing, axis=1)
+        if not distance.max(initial=0.0) > TOLERANCE:
+            break
+        share = np.where(distance > (1 - 0.25 * share) * last, 0.5 * share, share)
+        last = distance
+        columns = rows.serial_jacobian[targets]
+        normal = columns @ np.swapaxes(columns, 1, 2) + DAMPING**2 * np.eye(6)
+        turn = np.einsum("nri,nr->ni", columns, np.linalg.solve(normal, missing[:, :, None])[:, :, 0])
+        rest = rest + share[:, None] * turn @ robot.uncoupling.T
+    return np.asarray(rest)
+
+
+@dataclass(frozen=True, eq=False)
+class StateChange:
+    """An effect that rests at another end of its play or friction than before: places (K,) in the targets with force, largest
+    (K,) [m] of the steps that its contribution makes there from the target before."""
+
+    of: EffectInForce
+    places: Indices
+    step: Array
+
+
+def state_changes(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> list[StateChange]:
+    """Where along the program the state of an effect changes, with the loaded tool on the plan."""
+    if not len(targets):
+        return []
+    rows = program(plan, forces, model, targets, plan.theta[targets])
+    found = []
+    for one, values in zip(model.effects, split(model.values, model.effects), strict=True):
+        side = one.effect.side(rows, one.joint, values)
+        if side is None:
+            continue
+        places = np.flatnonzero(turned(side)[targets])
+        if len(places):
+            moved = one.contribution(rows, values)[:, :3]
+            step = np.linalg.norm(moved[targets[places]] - moved[targets[places] - 1], axis=1)
+            found.append(StateChange(one, places, step))
+    return found

@@ -1,0 +1,80 @@
+"""offsets.csv and deviation.csv: one row a target, corrected or not (FORMATS.md, correct)."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.job import Corrected, Predicted, planned_time
+
+Array = NDArray[np.float64]
+
+
+def offsets_csv(corrected: Corrected) -> bytes:
+    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note.
+
+    One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
+    which a target may have intermediate ones beside it and so a narrower share of the log.
+    """
+    targets = corrected.correction.targets
+    count = len(corrected.predicted.plan.toolpath)
+    offset, turn = np.zeros((count, 3)), np.zeros((count, 3))
+    offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
+    kept = corrected.kept
+    columns = {**_columns(offset[kept], "ox_mm oy_mm oz_mm", 6), **_columns(turn[kept], "orx_deg ory_deg orz_deg", 8)}
+    return _csv(corrected.planned, columns)
+
+
+def deviation_csv(predicted: Predicted) -> bytes:
+    """The same rows without a correction: what `predict` writes."""
+    return _csv(predicted, {})
+
+
+def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    path, targets = predicted.plan.toolpath, predicted.prediction.targets
+    deviation, sigma = np.zeros((len(path), 3)), np.zeros((len(path), 3))
+    deviation[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
+    left = predicted.forces.forced.copy()
+    left[targets] = False
+    deviation[left] = sigma[left] = np.nan
+    table = pa.table({
+        "target": np.arange(len(path)),
+        "line": path.line,
+        **{name: pa.array(values, from_pandas=True) for name, values in (
+            *_columns(1e3 * path.position, "x_mm y_mm z_mm", 6).items(),
+            *columns.items(),
+            *_columns(deviation, "dx_um dy_um dz_um", 4).items(),
+            *_columns(sigma, "sx_um sy_um sz_um", 4).items(),
+            ("time_s", np.round(planned_time(predicted), 6)),
+        )},
+        "samples": predicted.forces.samples,
+        "note": _notes(predicted, left),
+    })
+    stream = io.BytesIO()
+    stream.write((",".join(table.column_names) + "\n").encode())
+    csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
+    return stream.getvalue()
+
+
+def _columns(values: Array, names: str, decimals: int) -> dict[str, Array]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        rounded = np.round(values, decimals) + 0.0      # + 0.0: no -0
+    rounded[~np.isfinite(rounded)] = np.nan             # JSON and CSV hold no infinity
+    return dict(zip(names.split(), rounded.T, strict=True))
+
+
+def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:
+    """Why a target was not corrected; where it was, whose state changes before it, mostly empty."""
+    forces, path = predicted.forces, predicted.plan.toolpath
+    notes = np.full(len(path), "", dtype=object)
+    notes[~forces.forced] = "no force"
+    notes[forces.samples == 0] = "no sample"
+    notes[predicted.prediction.targets] = predicted.prediction.notes
+    for target in np.flatnonzero(left):
+        notes[target] = f"left: {path.block[target] or 'MoveAbsJ'}"
+    return notes

@@ -1,0 +1,102 @@
+"""What a user may choose of one job, grouped by the room that uses it. Quantities are in SI, or have their unit in the name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from compensator.forces.settings import LogSettings
+from compensator.posting.settings import PostingSettings
+
+
+class Estimate(NamedTuple):
+    """A number and its standard error, in one unit."""
+
+    value: float
+    std: float = 0.0
+
+
+EXACTLY_ONE = Estimate(1.0)
+# Where a ball mill enters the shipped sample the offset changes by 140 um/mm at most, in the sharp corners of the simulated
+# milled part by up to 1000; a place that is 0.05 mm off then errs by 50 um.
+SLOPE = 1.0
+
+
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """confidence: probability with which a correction must make its point better; at 0.69 those larger than their own standard
+    deviation are made in full, those below half of it left out. slope [m/m]: the steepest change of the offset along the
+    path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
+    cutting_stiffness [N/m]: how the force grows with the depth of cut. logged_with: the offsets.csv that the program had
+    while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
+    compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
+    for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
+    tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
+    axis would lower the deviation."""
+
+    confidence: float = 0.69
+    slope: float | None = None
+    cutting_stiffness: Estimate | None = None
+    logged_with: Path | None = None
+    first_forces: Path | None = None
+    scale: Estimate = EXACTLY_ONE
+    tolerance: float = 5e-6
+    long_move: float = 0.03
+    keep_targets: bool = False
+    tighten_zones: bool = False
+    advise: bool = False
+
+
+@dataclass(frozen=True)
+class FeedSettings:
+    """check_feed: work out whether the robot can hold the programmed feed; strict_feed: and refuse a cut that cannot."""
+
+    check_feed: bool = False
+    strict_feed: bool = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All of them. No name stands in two groups."""
+
+    log: LogSettings = field(default_factory=LogSettings)
+    correction: CorrectionSettings = field(default_factory=CorrectionSettings)
+    feed: FeedSettings = field(default_factory=FeedSettings)
+    posting: PostingSettings = field(default_factory=PostingSettings)
+
+    @classmethod
+    def of(cls, **values: Any) -> Settings:
+        """From names of the groups' fields: `Settings.of(tare=((0, 2),), check_feed=True)`. Raises TypeError for an unknown."""
+        groups = {item.name: item.default_factory for item in fields(cls)}
+        chosen = {group: {item.name: values.pop(item.name) for item in fields(kind) if item.name in values}  # type: ignore
+                  for group, kind in groups.items()}
+        if values:
+            raise TypeError(f"no such setting: {', '.join(values)}")
+        return cls(**{group: kind(**chosen[group]) for group, kind in groups.items()})  # type: ignore
+
+    def values(self) -> dict[str, Any]:
+        """Every value by its name, groups one after the other."""
+        groups = [getattr(self, item.name) for item in fields(self)]
+        return {item.name: getattr(group, item.name) for group in groups for item in fields(group)}
+
+    def files(self) -> list[tuple[str, Path]]:
+        """The input files among them, by name."""
+        return [(name, value) for name, value in self.values().items() if isinstance(value, Path)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values, files by their name."""
+        return {name: value.name if isinstance(value, Path) else value for name, value in self.values().items()}
+
+    def as_options(self) -> str:
+        """What `correct` needs to read the log and the stiffness as here, as on the command line."""
+        log, scale = self.log, self.correction.scale
+        options = [f"--tare {first}:{last}" for first, last in log.tare]
+        options += [f"--log-format {log.log_format}"] if log.log_format else []
+        options += [f"--spindle-rpm {log.spindle_rpm:g}"] if log.spindle_rpm else []
+        if scale != EXACTLY_ONE:
+            options.append(f"--scale {scale.value:g}" + (f":{scale.std:g}" if scale.std else ""))
+        return "".join(f" {option}" for option in options)
+
+
+DEFAULTS = Settings()

@@ -1,0 +1,270 @@
+"""What is wrong with a force log by itself: saturated samples, stuck channels, samples that were lost. Found block by block.
+
+A sensor's noise changes every reading, so repeats of exactly the same value tell. A simulation without noise holds exact values
+in all its channels at once and is left in peace: a channel is judged only while another one moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.source import Samples
+from identification.common.findings import Finding, Level, counted
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.uint16]
+AXES = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")
+# So many equal samples in a row at the largest value of all are a clipped peak, so many anywhere a channel that is stuck; both
+# only in a channel of which at most this share of the other samples repeats the one before.
+CLIPPED, STUCK, REPEATS = 3, 64, 0.05
+# Fewer samples beside such runs than this do not tell how often a channel repeats itself.
+FEWEST = 200
+# A step in time longer than this many samples is a gap; steps are even where most are within EVEN of the middle one.
+GAP, EVEN = 1.5, 0.1
+
+
+@dataclass
+class Channel:
+    """What was seen of one channel so far. extreme: largest and smallest value; reset: sample number from which flags of that
+    extreme count; clipped: samples of such runs, first_clipped: line of the first."""
+
+    extreme: list[float] = field(default_factory=lambda: [-np.inf, np.inf])
+    reset: list[int] = field(default_factory=lambda: [0, 0])
+    clipped: list[int] = field(default_factory=lambda: [0, 0])
+    first_clipped: list[int] = field(default_factory=lambda: [0, 0])
+    repeats: int = 0
+    stuck: int = 0
+    first_stuck: int = 0
+    longest: int = 0
+    held: float = np.nan
+    run: int = 0
+    moving: int = 0
+    run_line: int = 0
+
+
+@dataclass
+class Health:
+    """Looks at all samples in their order. limit (2,) [N, N m]: the sensor's range where it is stated, else None.
+
+    period [s]: of one sample, None where it is not known.
+    """
+
+    source: str
+    limit: tuple[float | None, float | None]
+    period: float | None
+    channels: list[Channel] = field(default_factory=list)
+    count: int = 0
+    beyond: int = 0
+    first_beyond: int = 0
+    lost: int = 0
+    gaps: int = 0
+    first_gap: int = 0
+    longest_gap: float = 0.0
+    backwards: int = 0
+    first_backwards: int = 0
+    repeated: int = 0
+    last_time: float | None = None
+    last_sequence: float | None = None
+    last_load: Array | None = None
+
+    def look(self, samples: Samples) -> tuple[Flags, Indices]:
+        """Flags (n,), two bits a channel (provisional, see `unsound`), and the places before which time has a gap."""
+        load = samples.load
+        if not self.channels:
+            self.channels = [Channel() for _ in range(load.shape[1])]
+        flags = np.zeros(len(load), dtype=np.uint16)
+        before = load[:1] if self.last_load is None else self.last_load
+        same = np.empty(load.shape, dtype=bool, order="F")
+        np.equal(load[1:], load[:-1], out=same[1:])
+        same[0] = (load[0] == before[0]) if self.last_load is not None else False
+        moves = ~np.logical_and.reduce([same[:, k] for k in range(load.shape[1])])
+        for k, channel in enumerate(self.channels):
+            self._runs(channel, load[:, k], same[:, k], moves, samples.line)
+            self._clipped(channel, k, load[:, k], same[:, k], moves, samples.line, flags)
+        self._range(load, samples.line, flags)
+        self.last_load = load[-1:].copy()
+        gaps = self._times(samples)
+        self._sequences(samples)
+        self.count += len(load)
+        return flags, gaps
+
+    def _runs(self, channel: Channel, values: Array, same: NDArray[np.bool_], moves: NDArray[np.bool_], line: Indices) -> None:
+        """Runs of one value while other channels move, over the border of blocks too."""
+        repeats = int(np.count_nonzero(same))
+        channel.repeats += repeats
+        if repeats + channel.run < STUCK:
+            # Too few repeats for a run that counts: only where the last one began is needed.
+            last = len(values) - 1 - int(np.argmin(same[::-1])) if repeats < len(values) else 0
+            if repeats < len(values):
+                channel.run, channel.moving, channel.run_line = 0, 0, int(line[last])
+                channel.held = float(values[last])
+            channel.run += len(values) - last
+            channel.moving += int(np.count_nonzero(moves[last:] & same[last:]))
+            return
+        starts = np.flatnonzero(~same)
+        # The run that goes on from the block before ends where the first new value stands.
+        ends = np.append(starts, len(values))
+        moved = np.cumsum(same & moves)
+        first = int(moved[ends[0] - 1]) if ends[0] else 0
+        channel.run, channel.moving = channel.run + int(ends[0]), channel.moving + first
+        if not len(starts):
+            return
+        self._end_run(channel)
+        length, inside = np.diff(ends), moved[ends[1:] - 1] - moved[starts]
+        long = np.flatnonzero((length[:-1] >= STUCK) & (2 * inside[:-1] >= length[:-1]))
+        for k in long:
+            channel.run, channel.moving, channel.run_line = int(length[k]), int(inside[k]), int(line[starts[k]])
+            channel.held = float(values[starts[k]])
+            self._end_run(channel)
+        channel.run, channel.moving, channel.run_line = int(length[-1]), int(inside[-1]), int(line[starts[-1]])
+        channel.held = float(values[starts[-1]])
+
+    @staticmethod
+    def _end_run(channel: Channel) -> None:
+        if channel.run >= STUCK and 2 * channel.moving >= channel.run and channel.held != 0:
+            channel.first_stuck = channel.first_stuck or channel.run_line
+            channel.stuck += channel.run
+            channel.longest = max(channel.longest, channel.run)
+
+    def _clipped(
+        self, channel: Channel, number: int, values: Array, same: NDArray[np.bool_], moves: NDArray[np.bool_], line: Indices,
+        flags: Flags,
+    ) -> None:
+        """Runs at the largest and at the smallest value so far; a new extreme starts the count anew."""
+        for side, extreme in enumerate((values.max(), values.min())):
+            if extreme > channel.extreme[0] if side == 0 else extreme < channel.extreme[1]:
+                channel.extreme[side], channel.clipped[side] = float(extreme), 0
+                channel.reset[side], channel.first_clipped[side] = self.count, 0
+            elif extreme != channel.extreme[side]:
+                continue
+            at = np.flatnonzero(values == extreme)
+            if len(at) < CLIPPED:
+                continue
+            for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+                # Every repeat inside the run while another channel moves: else all stand still together.
+                if len(run) >= CLIPPED and moves[run[1:]].all() and same[run[1:]].all():
+                    channel.clipped[side] += len(run)
+                    channel.first_clipped[side] = channel.first_clipped[side] or int(line[run[0]])
+                    flags[run] |= np.uint16(1 << (2 * number + side))
+
+    def _range(self, load: Array, line: Indices, flags: Flags) -> None:
+        for columns, limit in ((slice(0, 3), self.limit[0]), (slice(3, 6), self.limit[1])):
+            if limit is None or not load[:, columns].shape[1]:
+                continue
+            over = (np.abs(load[:, columns]) >= limit * (1 - 1e-9)).any(axis=1)
+            if over.any():
+                self.first_beyond = self.first_beyond or int(line[np.argmax(over)])
+                self.beyond += int(over.sum())
+                flags[over] |= np.uint16(1 << 15)
+
+    def _times(self, samples: Samples) -> Indices:
+        if samples.time is None:
+            return np.empty(0, dtype=np.intp)
+        step = np.diff(samples.time, prepend=samples.time[0] if self.last_time is None else self.last_time)
+        self.last_time = float(samples.time[-1])
+        back = np.flatnonzero(step < 0)
+        if len(back):
+            self.first_backwards = self.first_backwards or int(samples.line[back[0]])
+            self.backwards += len(back)
+        if self.period is None:
+            return back
+        wide = np.flatnonzero(step > GAP * self.period)
+        if len(wide):
+            self.first_gap = self.first_gap or int(samples.line[wide[0]])
+            self.gaps += len(wide)
+            self.lost += int(np.sum(np.round(step[wide] / self.period) - 1))
+            self.longest_gap = max(self.longest_gap, float(step[wide].max()))
+        return np.sort(np.concatenate([back, wide]))
+
+    def _sequences(self, samples: Samples) -> None:
+        if samples.sequence is None:
+            return
+        step = np.diff(samples.sequence, prepend=samples.sequence[0] - 1 if self.last_sequence is None else self.last_sequence)
+        self.last_sequence = float(samples.sequence[-1])
+        again, missing = np.flatnonzero(step == 0), np.flatnonzero(step > 1)
+        self.repeated += len(again)
+        # Where times tell of a gap, the same loss is not counted twice.
+        if len(missing) and (self.period is None or samples.time is None):
+            self.gaps += len(missing)
+            self.lost += int(np.sum(step[missing] - 1))
+            self.first_gap = self.first_gap or int(samples.line[missing[0]])
+
+    def clipped_sides(self) -> list[tuple[int, int]]:
+        """Channel and side (0 largest, 1 smallest) of what is clipped."""
+        found = []
+        for number, channel in enumerate(self.channels):
+            for side in range(2):
+                others = self.count - sum(channel.clipped) - channel.stuck
+                repeats = channel.repeats - sum(channel.clipped) - channel.stuck
+                if channel.clipped[side] and others >= FEWEST and repeats <= REPEATS * others:
+                    found.append((number, side))
+        return found
+
+    def unsound(self, flags: Flags, number: Indices) -> NDArray[np.bool_]:
+        """Which samples (n,) are saturated for certain. number (n,): each sample's, from 0."""
+        bad = (flags & np.uint16(1 << 15)) != 0
+        for channel, side in self.clipped_sides():
+            bad |= ((flags >> np.uint16(2 * channel + side)) & 1 == 1) & (number >= self.channels[channel].reset[side])
+        return np.asarray(bad)
+
+    def findings(self) -> list[Finding]:
+        """What was found."""
+        for channel in self.channels:
+            whole = channel.run == self.count
+            if not whole:
+                self._end_run(channel)
+        return [*self._saturated(), *self._stuck(), *self._lost()]
+
+    def _saturated(self) -> list[Finding]:
+        found = []
+        hint = "the true force is larger than logged there: a larger range, or a lighter cut"
+        if self.beyond:
+            found.append(Finding("CS3023", "warning", f"{counted(self.beyond, 'sample')} at or beyond the sensor's range "
+                                 "stated in cell.yaml", file=self.source, line=self.first_beyond, hint=hint))
+        for number, side in self.clipped_sides():
+            channel = self.channels[number]
+            found.append(Finding(
+                "CS3023", "warning", f"{AXES[number]}: {channel.clipped[side]} samples in runs of exactly "
+                f"{channel.extreme[side]:.6g}, its {('largest', 'smallest')[side]} value: saturated", file=self.source,
+                line=channel.first_clipped[side], hint=hint))
+        return found
+
+    def _stuck(self) -> list[Finding]:
+        found = []
+        moving = any(channel.repeats < REPEATS * self.count for channel in self.channels)
+        for number, channel in enumerate(self.channels):
+            if channel.run == self.count:
+                # From the first sample to the last. A channel of zeros may just not be there.
+                if moving and self.count >= FEWEST:
+                    zero = channel.held == 0
+                    level: Level = "note" if zero else "warning"
+                    found.append(Finding("CS3024", level, f"{AXES[number]} is {channel.held:.6g} in all "
+                                         f"{counted(self.count, 'sample')}", file=self.source, line=channel.run_line,
+                                         hint="check the cable and the channel" if not zero else ""))
+            elif channel.stuck and (channel.repeats - channel.stuck <= REPEATS * (self.count - channel.stuck)
+                                    and self.count - channel.stuck >= FEWEST):
+                found.append(Finding(
+                    "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
+                    f"run {channel.longest}", file=self.source, line=channel.first_stuck,
+                    hint="its readings there are not forces: check the cable and the channel"))
+        return found
+
+    def _lost(self) -> list[Finding]:
+        found = []
+        if self.gaps:
+            level: Level = "warning" if self.lost > 1e-3 * self.count else "note"
+            longest = f", the longest {self.longest_gap:.3g} s" if self.longest_gap else ""
+            found.append(Finding("CS3025", level, f"{counted(self.lost, 'sample')} of {self.count + self.lost} lost in "
+                                 f"{counted(self.gaps, 'gap')}{longest}", file=self.source, line=self.first_gap,
+                                 hint="a gap keeps its place; many say that the network or the disk is too slow"))
+        if self.repeated:
+            found.append(Finding("CS3025", "warning", f"{counted(self.repeated, 'sample')} with the sequence number of the one "
+                                 "before", file=self.source))
+        if self.backwards:
+            found.append(Finding("CS3025", "warning", f"time runs back {self.backwards} times: more than one log in this file, "
+                                 "or a clock that was set", file=self.source, line=self.first_backwards))
+        return found

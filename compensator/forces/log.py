@@ -1,0 +1,260 @@
+"""ForceLog: a logged pass, read in bounded memory, averaged over whole revolutions of the spindle, checked on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces import revolutions
+from compensator.forces.health import EVEN, Health
+from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
+from identification.common.findings import Finding, counted, error
+from identification.common.progress import progress
+from identification.model.cell import ForceLogFile
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+# A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
+ROWS, ROWS_PER_TARGET = 250_000, 16
+AS_IT_IS = ForceLogFile()
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLog:
+    """A logged pass, M rows in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
+
+    A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index, path
+    length [m] or time [s], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None;
+    rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
+    None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
+    saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
+    estimated.
+    """
+
+    source: str
+    force: Array
+    moment: Array
+    has_moment: bool
+    key: Key
+    place: Array
+    line: Indices
+    weight: Array
+    time: Array | None
+    rate: float | None
+    revolution: float | None
+    plain: Array
+    saturated: NDArray[np.bool_]
+    findings: tuple[Finding, ...] = ()
+    spread: Array | None = None
+
+
+def read_force_log(
+    path: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,
+    borders: Array | None = None,
+) -> ForceLog:
+    """Reads a force log.
+
+    form: how this cell's logger writes it. log_format: one of force_source.LOG_FORMATS, None for CSV or Parquet. spindle_rpm:
+    overrides the form's. borders (N - 1,) [m]: path lengths half way between targets: no row of a long log placed by path
+    length reaches over one. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty,
+    CS3004 no target number, CS3020 no header, CS3022 counts without a scale.
+    """
+    source = open_force_log(Path(path), form, log_format)
+    if not source.rows:
+        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
+    rate, uneven = _rate(source)
+    spindle, said = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+    window = rate / spindle if rate and spindle else None
+    size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
+    health = Health(str(path), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not uneven else None)
+    kept = Kept()
+    with progress(f"reading {Path(path).name}", source.rows) as bar:
+        for block in _quiet(source, health, window):
+            kept.add(_reduced(block, size, source.key, borders))
+            bar.add(len(block.samples))
+    if not kept.count:
+        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
+    whole = kept.rows()
+    time = whole.time if not np.isnan(whole.time[0]) else None
+    if time is None and rate:
+        time = (whole.number + 0.5 * (whole.weight - 1)) / rate
+    notes = [Finding("CS3003", "note", f"{counted(health.count, 'sample')}, placed by {placed_by(source)}", file=str(path)),
+             *source.findings, *uneven, *said]
+    if size > 1:
+        notes.append(Finding("CS3030", "note", f"kept as {len(whole.line)} means of up to {size} consecutive samples",
+                             file=str(path)))
+    notes += health.findings()
+    none = np.zeros((len(whole.line), 0 if source.has_moment else 3))
+    load = np.concatenate([whole.load, none], axis=1)
+    plain = np.concatenate([whole.plain, none], axis=1) if window else load
+    place = whole.place[:, 0] if source.key in ("target", "path_mm") else whole.place
+    if source.key == "time":
+        assert time is not None         # a log without times and without a rate has no such key
+        place = time
+    return ForceLog(str(path), load[:, :3], load[:, 3:], source.has_moment, source.key, place, whole.line, whole.weight, time,
+                    rate, 1 / spindle if window and spindle else None, plain,
+                    health.unsound(whole.flags, whole.number), tuple(notes))
+
+
+def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
+    """Samples a second: as stated, else from the first times; and why the times are of no use."""
+    stated = source.form.rate_hz
+    first = next(iter(source.blocks()), None) if set(TIMES) & set(source.wanted) else None
+    if first is None or first.time is None or len(first) < 3:
+        return stated, []
+    step = np.diff(first.time)
+    middle = float(np.median(step))
+    if middle > 0 and np.mean(np.abs(step - middle) <= EVEN * middle) > 0.9:
+        # The mean of the steps without gaps: one step may be rounded.
+        usual = step[np.abs(step - middle) <= EVEN * middle]
+        return stated or float(1 / usual.mean()), []
+    return stated, [Finding(
+        "CS3036", "note", "time_s does not go in even steps (they are rounded, or the logger has no fixed rate): "
+        "gaps are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.path),
+        hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
+
+
+def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, list[Finding]]:
+    """The spindle's speed [Hz], and what is to be said of it."""
+    name = str(source.path)
+    if rate is None:
+        if stated_rpm is None:
+            return None, []
+        return None, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log "
+                              "was sampled: plain means were taken", file=name, hint="log time_s, or state force_log.rate_hz")]
+    stated = None if stated_rpm is None else stated_rpm / 60
+    if stated is not None and 2 * stated > rate:
+        return None, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
+                              "means were taken", file=name)]
+    seen = revolutions.spectrum(source.stretches, rate, source.rows)
+    found = None if seen is None else revolutions.find_spindle(*seen, stated)
+    if stated is None:
+        if found is None:
+            few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
+            return None, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
+                                  hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
+        return found.frequency, [_averaged(found.frequency, f"found in the spectrum: {100 * found.share:.0f} % of its lines at "
+                                           f"multiples, the strongest at {found.strongest:.1f} Hz", name)]
+    if found is not None and abs(found.frequency / stated - 1) <= revolutions.SLIP:
+        return found.frequency, [_averaged(found.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+    other = None if seen is None else revolutions.find_spindle(*seen)
+    said = [_averaged(stated, "as stated", name)]
+    if other is not None:
+        said.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
+                            f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
+    return stated, said
+
+
+def _averaged(frequency: float, how: str, name: str) -> Finding:
+    return Finding("CS3027", "note", f"forces averaged over whole revolutions of {1e3 / frequency:.4g} ms, spindle at "
+                   f"{60 * frequency:.1f} rpm ({how})", file=name)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Samples with their flags (n,) (force_health.py) and their numbers (n,) from 0; plain (n, c): loads as they were before
+    they were averaged, (n, 0) where they are not."""
+
+    samples: Samples
+    flags: NDArray[np.uint16]
+    number: Indices
+    plain: Array
+
+    def part(self, which: slice) -> Block:
+        """Some of them."""
+        return Block(self.samples.part(which), self.flags[which], self.number[which], self.plain[which])
+
+
+def _quiet(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
+    """The blocks of a log, checked, and averaged over `window` samples."""
+    waiting: list[Block] = []
+
+    def checked() -> Iterator[tuple[Array, Indices]]:
+        for samples in source.blocks():
+            first = health.count
+            flags, gaps = health.look(samples)
+            waiting.append(Block(samples, flags, np.arange(first, first + len(samples)),
+                                 samples.load[:, : 0 if window is None else None]))
+            yield samples.load, gaps
+
+    if window is None:
+        for _ in checked():
+            yield waiting.pop()
+        return
+    for load in revolutions.averaged(checked(), window):
+        given = 0
+        while given < len(load):
+            block = waiting.pop(0)
+            take = min(len(block.samples), len(load) - given)
+            if take < len(block.samples):
+                waiting.insert(0, block.part(slice(take, None)))
+                block = block.part(slice(0, take))
+            yield replace(block, samples=replace(block.samples, load=load[given:given + take]))
+            given += take
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What is kept of the log; fields as in ForceLog. number (n,): of the first sample of each row."""
+
+    load: Array
+    place: Array
+    time: Array
+    line: Indices
+    weight: Array
+    flags: NDArray[np.uint16]
+    number: Indices
+    plain: Array
+
+
+def _fields(rows: Rows) -> tuple[NDArray[Any], ...]:
+    return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number, rows.plain
+
+
+class Kept:
+    """Rows as they come in, in arrays that double: many small ones between large passing ones would tear memory to pieces."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._held: list[NDArray[Any]] = []
+
+    def add(self, rows: Rows) -> None:
+        """More rows, copied."""
+        fields, stop = _fields(rows), self.count + len(rows.line)
+        if not self._held or stop > len(self._held[0]):
+            grown = [np.empty((max(2 * stop, 1 << 16), *field.shape[1:]), dtype=field.dtype) for field in fields]
+            for new, old in zip(grown, self._held, strict=False):
+                new[:self.count] = old[:self.count]
+            self._held = grown
+        for held, field in zip(self._held, fields, strict=True):
+            held[self.count:stop] = field
+        self.count = stop
+
+    def rows(self) -> Rows:
+        """All of them."""
+        return Rows(*(held[:self.count] for held in self._held))
+
+
+def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
+    """Means of up to `size` consecutive samples; none reaches over a change of target."""
+    samples, count = block.samples, len(block.samples)
+    time = np.full(count, np.nan) if samples.time is None else samples.time
+    if size == 1:
+        return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number,
+                    block.plain)
+    begins = np.zeros(count, dtype=bool)
+    begins[::size] = True
+    if key == "target" or (key == "path_mm" and borders is not None):
+        target = samples.place[:, 0] if key == "target" or borders is None else np.searchsorted(borders, samples.place[:, 0])
+        begins[1:] |= target[1:] != target[:-1]
+    starts = np.flatnonzero(begins)
+    weight = np.diff(starts, append=count).astype(float)
+    place = samples.place[starts] if key == "target" else np.add.reduceat(samples.place, starts, axis=0) / weight[:, None]
+    return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, np.add.reduceat(time, starts) / weight,
+                samples.line[starts], weight, np.bitwise_or.reduceat(block.flags, starts), block.number[starts],
+                np.add.reduceat(block.plain, starts, axis=0) / weight[:, None])

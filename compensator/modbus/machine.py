@@ -1,0 +1,204 @@
+"""The cell's side of the register map: sequence, CRC, limits, one writer at a time, a table active whole or not at all.
+
+No Modbus in here: `read` and `write` take addresses and words and raise `Refused` with a Modbus exception code.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from compensator.modbus import registers as at
+from compensator.modbus.registers import Command, Refusal, Result, Robot, State
+from compensator.modbus.state import Active, TableStore
+from compensator.modbus.wire import EMPTY, NO_OFFSET, PAGE_ROWS, Header, acceptable, crc32, from_bytes, split
+from identification.common.findings import CompstiffError
+
+# A writer that has been silent this long has lost its transfer to whoever begins the next.
+LEASE_S = 5.0
+# A robot whose heartbeat has not changed this long no longer counts as running.
+ROBOT_STALE_S = 5.0
+
+
+class RefusedWrite(Exception):
+    """A request that is answered by a Modbus exception."""
+
+    def __init__(self, code: Refusal, result: Result = Result.NONE) -> None:
+        self.code, self.result = code, result
+        super().__init__(f"{code.name}: {result.name}")
+
+
+@dataclass
+class Receiving:
+    """A transfer that is not committed yet."""
+
+    header: Header
+    pages: list[bytes]
+    touched: float
+
+
+class CellMachine:
+    """State of a cell. limit_um: longest offset accepted; robot: its name; clock in seconds."""
+
+    def __init__(
+        self, store: TableStore, limit_um: int, robot: str, clock: Callable[[], float] = time.monotonic,
+        lease_s: float = LEASE_S, window_rows: int = at.WINDOW_ROWS,
+    ) -> None:
+        self.store, self.limit_um, self.clock, self.lease_s, self.window_rows = store, limit_um, clock, lease_s, window_rows
+        self.robot_id = zlib.crc32(robot.encode())
+        self.active = store.load()
+        self.receiving: Receiving | None = None
+        self.result = Result.NONE
+        self.commits = 0
+        self.robot = [0] * at.ROBOT_WORDS
+        self.robot_seen = -math.inf
+        # Whether the robot has run with the active table; a restart cannot know and believes it.
+        self.ran = self.active is not None
+        self._table: list[int] = []
+        self._show_table()
+
+    def read(self, address: int, count: int) -> list[int]:
+        """Registers `address` ... Raises RefusedWrite(ADDRESS) outside the map."""
+        if address >= at.TABLE:
+            words = self._table[address - at.TABLE:address - at.TABLE + count]
+        elif address < at.IDENTITY + at.IDENTITY_WORDS:
+            words = self._identity()[address:address + count]
+        else:
+            words = []
+            for start, block in ((at.STATUS, self._status), (at.ACTIVE, self._header), (at.ROBOT, lambda: self.robot),
+                                 (at.ANSWER, self._answer)):
+                values = block() if start <= address < start + 16 else []
+                words = words or values[address - start:address - start + count]
+        if len(words) != count:
+            raise RefusedWrite(Refusal.ADDRESS)
+        return words
+
+    def write(self, address: int, words: list[int]) -> None:
+        """One write request. Raises RefusedWrite; what is refused changes nothing but the register `last result`."""
+        try:
+            if address == at.PAGE:
+                self._page(words)
+            elif address == at.COMMAND:
+                self._command(words)
+            elif address >= at.ROBOT and address + len(words) <= at.ROBOT + at.ROBOT_WORDS:
+                self._robot(address - at.ROBOT, words)
+            else:
+                raise RefusedWrite(Refusal.ADDRESS)
+        except RefusedWrite as refused:
+            self.result = refused.result or self.result
+            raise
+
+    def _command(self, words: list[int]) -> None:
+        if len(words) != at.COMMAND_WORDS or words[0] not in tuple(Command):
+            raise RefusedWrite(Refusal.VALUE, Result.HEADER)
+        header = Header.from_words(words[1:])
+        if words[0] == Command.BEGIN:
+            self._begin(header)
+        elif words[0] == Command.COMMIT:
+            self._commit(header)
+        elif self.receiving and self.receiving.header.id == header.id:
+            self.receiving = None
+
+    def _begin(self, header: Header) -> None:
+        if not (header.id and 1 <= header.rows <= self.window_rows and header.first + header.rows <= header.total
+                and 1 <= header.window <= header.windows):
+            raise RefusedWrite(Refusal.VALUE, Result.HEADER)
+        now = self.clock()
+        if self.receiving and self.receiving.header == header:
+            self.receiving.touched = now        # repeated: the pages that are here stay
+            return
+        if self.receiving and now - self.receiving.touched < self.lease_s:
+            raise RefusedWrite(Refusal.BUSY, Result.OTHER_WRITER)
+        self.receiving = Receiving(header, [], now)
+
+    def _page(self, words: list[int]) -> None:
+        receiving = self.receiving
+        if len(words) < 3:
+            raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
+        page = words[2]
+        if not receiving or receiving.header.id != words[0] << 16 | words[1] or page > len(receiving.pages):
+            raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
+        if page >= receiving.header.pages or len(words) != 3 + 3 * receiving.header.page_rows(page):
+            raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
+        # Kept as it came; what it says is judged at the commit, over the whole table at once.
+        rows = struct.pack(f">{len(words) - 3}H", *words[3:])
+        if page == len(receiving.pages):
+            receiving.pages.append(rows)
+        elif receiving.pages[page] != rows:
+            self.receiving = None
+            raise RefusedWrite(Refusal.SEQUENCE, Result.PAGE_CHANGED)
+        receiving.touched = self.clock()
+
+    def _commit(self, header: Header) -> None:
+        if header and header == self._active_header():
+            # Repeated, because the reply was lost: it is done.
+            if self.receiving and self.receiving.header == header:
+                self.receiving = None
+            return
+        receiving = self.receiving
+        if not receiving or receiving.header != header or len(receiving.pages) < header.pages:
+            raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
+        words = from_bytes(b"".join(receiving.pages))
+        if crc32(words) != header.crc:
+            self.receiving = None
+            raise RefusedWrite(Refusal.SEQUENCE, Result.CRC)
+        if not acceptable(words, self.limit_um):
+            self.receiving = None
+            raise RefusedWrite(Refusal.VALUE, Result.OFFSET)
+        receiving.touched = self.clock()
+        if self.robot[1] == Robot.RUNNING and self.clock() - self.robot_seen < ROBOT_STALE_S:
+            raise RefusedWrite(Refusal.BUSY, Result.ROBOT_RUNNING)
+        table = Active(header, words)
+        try:
+            self.store.commit(table)
+        except CompstiffError as reason:
+            raise RefusedWrite(Refusal.FAILURE, Result.STORAGE) from reason
+        self.active, self.receiving = table, None
+        self.commits += 1
+        self.ran = False
+        self._show_table()
+
+    def _robot(self, place: int, words: list[int]) -> None:
+        if place == 0 and words[0] != self.robot[0]:
+            self.robot_seen = self.clock()
+        self.robot[place:place + len(words)] = words
+        self.ran = self.ran or (self.robot[1] == Robot.RUNNING and self._robot_has_active())
+
+    def _robot_has_active(self) -> bool:
+        return self.active is not None and self.robot[3:5] == list(split(self.active.header.id))
+
+    def _finished(self) -> int:
+        window = self._active_header().window
+        done = self.ran and self._robot_has_active() and self.robot[1] == Robot.WINDOW_DONE and self.robot[5] == window
+        return window if done else 0
+
+    def _active_header(self) -> Header:
+        return self.active.header if self.active else EMPTY
+
+    def _show_table(self) -> None:
+        self._table = self.active.words.ravel().tolist() if self.active else []
+
+    def _heartbeat(self) -> int:
+        return int(2 * self.clock()) & 0xFFFF
+
+    def _identity(self) -> list[int]:
+        return [*at.MAGIC, at.MAP_VERSION, PAGE_ROWS, self.window_rows, self.limit_um, *split(self.robot_id)]
+
+    def _status(self) -> list[int]:
+        receiving = self.receiving
+        return [State.RECEIVING if receiving else State.IDLE, self.result, *split(receiving.header.id if receiving else 0),
+                len(receiving.pages) if receiving else 0, self.commits & 0xFFFF, self._heartbeat(),
+                self._finished()]
+
+    def _header(self) -> list[int]:
+        return self._active_header().words()
+
+    def _answer(self) -> list[int]:
+        header, row = self._active_header(), self.robot[2]
+        offset = self._table[3 * row:3 * row + 3] or [NO_OFFSET[0]] * 3
+        return [*split(header.id), header.rows, self._heartbeat(), row, *offset, (row + sum(offset)) & 0xFFFF,
+                header.window, header.windows]

@@ -1,0 +1,146 @@
+"""OFFSETS.csv as tables to push: read, checked against the limit and the registers, cut into windows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.modbus.push import Table
+from compensator.modbus.wire import LARGEST_UM, Header, to_words
+from identification.common.findings import Finding, Refused, counted, error
+
+Array = NDArray[np.float64]
+OFFSET = ("ox_mm", "oy_mm", "oz_mm")
+TURN = ("orx_deg", "ory_deg", "orz_deg")
+# Decimal millimetres are not exact in binary: an offset of exactly the limit must pass.
+EXACT_M = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """offset (N, 3) [m], work object, of the targets first ... first + N - 1; lines (N,): where each stands in the file.
+
+    turn (N,) [rad]: angle by which the correction also turns the tool, NaN where the file does not say, which is not sent.
+    """
+
+    source: str
+    first: int
+    offset: Array
+    turn: Array
+    lines: NDArray[np.intp]
+    findings: tuple[Finding, ...]
+
+    @property
+    def length(self) -> Array:
+        """Lengths (N,) [m]."""
+        lengths: Array = np.linalg.norm(self.offset, axis=1)
+        return lengths
+
+    @property
+    def worst(self) -> int:
+        """Row of the largest offset."""
+        return int(np.argmax(self.length))
+
+    @property
+    def micrometres(self) -> NDArray[np.int64]:
+        """Rounded to what is sent (N, 3)."""
+        return np.rint(1e6 * self.offset).astype(np.int64)
+
+
+def read_offsets(path: Path, reach_mm: float) -> Offsets:
+    """Reads the file that `correct --offsets` writes, or any with target, ox_mm, oy_mm, oz_mm.
+
+    reach_mm: distance between TCP and cutting edge for which the error of the turn not sent is stated. Raises
+    CompstiffError: CS5001 targets that are not consecutive, CS5006 an offset with some cells empty, and those of read_table.
+    """
+    from identification.common.tables import read_table
+
+    table = read_table(path, required=("target", *OFFSET), optional=TURN, may_be_empty=(*OFFSET, *TURN), together=(TURN,))
+    if not len(table):
+        raise error("CS5001", "has no row: there is nothing to push", file=str(path))
+    _check_targets(table.numbers["target"], table.line, path)
+    findings = [finding for finding in table.findings if finding.level != "note"]
+    offset = 1e-3 * table.stack(*OFFSET)
+    empty = np.isnan(offset)
+    partly = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
+    if len(partly):
+        raise error("CS5006", f"an offset with {counted(int(empty[partly[0]].sum()), 'empty cell')} of three",
+                    file=str(path), line=int(table.line[partly[0]]), hint="give all three components, or none: no correction")
+    none = empty.all(axis=1)
+    if none.any():
+        findings.append(Finding("CS5002", "note", f"{counted(int(none.sum()), 'target')} without an offset: 0 is sent",
+                                file=str(path), line=int(table.line[np.argmax(none)])))
+    turn = np.full(len(table), np.nan)
+    if TURN[0] in table.numbers:
+        turn = np.radians(np.linalg.norm(table.stack(*TURN), axis=1))
+    findings.append(_not_sent(table.numbers["target"], turn, reach_mm, path))
+    first = int(table.numbers["target"][0])
+    return Offsets(str(path), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings))
+
+
+def check_offsets(offsets: Offsets, limit: float) -> None:
+    """Raises Refused: CS5003 over the limit [m], CS5004 beyond what a register holds."""
+    row = offsets.worst
+    over = int((offsets.length > limit + EXACT_M).sum())
+    code, what, hint = "", "", ""
+    if over:
+        code, hint = "CS5003", "; limits.max_offset_mm is in cell.yaml: is the file in millimetres?"
+        what = (f"{counted(over, 'offset')} over the limit: the largest is {1e3 * offsets.length[row]:.4f} mm at target "
+                f"{offsets.first + row}, the limit {1e3 * limit:g} mm")
+    elif np.abs(offsets.micrometres).max() > LARGEST_UM:
+        code = "CS5004"
+        what = (f"an offset component of {1e3 * np.abs(offsets.offset).max():.4f} mm does not fit into 16 bits of micrometres "
+                f"(+-{1e-3 * LARGEST_UM:g} mm)")
+    if code:
+        raise Refused(Finding(code, "error", what, file=offsets.source, line=int(offsets.lines[row]),
+                              target=offsets.first + row, hint=f"nothing was sent{hint}"))
+
+
+def windows(offsets: Offsets, window_rows: int) -> list[Table]:
+    """The tables, one where the cell holds them all."""
+    words = to_words(offsets.micrometres)
+    count = -(-len(words) // window_rows)
+    if count > 0xFFFF:
+        raise Refused(Finding("CS5004", "error", f"{count} windows of {window_rows} rows: more than a register counts"))
+    tables = []
+    for number in range(count):
+        rows = words[number * window_rows:(number + 1) * window_rows]
+        first = offsets.first + number * window_rows
+        tables.append(Table(Header.of(rows, first, offsets.first + len(words), number + 1, count), rows))
+    return tables
+
+
+def _check_targets(target: Array, line: NDArray[np.intp], path: Path) -> None:
+    expected = target[0] + np.arange(len(target))
+    if target[0] != np.floor(target[0]) or not 0 <= target[0] < 2 ** 31:
+        raise error("CS5001", f"column 'target': found {target[0]:g}, expected a whole number from 0", file=str(path),
+                    line=int(line[0]))
+    wrong = np.flatnonzero(target != expected)
+    if len(wrong):
+        row = int(wrong[0])
+        raise error("CS5001", f"column 'target': found {target[row]:g} where {expected[row]:.0f} should follow",
+                    file=str(path), line=int(line[row]),
+                    hint="one row a target, counted up without gaps, as correct --offsets writes them")
+
+
+def _not_sent(target: Array, turn: Array, reach_mm: float, path: Path) -> Finding:
+    """What is left because only positions are sent."""
+    if not np.isfinite(turn).any():
+        return Finding("CS5007", "note", "the file does not say by how much the correction turns the tool; only positions are "
+                       "sent, and the error that leaves is not known", file=str(path),
+                       hint="push the file that correct --offsets writes")
+    worst = int(np.nanargmax(turn))
+    left = left_um(float(turn[worst]), reach_mm)
+    return Finding("CS5005", "note", "only positions are sent: the tool stays turned by up to "
+                   f"{np.degrees(turn[worst]):.4f} deg (target {int(target[worst])}); the TCP itself lies right, "
+                   f"{reach_mm:g} mm from it up to {left:.1f} um are left",
+                   file=str(path), hint="name the distance of the cutting edge from the TCP with --reach; the corrected RAPID "
+                   "program carries the orientation too")
+
+
+def left_um(turn: float, reach_mm: float) -> float:
+    """How far a point of the tool `reach_mm` from the TCP stays off, at most, when the tool is turned by `turn` [rad]."""
+    return 2e3 * reach_mm * float(np.sin(turn / 2))

@@ -1,0 +1,39 @@
+"""The RAPID module that receives the offsets in the robot, with the ids of exactly these tables and the scale of wire.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from compensator.modbus import wire
+from compensator.modbus.push import Table
+from compensator.modbus.registers import Robot
+
+TEMPLATE = "offset_receiver.mod.j2"
+STALE_S = 2
+WAIT_S = 60
+
+
+def receiver_text(tables: list[Table], limit: float, templates: Path, name: str, source: str, *, corrwrite: bool) -> str:
+    """The module; limit [m] of an offset, source: the offsets file it belongs to."""
+    import jinja2
+
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(templates), trim_blocks=True, lstrip_blocks=True,
+                                     undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
+    shown = []
+    for table in tables:
+        high, low = wire.split(table.header.id)
+        shown.append({"id_high": high, "id_low": low, "rows": table.header.rows, "first": table.header.first})
+    count = sum(table.header.rows for table in tables)
+    return environment.get_template(TEMPLATE).render(
+        module=_identifier(name), header=True, corrwrite=corrwrite, tables=shown,
+        comments=[f"Receives the offsets of {count} targets, table {tables[0].header.name}, made from",
+                  source.encode("ascii", "replace").decode()],
+        zero_word=wire.ZERO_WORD, um_per_mm=wire.UM_PER_MM, none_low=wire.NO_OFFSET[0], none_high=wire.NO_OFFSET[1],
+        limit_mm=f"{1e3 * limit:g}", stale_s=STALE_S, wait_s=WAIT_S,
+        idle=int(Robot.IDLE), running=int(Robot.RUNNING), done=int(Robot.WINDOW_DONE))
+
+
+def _identifier(name: str) -> str:
+    """A RAPID identifier: a letter, then letters, digits and _, at most 32."""
+    kept = "".join(letter if letter.isascii() and (letter.isalnum() or letter == "_") else "_" for letter in name)
+    return (kept if kept[:1].isalpha() else "M" + kept)[:32]

@@ -1,0 +1,289 @@
+"""Can the robot hold the programmed feed, as planned and as corrected? Where not, which joint, why, and what it costs.
+
+A grid point holds the feed when the joints can drive it at constant speed there: `|q'| v` within the speeds, `|q''| v^2` within
+the accelerations. That is the verdict; it is free of ramps. What starts, stops, corners and held-back stretches cost in time is
+TOPPRA's (`timing.py`). The programmed stops cost time too and are counted apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.path.plan import Plan
+from compensator.path.route import SHARPEST, Poses
+from compensator.path.timing import Drive, drive
+from identification.common.findings import Finding, Level, Refused, counted
+from identification.model.inverse import NEARLY_SINGULAR, configuration, wrist_distance
+from identification.model.kinematics import chunks
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+# A feed of this share or more is held.
+HELD = 0.99
+# A move passes the wrist singularity between its targets where it comes nearer than this share of their distance.
+NEARER = 0.9
+# So many stretches are told one by one.
+MOST_TOLD = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Feasibility:
+    """One program, driven. plan, poses: what was driven; cutting (N,): the moves with force at both of their ends.
+
+    ratio (N,): the lowest share of the programmed feed that the joints can hold on the way to each target, 1 where all of it;
+    NaN where the move is not judged by its feed. joint (N,) index and by_speed (N,): what holds it back there, at the grid
+    point `point` (N,). wrist (N,) [rad]: the smallest distance from the wrist singularity on the way. outside (N,): a joint
+    limit or the rod's window is left between the targets. lost (N,) [s]: over length / feed.
+    """
+
+    plan: Plan
+    poses: Poses
+    cutting: Flags
+    drive: Drive
+    ratio: Array
+    joint: Indices
+    by_speed: Flags
+    point: Indices
+    wrist: Array
+    outside: Flags
+    lost: Array
+
+    @property
+    def slow(self) -> Flags:
+        """Moves (N,) that cannot hold their feed."""
+        return np.asarray(self.ratio < HELD)
+
+    def moves(self, which: Flags | Indices) -> int:
+        """How many moves of the program as given these are: one that was given further targets counts once."""
+        return len(np.unique(self.plan.toolpath.number[which]))
+
+
+@dataclass(frozen=True, eq=False)
+class FeedCheck:
+    """The program as given, and as corrected, with the targets that were added to it and the zones that were made smaller."""
+
+    before: Feasibility
+    after: Feasibility | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def last(self) -> Feasibility:
+        """What the robot is to drive."""
+        return self.after or self.before
+
+
+def judge(plan: Plan, forced: Flags | None = None, poses: Poses | None = None) -> Feasibility:
+    """Drives the planned poses, or these. Raises CompstiffError (CS4409)."""
+    poses = poses or Poses(plan.base_from_tcp, plan.theta)
+    driven = drive(plan, poses)
+    route, robot, count = driven.route, plan.cell.robot, len(plan.toolpath)
+    ratio, by_speed = np.full(count, np.nan), np.zeros(count, dtype=bool)
+    joint, point = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+    known = route.legs.linear & (plan.toolpath.feed > 0)
+    ratio[known] = 1.0
+    wrist, outside = np.full(count, np.inf), np.zeros(count, dtype=bool)
+    for part in chunks(len(route.s), 65_536):
+        leg, feed = route.leg[part], route.feed[part, None]
+        with np.errstate(divide="ignore", invalid="ignore"):      # an unknown feed is infinite, a joint may rest
+            of_speed = robot.speed / np.abs(route.slope[part]) / feed
+            of_push = np.sqrt(robot.acceleration / np.abs(route.bend[part])) / feed
+        share = np.minimum(of_speed, of_push)
+        which = np.argmin(share, axis=1)
+        lowest = share[np.arange(len(leg)), which]
+        # The worst point of each leg: sorted by leg, the lowest first.
+        order = np.lexsort((lowest, leg))
+        first = order[np.unique(leg[order], return_index=True)[1]]
+        worse = first[lowest[first] < np.where(np.isnan(ratio[leg[first]]), -np.inf, ratio[leg[first]])]
+        ratio[leg[worse]], joint[leg[worse]] = lowest[worse], which[worse]
+        point[leg[worse]] = part.start + worse
+        by_speed[leg[worse]] = (of_speed <= of_push)[worse, which[worse]]
+        np.minimum.at(wrist, leg, wrist_distance(robot, route.theta[part]))
+        np.logical_or.at(outside, leg, (robot.limit_excess(route.theta[part]) > 1e-7).any(axis=1))
+    lost = np.where(known, driven.duration - driven.programmed, 0.0)
+    forced = np.zeros(count, dtype=bool) if forced is None else forced
+    # A single noisy target on an air move is no cut.
+    return Feasibility(plan, poses, forced & forced[route.legs.before], driven, ratio, joint, by_speed, point, wrist, outside,
+                       lost)
+
+
+def check_feed(
+    plan: Plan, forced: Flags, corrected: tuple[Plan, Flags, Poses] | None, *, strict: bool
+) -> FeedCheck:
+    """The verdict on the program as given and, where there is one, on the corrected one: its plan, with the targets that were
+    added, which of them have force, and the poses it commands.
+
+    strict: Refused (CS4402) where a cut cannot hold its feed in the program that would be written.
+    """
+    before = judge(plan, forced)
+    after = None if corrected is None else judge(*corrected)
+    check = FeedCheck(before, after, ())
+    last = check.last
+    if strict and (last.slow & last.cutting).any():
+        raise Refused(*_cuts(check, "CS4402", "error"))
+    unfollowed = np.flatnonzero(last.drive.route.lost & last.cutting)
+    if strict and len(unfollowed):
+        raise Refused(last.plan.finding(int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
+                         "robot cannot follow between the targets: it would stop", "add targets, or turn the part"))
+    findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, forced, "as planned")]
+    if corrected is not None and after is not None:
+        findings += _places(after, corrected[1], "after correction")
+    return FeedCheck(before, after, (*findings, *_configurations(before), *_assumed(before)))
+
+
+def figures(check: FeedCheck) -> dict[str, Any]:
+    """What `--json` tells, JSON values: before and after correction."""
+    return {when: _figures(one) for when, one in (("planned", check.before), ("corrected", check.after)) if one is not None}
+
+
+def _figures(one: Feasibility) -> dict[str, Any]:
+    held_back, cutting = one.slow, one.cutting
+    judged = ~np.isnan(one.ratio)
+    lowest = [float(np.nanmin(one.ratio[mask], initial=1.0)) for mask in (judged, judged & cutting)]
+    return {
+        "time_s": round(float(one.drive.time[-1]), 4), "programmed_time_s": round(float(np.nansum(one.drive.programmed)), 4),
+        "joint_moves_s": round(float(np.nansum(one.drive.duration[one.drive.route.legs.joint])), 4),
+        "judged": one.moves(judged), "held_back": one.moves(held_back),
+        "held_back_with_force": one.moves(held_back & cutting),
+        "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
+        "lost_held_back_s": round(float(np.nansum(one.lost[held_back])), 4),
+        "lost_ramps_s": round(float(np.nansum(one.lost[judged & ~held_back])), 4),
+        "wrist_margin_deg": round(float(np.degrees(one.wrist.min(initial=np.pi / 2))), 4),
+    }
+
+
+def _reason(one: Feasibility, target: int) -> str:
+    robot, joint = one.plan.cell.robot, int(one.joint[target])
+    limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if one.by_speed[target]
+             else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
+    route, words = one.drive.route, ""
+    legs = route.legs
+    if not one.by_speed[target]:
+        # The corner is the one at the nearer end of the leg.
+        grid, place = np.flatnonzero(route.leg == target), one.point[target]
+        nearer_end = route.s[grid[-1]] - route.s[place] <= route.s[place] - route.s[grid[0]]
+        corner = target if nearer_end else int(legs.before[target])
+        if legs.radius[corner] > 0 and legs.corner[corner] > np.radians(1.0):
+            words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target "
+                     f"{one.plan.toolpath.number[corner]}, rounded by a zone of "
+                     f"{1e3 * legs.radius[corner]:.3g} mm")
+    return f"joint {joint + 1} at its {limit}{words}"
+
+
+def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
+    """One finding a stretch of moves with force that cannot hold their feed, the worst first; the rest counted."""
+    one = check.last
+    places = np.flatnonzero(one.slow & one.cutting)
+    if not len(places):
+        return []
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+    worst = np.array([int(run[np.argmin(one.ratio[run])]) for run in runs])
+    order = np.argsort(one.ratio[worst], kind="stable")
+    findings = []
+    for index in order[:MOST_TOLD]:
+        target, run = int(worst[index]), runs[index]
+        planned = float(check.before.ratio[one.plan.toolpath.number[target]])
+        before = "" if check.after is None or np.isnan(planned) else f"; as planned {_percent(min(planned, 1.0))}"
+        findings.append(one.plan.finding(
+            target, code, level, f"a cut of {counted(one.moves(run), 'target')} cannot hold {_feed(one, target)}: "
+            f"{_percent(one.ratio[target])}, {_reason(one, target)}; {np.nansum(one.lost[run]):.2f} s lost{before}",
+            "lower the feed there, round the corner with a larger zone, or turn the part away from the wrist singularity"))
+    if len(runs) > MOST_TOLD:
+        rest = worst[order[MOST_TOLD:]]
+        findings.append(one.plan.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
+                                         "lowest "
+                           f"{_percent(one.ratio[rest].min())}"))
+    return findings
+
+
+def _air(one: Feasibility) -> list[Finding]:
+    """One note for all moves without force that cannot hold their feed."""
+    places = np.flatnonzero(one.slow & ~one.cutting)
+    if not len(places):
+        return []
+    target = int(places[np.argmin(one.ratio[places])])
+    return [one.plan.finding(target, "CS4411", "note", f"{counted(one.moves(places), 'move')} without force cannot hold their "
+               f"feed, {np.nansum(one.lost[places]):.2f} s lost; the lowest share {_percent(one.ratio[target])} of "
+               f"{_feed(one, target)}: {_reason(one, target)}")]
+
+
+def _percent(ratio: float) -> str:
+    return f"{100 * ratio:.0f} %" if ratio >= 0.1 else f"{100 * ratio:.2g} %"
+
+
+def _feed(one: Feasibility, target: int) -> str:
+    return f"{1e3 * one.drive.route.feed[one.point[target]]:g} mm/s"
+
+
+def _places(one: Feasibility, forced: Flags, when: str) -> list[Finding]:
+    """What lies between the targets: the wrist singularity, joint limits, moves that cannot be followed."""
+    findings = []
+    plan, robot, route = one.plan, one.plan.cell.robot, one.drive.route
+    # The targets with force themselves are judged by the correction (CS4105, CS4106, CS4110): of moves between them only what
+    # comes nearer than both.
+    own = np.where(forced, wrist_distance(robot, one.poses.theta), np.inf)
+    near = np.flatnonzero(one.wrist < np.minimum(NEARLY_SINGULAR, NEARER * np.minimum(own, own[route.legs.before])))
+    if len(near):
+        closest = int(near[np.argmin(one.wrist[near])])
+        cuts = one.moves(near[forced[near]])
+        findings.append(plan.finding(closest, "CS4406", "warning", f"{when}: {counted(one.moves(near), 'move')} "
+                           f"{f'({cuts} with force, between its targets) ' if cuts else 'without force '}"
+                           f"within {np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest "
+                           f"{np.degrees(one.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
+    left = np.flatnonzero(one.outside)
+    if len(left):
+        findings.append(plan.finding(int(left[0]), "CS4407", "warning", f"{when}: on the way to "
+                           f"{counted(one.moves(left), 'target')} a joint limit or the parallel rod's window is left",
+                           "step through these moves at low speed"))
+    lost = np.flatnonzero(route.lost)
+    if len(lost):
+        findings.append(plan.finding(int(lost[0]), "CS4404", "warning", f"{when}: between {counted(one.moves(lost), 'pair')} "
+                                     "of "
+                           "targets the robot cannot follow the straight line or arc; these moves were not judged",
+                           "step through these moves, or add targets"))
+    return findings
+
+
+def _configurations(one: Feasibility) -> list[Finding]:
+    """Joint moves that change the configuration."""
+    plan, legs = one.plan, one.drive.route.legs
+    moved = np.flatnonzero(legs.joint & ~np.isin(plan.toolpath.move, (1, 2, 3)))
+    if not len(moved):
+        return []
+    ends = [configuration(plan.cell.robot, plan.theta[which])[:, 3] for which in (moved, legs.before[moved])]
+    changed = moved[ends[0] != ends[1]]
+    return [plan.finding(int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another configuration "
+                         "of "
+               "arm or wrist")] if len(changed) else []
+
+
+def _assumed(one: Feasibility) -> list[Finding]:
+    """What the verdict rests on."""
+    plan, legs, path = one.plan, one.drive.route.legs, one.plan.toolpath
+    count = len(path)
+    cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (path.zone > 0)).sum())
+    text = (f"the limits are the speeds and accelerations of the robot file {plan.cell.robot.name}; zones are driven as "
+            f"parabolas; {counted(int((legs.stop & legs.linear).sum()), 'linear move')} end at rest"
+            + (f", {cusps} of them in a corner sharper than {np.degrees(SHARPEST):.0f} deg" if cusps else "")
+            + f"; {counted(int(legs.joint.sum()), 'move')} by joint angles timed, not judged by feed")
+    findings = [Finding("CS4403", "note", text, file=str(plan.cell.robot.source))]
+    unknown = np.flatnonzero(legs.unknown_zone)
+    if len(unknown):
+        findings.append(plan.finding(int(unknown[0]), "CS4410", "note", f"the zone of {counted(len(unknown), 'target')} is not "
+                           "known: taken as a stop"))
+    no_feed = np.flatnonzero(legs.linear & ~(path.feed > 0))
+    if len(no_feed):
+        findings.append(plan.finding(int(no_feed[0]), "CS4405", "warning", f"the feed of {counted(len(no_feed), 'move')} is "
+                                     "not "
+                           "known: not judged, timed as fast as the joints allow", "declare the speed in this file"))
+    away = np.flatnonzero(np.isnan(one.drive.duration) & ~one.drive.route.lost & (np.arange(count) > 0))
+    if len(away):
+        findings.append(plan.finding(int(away[0]), "CS4404", "warning", f"{counted(len(away), 'move')} from or to a target "
+                                     "whose "
+                           "joint angles are not known: neither judged nor timed"))
+    return findings

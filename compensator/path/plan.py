@@ -1,0 +1,191 @@
+"""Plan: the toolpath as the robot drives it: poses in the base frame, and the joint angles it takes them with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.toolpath import Move, ToolFrame, Toolpath, WorkObject
+from identification.common.findings import Finding, Level
+from identification.model.cell import Cell
+from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution
+from identification.model.kinematics import forward
+from identification.model.robot import RobotModel
+from identification.model.rotations import Frame
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+# Two neighbouring targets of a linear move never turn a joint farther than this [rad]; a branch that would is left.
+LARGEST_STEP = np.radians(90.0)
+
+
+@dataclass(frozen=True, eq=False)
+class UsedFrames:
+    """flange_from_tcp of each tool and world_from_object of each work object that targets of known pose use."""
+
+    tools: tuple[Frame, ...]
+    workobjects: tuple[Frame, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """N targets as the robot drives them; NaN where a pose is not known or not reachable.
+
+    theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames;
+    world_position (N, 3) [m] of the TCP; known (N,): the pose is known; reached (N,): joint angles were found.
+    """
+
+    toolpath: Toolpath
+    cell: Cell
+    theta: Array
+    base_from_tcp: Frame
+    base_from_flange: Frame
+    flange_from_tcp: Frame
+    base_from_object: Frame
+    world_position: Array
+    known: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+    used_frames: UsedFrames
+    findings: tuple[Finding, ...]
+
+    def finding(self, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
+        """A finding at the place of a target in the text of the program as it was given."""
+        path = self.toolpath
+        return Finding(code, level, message, file=path.source, line=int(path.line[target]),
+                       column=int(path.column[target]), target=int(path.number[target]), hint=hint)
+
+
+def plan_path(toolpath: Toolpath, cell: Cell) -> Plan:
+    """Frames and joint angles of every target. Raises CompstiffError (CS1102) for an arm without closed-form inverse."""
+    count = len(toolpath)
+    robot = cell.robot
+    flange_from_tcp = _pick([_tool(tool, cell) for tool in toolpath.tools], toolpath.tool, count)
+    objects = [_world_from_object(item, cell) for item in toolpath.workobjects]
+    base_from_world = cell.world_from_base.inverse()
+    base_from_object = base_from_world @ _pick(objects, toolpath.workobject, count)
+    absolute = toolpath.move == Move.ABSOLUTE
+    posed = ~absolute & ~np.isnan(toolpath.position).any(axis=1) & ~np.isnan(toolpath.quaternion).any(axis=1)
+    quaternion = np.where(posed[:, None], toolpath.quaternion, [1.0, 0, 0, 0])
+    base_from_tcp = base_from_object @ Frame.from_quaternion(np.where(posed[:, None], toolpath.position, 0.0), quaternion)
+    by_joints = absolute & ~np.isnan(toolpath.joints).any(axis=1)
+    theta = np.full((count, 6), np.nan)
+    theta[by_joints] = toolpath.joints[by_joints]
+    if by_joints.any():
+        flange = forward(robot, theta[by_joints], Frame.identity())
+        tcp = flange @ Frame(flange_from_tcp.rotation[by_joints], flange_from_tcp.position[by_joints])
+        base_from_tcp.rotation[by_joints], base_from_tcp.position[by_joints] = tcp.rotation, tcp.position
+    known = posed | by_joints
+    base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
+    findings: list[Finding] = []
+    if posed.any():
+        findings = _follow(robot, toolpath, base_from_flange, posed, by_joints, theta)
+    world = np.where(known[:, None], cell.world_from_base.apply(base_from_tcp.position), np.nan)
+    used = UsedFrames(
+        tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
+        tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
+    return Plan(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, world, known,
+                ~np.isnan(theta).any(axis=1), used, tuple(findings))
+
+
+def _tool(tool: ToolFrame, cell: Cell) -> Frame:
+    if tool.position is None or tool.quaternion is None:
+        return cell.flange_from_tcp
+    return Frame.from_quaternion(tool.position, tool.quaternion)
+
+
+def _world_from_object(item: WorkObject, cell: Cell) -> Frame:
+    if item.position is None or item.quaternion is None:
+        return cell.world_from_object
+    return Frame.from_quaternion(item.position, item.quaternion)
+
+
+def _pick(frames: list[Frame], index: Indices, count: int) -> Frame:
+    """The frame of each target (N)."""
+    if not frames:
+        return Frame(np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
+    return Frame(np.stack([frame.rotation for frame in frames])[index],
+                 np.stack([frame.position for frame in frames])[index])
+
+
+def _follow(
+    robot: RobotModel, toolpath: Toolpath, base_from_flange: Frame, posed: NDArray[np.bool_], by_joints: NDArray[np.bool_],
+    theta: Array,
+) -> list[Finding]:
+    """Fills `theta` of the posed targets: the configuration a target names where the robot gets there by joint move, the
+    continuous one along linear moves and arcs (the controller never changes configuration on those)."""
+    where = np.flatnonzero(posed)
+    solutions = inverse(robot, Frame(base_from_flange.rotation[where], base_from_flange.position[where]))
+    configured, fits = configured_solution(robot, solutions, toolpath.confdata[where])
+    fits &= toolpath.has_confdata[where]
+    moves = toolpath.move[where]
+    # The MoveAbsJ that stands before each posed target, behind the posed target before it: -1 where there is none.
+    latest = np.maximum.accumulate(np.where(by_joints, np.arange(len(by_joints)), -1))[where]
+    latest[latest < np.concatenate([[-1], where[:-1]])] = -1
+    # Where a run of linear moves and arcs ends because the next target is reached by joint move or from known joint angles.
+    ends = np.append(np.flatnonzero((moves == Move.JOINT) | (latest >= 0)), len(where))
+    previous: Array | None = None
+    findings: list[Finding] = []
+    result = np.full((len(where), 6), np.nan)
+    follows = np.ones(len(where), dtype=bool)
+    start = 0
+    while start < len(where):
+        if latest[start] >= 0:
+            previous = theta[latest[start]]
+        anchor = _anchor(robot, solutions, start, configured[start], bool(fits[start]), previous, int(moves[start]))
+        if anchor is None:
+            start += 1
+            continue
+        angles, branch, guessed = anchor
+        if guessed:
+            follows[start] = False
+            findings.append(Finding(
+                "CS4001", "warning", "no reachable configuration has this target's confdata "
+                f"{toolpath.confdata[where[start]].tolist()}; the nearest was taken" if toolpath.has_confdata[where[start]]
+                else "no confdata: the configuration nearest to the joints' zero was taken", file=toolpath.source,
+                line=int(toolpath.line[where[start]]), target=int(where[start]),
+                hint="another configuration yields differently under load: check it on the robot"))
+        stop = int(ends[np.searchsorted(ends, start, side="right")])
+        run = np.array(solutions.theta[start:stop, branch])
+        run[0] = angles
+        run = np.unwrap(run, axis=0)
+        good = solutions.reachable[start:stop, branch] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
+        good[1:] &= (np.abs(np.diff(run, axis=0)) < LARGEST_STEP).all(axis=1)
+        length = stop - start if good.all() else max(int(np.argmin(good)), 1)
+        result[start:start + length] = run[:length]
+        previous = run[length - 1]
+        start += length
+    theta[where] = result
+    turned = np.flatnonzero(toolpath.has_confdata[where] & ~np.isnan(result).any(axis=1) & follows)
+    if len(turned):
+        differs = (configuration(robot, result[turned])[:, :3] != toolpath.confdata[where[turned], :3]).any(axis=1)
+        if differs.any():
+            first = where[turned[np.argmax(differs)]]
+            findings.append(Finding(
+                "CS4002", "note", f"{int(differs.sum())} targets name another configuration (cf1 cf4 cf6) than the one linear "
+                "moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
+                target=int(first)))
+    return findings
+
+
+def _anchor(
+    robot: RobotModel, solutions: Solutions, index: int, configured: Array, fits: bool, previous: Array | None, move: int
+) -> tuple[Array, int, bool] | None:
+    """Angles (6,) and branch of one target, and whether they were guessed; None where no branch reaches it."""
+    if not solutions.reachable[index].any():
+        return None
+    one = Solutions(solutions.theta[index:index + 1], solutions.reachable[index:index + 1])
+    linear = move != Move.JOINT and previous is not None
+    if fits and not linear:
+        branch = int(np.argmin(np.max(np.abs(_modulo(one.theta[0] - configured)), axis=1)))
+        return configured, branch, False
+    reference = np.zeros(6) if previous is None else previous
+    inside = Solutions(one.theta, one.reachable & (robot.limit_excess(one.theta) <= 1e-9).all(axis=2))
+    angles, branches = nearest_solution(robot, inside if inside.reachable.any() else one, reference[None])
+    return angles[0], int(branches[0]), not linear
+
+
+def _modulo(angle: Array) -> Array:
+    """Angles [rad] brought to -pi ... pi."""
+    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))

@@ -1,0 +1,399 @@
+"""The path between the targets as the robot drives it: straight and circular legs, blended corners, stops, on a fine grid.
+
+A fly-by zone is a parabola from the zone's radius before the target to the zone's radius behind it (at most half a leg),
+position and orientation alike. Fine points, zones that are not known, turns sharper than SHARPEST, and every change between
+linear moves and joint moves or between tools are stops. A slight corner that needs little acceleration at the programmed feed
+is one grid point whose curvature is that of its parabola; other corners are resolved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.path.arc_length import circle, turned_angle
+from compensator.path.plan import Plan
+from compensator.toolpath import Move
+from identification.model.inverse import BRANCHES, Solutions, configuration, inverse, nearest_solution
+from identification.model.kinematics import chunks, jacobian
+from identification.model.rotations import Frame, rotation_matrix, rotation_vector
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+# Targets nearer to the one before than this [m], [rad] are the same place.
+SAME_PLACE, SAME_TURN = 1e-6, 1e-5
+# A turn beyond this is a stop, whatever the zone [rad].
+SHARPEST = np.radians(150.0)
+# Grid points are at most so far apart [m], [rad of orientation or of an arc].
+SPACING, TURNING = 10e-3, np.radians(3.0)
+# A corner of at most this turn [rad] that takes less than this share of a joint's acceleration at full feed needs no grid of
+# its own: the parabola is hardly shorter than the corner.
+NEARLY_STRAIGHT, GENTLE = np.radians(10.0), 0.25
+BLEND = np.linspace(0.0, 1.0, 13)
+# Where a ramp from or to a slower speed is resolved, as shares of its length.
+RAMP = np.array([0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3])
+CLOSEST = 1e-6
+# Between two grid points no joint turns farther than this [rad], as near the wrist singularity it would, unless they are this
+# near to each other [m].
+FARTHEST_TURN, FINEST = np.radians(5.0), 20e-6
+BATCH = 16_384
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """The moves to N targets; leg i ends at target i.
+
+    linear (N,): driven with the TCP on a line or an arc, judged by its feed. joint (N,): driven by joint angles. A leg that is
+    neither is not known. same (N,): the target lies where the one before lies. before (N,): the target at which the leg starts.
+    length (N,) [m], chord or arc. first, last (N, 3) unit tangents; turn (N, 3) [rad] rotation vector of the leg, base frame.
+    centre [m], axis (N, 3), angle (N,) [rad] of an arc, angle 0 for a line.
+    At the leg's end: radius (N,) [m] of the blend; stop (N,): the robot stands still; corner (N,) [rad]; unknown_zone (N,).
+    """
+
+    linear: Flags
+    joint: Flags
+    same: Flags
+    before: Indices
+    length: Array
+    first: Array
+    last: Array
+    turn: Array
+    centre: Array
+    axis: Array
+    angle: Array
+    radius: Array
+    stop: Flags
+    corner: Array
+    unknown_zone: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """Grid points (K) of the linear legs, one behind the other, and what the joints do there.
+
+    leg (K,): target the point is on the way to. s (K,) [m]: path length; at a stop inside the program the point stands twice,
+    as the end of one run and the start of the next, `GAP` apart. feed (K,) [m/s], inf where unknown, the slower one within a
+    blend. theta (K, 6) [rad]; slope (K, 6) [rad/m] and bend (K, 6) [rad/m^2]: its first and second derivative by s. stop (K,):
+    the robot stands still. lost (N,): legs along which no joint angles were found.
+    """
+
+    legs: Legs
+    leg: Indices
+    s: Array
+    feed: Array
+    theta: Array
+    slope: Array
+    bend: Array
+    stop: Flags
+    lost: Flags
+
+
+# Between the end of one run and the start of the next [m]: takes no time.
+GAP = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Where the tool of each target (N) is commanded to: base_from_tcp, and the joint angles theta (N, 6) [rad] there."""
+
+    base_from_tcp: Frame
+    theta: Array
+
+
+def build_legs(plan: Plan, poses: Poses) -> Legs:
+    """The legs of a program driven through these poses."""
+    path, count = plan.toolpath, len(plan.toolpath)
+    reached = np.asarray(~np.isnan(poses.theta).any(axis=1))
+    position = np.where(reached[:, None], poses.base_from_tcp.position, 0.0)
+    before = np.maximum(np.arange(count) - 1, 0)
+    chord = position - position[before]
+    length = np.linalg.norm(chord, axis=1)
+    rotation = poses.base_from_tcp.rotation
+    turn = np.zeros((count, 3))
+    turn[1:] = rotation_vector(np.where(reached[1:, None, None] & reached[:-1, None, None],
+                                        rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2), np.eye(3)))
+    turned = np.linalg.norm(turn, axis=1)
+    usable = reached & reached[before] & (np.arange(count) > 0)
+    along = np.isin(path.move, (Move.LINEAR, Move.ARC_VIA, Move.ARC_END))
+    linear = usable & along & (path.tool == path.tool[before])
+    same = linear & (length < SAME_PLACE) & (turned < SAME_TURN)
+    # A turn on the spot has no feed of the TCP: it takes what the joints need.
+    joint = usable & ~same & (~linear | (length < SAME_PLACE))
+    linear &= ~joint & ~same
+    first = chord / np.maximum(length, SAME_PLACE)[:, None]
+    last = first.copy()
+    centre, axis, angle = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+    via = np.flatnonzero((path.move[:-1] == Move.ARC_VIA) & (path.move[1:] == Move.ARC_END) & linear[:-1] & linear[1:])
+    if len(via):
+        straight, middle, about = circle(position[via - 1], position[via], position[via + 1])
+        for end in (via, via + 1):
+            bent = end[~straight]
+            centre[bent], axis[bent] = middle[~straight], about[~straight]
+            start = position[bent - 1] - centre[bent]
+            angle[bent] = turned_angle(axis[bent], start, position[bent] - centre[bent])
+            radius = np.linalg.norm(start, axis=1)
+            length[bent] = radius * angle[bent]
+            first[bent] = np.cross(axis[bent], start) / radius[:, None]
+            last[bent] = np.cross(axis[bent], position[bent] - centre[bent]) / radius[:, None]
+    return _corners(path.move, path.zone, Legs(
+        linear, joint, same, before, length, first, last, turn, centre, axis, angle, np.zeros(count),
+        np.ones(count, dtype=bool), np.zeros(count), np.zeros(count, dtype=bool)))
+
+
+def _corners(move: NDArray[np.uint8], zone: Array, legs: Legs) -> Legs:
+    """Fills in stops, blends and corner angles. A target where the one before lies passes its zone on to that one."""
+    kept = np.flatnonzero(~legs.same)
+    group = np.cumsum(~legs.same) - 1
+    smallest = np.full(len(kept), np.inf)
+    np.fmin.at(smallest, group, zone)
+    missing = np.zeros(len(kept), dtype=bool)
+    np.logical_or.at(missing, group, np.isnan(zone))
+    via = move[kept] == Move.ARC_VIA
+    follows = np.append(legs.linear[kept[1:]], False)
+    cosine = np.einsum("ij,ij->i", legs.last[kept[:-1]], legs.first[kept[1:]])
+    corner = np.append(np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
+    half = 0.5 * np.minimum(legs.length[kept], np.append(legs.length[kept[1:]], np.inf))
+    flying = legs.linear[kept] & follows & (via | (~missing & (smallest > 0) & (corner < SHARPEST)))
+    legs.before[kept[1:]] = kept[:-1]
+    legs.stop[kept] = ~flying
+    legs.stop[legs.same] = False
+    legs.radius[kept] = np.where(flying, np.minimum(smallest, half), 0.0)
+    legs.corner[kept] = np.where(legs.linear[kept] & follows, corner, 0.0)
+    legs.unknown_zone[kept] = missing & legs.linear[kept] & follows & ~via
+    return legs
+
+
+def joint_rates(plan: Plan, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
+    """Derivatives (n, 6) [rad/m] of the joint angles by the path length at `targets` (n,), along the legs `leg` (n,) whose unit
+    tangents there are the rows `leg` of tangent (N, 3)."""
+    rates = np.empty((len(targets), 6))
+    tools = plan.toolpath.tool[targets]
+    for tool in np.unique(tools):
+        places = np.flatnonzero(tools == tool)
+        frame = Frame(plan.flange_from_tcp.rotation[targets[places[0]]], plan.flange_from_tcp.position[targets[places[0]]])
+        for part in chunks(len(places), BATCH):
+            here = places[part]
+            matrix = jacobian(plan.cell.robot, theta[targets[here]], frame, "drive") + 1e-12 * np.eye(6)
+            one = leg[here]
+            direction = np.concatenate([tangent[one], legs.turn[one] / legs.length[one, None]], axis=1)
+            rates[here] = np.linalg.solve(matrix, direction[:, :, None])[:, :, 0]
+    return rates
+
+
+def build_route(plan: Plan, poses: Poses) -> Route:
+    """The grid along all linear legs. Legs along which the robot finds no joint angles are left out and named."""
+    legs = build_legs(plan, poses)
+    lost = np.zeros(len(legs.linear), dtype=bool)
+    while True:
+        route = _route(plan, poses, legs, lost)
+        broken = np.unique(route.leg[np.isnan(route.theta).any(axis=1)])
+        if not len(broken):
+            return route
+        lost[broken] = True
+        legs = build_legs(plan, poses)
+        legs.linear[lost] = False
+        legs = _corners(plan.toolpath.move, plan.toolpath.zone, legs)
+
+
+def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
+    count = len(legs.linear)
+    feed = np.where(plan.toolpath.feed > 0, plan.toolpath.feed, np.inf)
+    driven = np.flatnonzero(legs.linear)
+    after = np.full(count, -1)
+    after[legs.before[driven]] = driven
+    both = np.minimum(feed, np.where(after >= 0, feed[after], np.inf))
+    push, jump, sharp = _demands(plan, poses, legs, driven, after, np.minimum(both, 10.0))
+    leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), push, sharp)
+
+    theta, position, blend = _joints(plan, poses, legs, after, sharp, leg, d)
+    while True:
+        low = np.where(leg[1:] == leg[:-1], d[:-1], 0.0)
+        turn = np.abs(np.diff(theta, axis=0)).max(axis=1, initial=0.0)
+        wide = np.flatnonzero((turn > FARTHEST_TURN) & (d[1:] - low > FINEST))
+        if not len(wide):
+            break
+        more_leg, more_d = leg[wide + 1], 0.5 * (low + d[1:])[wide]
+        more = _joints(plan, poses, legs, after, sharp, more_leg, more_d)
+        leg, d = np.insert(leg, wide + 1, more_leg), np.insert(d, wide + 1, more_d)
+        theta, position, blend = (np.insert(old, wide + 1, new, axis=0)
+                                  for old, new in zip((theta, position, blend), more, strict=True))
+    stop = ((d == 0) | (d == legs.length[leg])) & np.where(d == 0, True, legs.stop[leg])
+    ends = stop & (d > 0)
+    # Path length: along the legs, in blends along the parabola.
+    step = np.where(leg[1:] == leg[:-1], np.diff(d), d[1:])
+    inside = (blend[1:] == blend[:-1]) & (blend[1:] >= 0)
+    step[inside] = np.linalg.norm(np.diff(position, axis=0)[inside], axis=1)
+    step[ends[:-1]] = GAP
+    s = np.concatenate([[0.0], np.cumsum(step)]) if len(leg) else np.empty(0)
+    corner = (d == legs.length[leg]) & ~stop
+    # Within a blend the slower feed counts.
+    shared = np.where(blend >= 0, blend, np.where(corner, leg, -1))
+    bound = np.where(shared >= 0, both[shared], feed[leg])
+    slope, bend = _derivatives(theta, s, ends)
+    single = np.flatnonzero(corner & ~sharp[leg] & (legs.radius[leg] > 0))
+    width = 0.5 * (s[single + 1] - s[single - 1])[:, None]
+    bend[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
+    return Route(legs, leg, s, bound, theta, slope, bend, stop, lost)
+
+
+def _joints(
+    plan: Plan, poses: Poses, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array
+) -> tuple[Array, Array, Indices]:
+    """Joint angles (K, 6) [rad] at grid points, NaN where the arm does not get to in the configuration it has at the ends of
+    the leg; positions (K, 3) [m]; and the target (K,) in whose blend a point lies, -1 outside."""
+    robot = plan.cell.robot
+    theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
+    # Which way the arm stands, front or back, folded up or down; the wrist may turn over, as that takes all its turn.
+    arm = np.full(len(legs.linear), -1)
+    known = np.flatnonzero(~np.isnan(poses.theta).any(axis=1))
+    arm[known] = configuration(robot, poses.theta[known])[:, 3] // 2
+    for part in chunks(len(leg), BATCH):
+        pose, blend[part] = _pose(poses.base_from_tcp, legs, after, sharp, leg[part], d[part])
+        here, start = leg[part], legs.before[leg[part]]
+        position[part] = pose.position
+        share = (d[part] / legs.length[here])[:, None]
+        reference = (1 - share) * poses.theta[start] + share * poses.theta[here]
+        tool = Frame(plan.flange_from_tcp.rotation[here], plan.flange_from_tcp.position[here])
+        found = inverse(robot, pose @ tool.inverse(), reference)
+        branch = np.arange(BRANCHES) // 2
+        same = (branch == arm[start][:, None]) | (branch == arm[here][:, None])
+        theta[part], _ = nearest_solution(robot, Solutions(found.theta, found.reachable & same), reference)
+    return theta, position, blend
+
+
+def _demands(
+    plan: Plan, poses: Poses, legs: Legs, driven: Indices, after: Indices, feed: Array
+) -> tuple[Array, Array, Flags]:
+    """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6)
+    [rad/m] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,) [m/s]."""
+    limits, count = plan.cell.robot.acceleration, len(legs.linear)
+    push, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
+    rate = joint_rates(plan, poses.theta, driven, legs, driven, legs.last)
+    with np.errstate(divide="ignore"):
+        push[driven] = np.min(limits / np.abs(rate), axis=1)
+    jump[driven] = -rate
+    rate = joint_rates(plan, poses.theta, legs.before[driven], legs, driven, legs.first)
+    with np.errstate(divide="ignore"):
+        push[driven] = np.minimum(push[driven], np.min(limits / np.abs(rate), axis=1))
+    jump[legs.before[driven]] += rate
+    jump[~((legs.radius > 0) & (after >= 0)) | (plan.toolpath.move == Move.ARC_VIA)] = 0.0
+    flying = np.flatnonzero((legs.radius > 0) & (after >= 0))
+    sharp[flying] = legs.corner[flying] > NEARLY_STRAIGHT
+    sharp[flying] |= (np.abs(jump[flying]) * feed[flying, None] ** 2 > 2 * GENTLE * limits
+                      * legs.radius[flying, None]).any(axis=1)
+    return push, jump, sharp
+
+
+def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array, sharp: Flags) -> tuple[Indices, Array]:
+    """Grid points as leg (K,) and distance (K,) [m] from the leg's start, in order."""
+    length = legs.length
+    starts = driven[legs.stop[legs.before[driven]] | ~legs.linear[legs.before[driven]]]
+    fixed = [(starts, np.zeros(len(starts))), (driven, length[driven])]
+    turning = np.maximum(np.linalg.norm(legs.turn[driven], axis=1), legs.angle[driven])
+    pieces = np.ceil(np.maximum(length[driven] / SPACING, turning / TURNING) - 1e-9).astype(np.intp)
+    inner = np.repeat(driven, np.maximum(pieces - 1, 0))
+    number = np.arange(len(inner)) - np.repeat(np.cumsum(np.maximum(pieces - 1, 0)) - np.maximum(pieces - 1, 0),
+                                               np.maximum(pieces - 1, 0))
+    loose = [(inner, (number + 1) / np.repeat(pieces, np.maximum(pieces - 1, 0)) * length[inner])]
+    bends = np.flatnonzero(sharp)
+    for share in BLEND:
+        near = bends if share <= 0.5 else after[bends]
+        d = legs.radius[bends] * (2 * share - 1)
+        if share != 0.5:
+            loose.append((near, length[bends] + d if share < 0.5 else d))
+    # Ramps beside stops, corners and changes of feed.
+    before, next_feed = legs.before[driven], feed[np.maximum(after, 0)]
+    standing = legs.stop[before] | ~legs.linear[before] | sharp[before]
+    at_start = np.where(standing, feed[driven] ** 2, np.abs(feed[driven] ** 2 - feed[before] ** 2)) / (2 * push[driven])
+    still = legs.stop[driven] | sharp[driven]
+    at_end = np.where(still, feed[driven] ** 2, np.abs(feed[driven] ** 2 - next_feed[driven] ** 2)) / (2 * push[driven])
+    clear_start, clear_end = np.where(sharp[before], legs.radius[before], 0), np.where(sharp[driven], legs.radius[driven], 0)
+    for share in RAMP:
+        for ramp, clear, from_start in ((at_start, clear_start, True), (at_end, clear_end, False)):
+            # Of a ramp of less than CLOSEST at least the end has to be there, or the whole interval counts as the ramp.
+            d = clear + share * np.maximum(ramp, 10 * CLOSEST)
+            wanted = (ramp > 0) & (d < length[driven])
+            loose.append((driven[wanted], d[wanted] if from_start else (length[driven] - d)[wanted]))
+    # A leg between two stops has at least its middle.
+    short = driven[(legs.stop[driven]) & standing]
+    loose.append((short, 0.5 * length[short]))
+    leg = np.concatenate([item[0] for item in (*fixed, *loose)]).astype(np.intp)
+    d = np.concatenate([item[1] for item in (*fixed, *loose)])
+    is_fixed = np.arange(len(leg)) < len(starts) + len(driven)
+    order = np.lexsort((d, leg))
+    leg, d, is_fixed = leg[order], d[order], is_fixed[order]
+    crowded = np.zeros(len(leg), dtype=bool)
+    close = (np.diff(d) < CLOSEST) & (leg[1:] == leg[:-1])
+    crowded[1:] |= close & ~is_fixed[1:]
+    # Just behind a corner the point before is the corner itself, on the leg before; at the end of a leg stands the target.
+    crowded |= ((d < CLOSEST) | (length[leg] - d < CLOSEST)) & ~is_fixed
+    return leg[~crowded], d[~crowded]
+
+
+def _on_leg(frame: Frame, legs: Legs, leg: Indices, d: Array) -> tuple[Frame, Array]:
+    """Pose (n) and unit tangent (n, 3) on a leg, d (n,) [m] behind its start, corners not blended."""
+    start = legs.before[leg]
+    position = frame.position[start] + d[:, None] * legs.first[leg]
+    tangent = legs.first[leg]
+    arc = np.flatnonzero(legs.angle[leg] > 0)
+    if len(arc):
+        tangent = tangent.copy()
+        one = leg[arc]
+        radius = frame.position[start[arc]] - legs.centre[one]
+        size = np.linalg.norm(radius, axis=1)
+        angle = (d[arc] / size)[:, None]
+        across = np.cross(legs.axis[one], radius)
+        position[arc] = legs.centre[one] + np.cos(angle) * radius + np.sin(angle) * across
+        tangent[arc] = (np.cos(angle) * across - np.sin(angle) * radius) / size[:, None]
+    turned = rotation_matrix(legs.turn[leg] * (d / legs.length[leg])[:, None])
+    return Frame(turned @ frame.rotation[start], position), tangent
+
+
+def _pose(frame: Frame, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array) -> tuple[Frame, Indices]:
+    """base_from_tcp (n) at grid points, and the target (n,) in whose blend a point lies, -1 outside."""
+    pose, _ = _on_leg(frame, legs, leg, d)
+    start = legs.before[leg]
+    behind = sharp[start] & (d <= legs.radius[start] + 1e-12)
+    ahead = sharp[leg] & (d >= legs.length[leg] - legs.radius[leg] - 1e-12) & ~behind
+    blend = np.where(behind, start, np.where(ahead, leg, -1))
+    where = np.flatnonzero(blend >= 0)
+    if not len(where):
+        return pose, blend
+    corner = blend[where]
+    into, out, radius = corner, after[corner], legs.radius[corner]
+    u = np.where(behind[where], d[where] + radius, d[where] - legs.length[into] + radius) / (2 * radius)
+    first, first_tangent = _on_leg(frame, legs, into, legs.length[into] - radius)
+    last, last_tangent = _on_leg(frame, legs, out, radius)
+    reach = (2 / 3 * radius)[:, None]
+    rate_in = legs.turn[into] / legs.length[into][:, None] * radius[:, None]
+    rate_out = legs.turn[out] / legs.length[out][:, None] * radius[:, None]
+    weights = np.stack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3])[:, :, None]
+    pose.position[where] = (weights[0] * first.position + weights[1] * (first.position + reach * first_tangent)
+                            + weights[2] * (last.position - reach * last_tangent) + weights[3] * last.position)
+    vector = -weights[0] * rate_in - weights[1] * rate_in / 3 + weights[2] * rate_out / 3 + weights[3] * rate_out
+    pose.rotation[where] = rotation_matrix(vector) @ frame.rotation[corner]
+    return pose, blend
+
+
+def _derivatives(theta: Array, s: Array, ends: Flags) -> tuple[Array, Array]:
+    """First and second derivative (K, 6) of theta by s through each three neighbours; at the ends of runs one-sided."""
+    slope, bend = np.zeros_like(theta), np.zeros_like(theta)
+    count = len(s)
+    starts = np.append(True, ends[:-1]) if count else np.empty(0, dtype=bool)
+    for part in chunks(count, BATCH):
+        low, high = max(part.start - 1, 0), min(part.stop + 1, count)
+        h = np.diff(s[low:high])[:, None]
+        m = np.diff(theta[low:high], axis=0) / h
+        here = np.arange(part.start, part.stop)
+        left, right = np.maximum(here - 1, low) - low, np.minimum(here, high - 2) - low
+        first, last = starts[here], ends[here]
+        h_left, h_right, m_left, m_right = h[left], h[right], m[left], m[right]
+        slope[part] = (m_left * h_right + m_right * h_left) / (h_left + h_right)
+        bend[part] = 2 * (m_right - m_left) / (h_left + h_right)
+        slope[here[first]], slope[here[last]] = m_right[first], m_left[last]
+        bend[here[first | last]] = 0.0
+    return slope, bend

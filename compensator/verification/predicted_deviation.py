@@ -1,0 +1,53 @@
+"""The deviation that `predict` or `correct` wrote, at the places where it was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.verification.readings import DEVIATION, POSITION, Readings, nearest
+from identification.common.findings import Finding, counted, error
+from identification.common.tables import read_table
+from identification.model.cell import Cell
+
+Array = NDArray[np.float64]
+
+
+def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, in_object: bool) -> tuple[Array, list[Finding]]:
+    """The predicted deviation (N, C) [m] at the readings, in their frame and components; NaN where the file has none.
+
+    path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
+    z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
+    CS0203, CS6028 the readings cannot be joined with targets.
+    """
+    table = read_table(path, required=("target", *DEVIATION), optional=POSITION, may_be_empty=DEVIATION, together=(POSITION,))
+    if readings.key == "path_mm":
+        raise error("CS6028", f"is placed by path_mm, {path} by targets and their places", file=readings.source,
+                    hint="measure at targets (column target), or give x_mm y_mm z_mm")
+    if readings.key == "target":
+        mine, rows = nearest(readings.place, table.numbers["target"][:, None], 0.0)
+    elif POSITION[0] in table.numbers:
+        # Several readings may lie about one target, so the nearest is taken one way only.
+        from scipy.spatial import cKDTree
+
+        distance, found = (np.asarray(one) for one in cKDTree(1e-3 * table.stack(*POSITION)).query(readings.place))
+        mine = np.flatnonzero(distance <= within)
+        rows = found[mine]
+    else:
+        raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(path))
+    predicted = np.full((len(readings), 3), np.nan)
+    predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
+    if in_object:
+        predicted = predicted @ (cell.world_from_base.inverse() @ cell.world_from_object).rotation
+    findings = []
+    if len(mine) < len(readings):
+        findings.append(Finding("CS6022", "warning", f"{counted(len(readings) - len(mine), 'reading')} of {len(readings)} "
+                                f"without a target in {path}; left out of the scale", file=readings.source))
+    if readings.deviation.shape[1] == 3:
+        return predicted, findings
+    if readings.normal is None:
+        raise error("CS6028", "has the deviation along the normal, but not the normal", file=readings.source,
+                    hint="add nx ny nz, the unit normal at each reading, or leave --predicted out")
+    return np.sum(predicted * readings.normal, axis=1, keepdims=True), findings

@@ -1,0 +1,170 @@
+"""Measured deviations along a path, before or after a correction: read, and paired with each other or with a prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.findings import Finding, counted, error
+from identification.common.tables import Table, read_table
+from identification.model.cell import Cell
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Key = Literal["target", "path_mm", "x_mm y_mm z_mm"]
+POSITION = ("x_mm", "y_mm", "z_mm")
+DEVIATION, SIGMA = ("dx_um", "dy_um", "dz_um"), ("sx_um", "sy_um", "sz_um")
+NORMAL = ("nx", "ny", "nz")
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """N places in the order of the path. key: what places them; place (N, 1) target number or path length [m], or (N, 3) [m].
+
+    deviation (N, C) [m], sigma (N, C) [m]: measured minus planned and its 1 sigma; NaN where a component was not measured. C is
+    3 (x y z) or 1 (along the surface's normal). normal (N, 3): unit vector, None where it is not given.
+    """
+
+    source: str
+    key: Key
+    place: Array
+    deviation: Array
+    sigma: Array
+    normal: Array | None
+    findings: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.place)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the components."""
+        return ("x", "y", "z") if self.deviation.shape[1] == 3 else ("normal",)
+
+    @property
+    def size(self) -> Array:
+        """Size (N,) [m] of the measured part of the deviation."""
+        return np.asarray(np.sqrt(np.nansum(self.deviation**2, axis=1)))
+
+    def select(self, rows: Indices) -> Readings:
+        """The places of these rows, in this order."""
+        return Readings(self.source, self.key, self.place[rows], self.deviation[rows], self.sigma[rows],
+                        None if self.normal is None else self.normal[rows], self.findings)
+
+
+def read_readings(path: Path, cell: Cell) -> Readings:
+    """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
+    or both kinds, CS6021 no column places the rows."""
+    table = read_table(path, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
+                                                    *NORMAL),
+                       may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
+    key, place = _placed(table)
+    along_normal = "dn_um" in table.numbers
+    if along_normal == any(name in table.numbers for name in DEVIATION):
+        raise error("CS6020", f"found {'both dn_um and' if along_normal else 'neither dn_um nor one of'} dx_um dy_um dz_um",
+                    file=table.source, line=1, hint="give the components x y z, as many as were measured, or the deviation "
+                    "along the normal")
+    names, sigmas = (("dn_um",), ("sn_um",)) if along_normal else (DEVIATION, SIGMA)
+    deviation, findings = _columns(table, names), list(table.findings)
+    sigma = _columns(table, sigmas)
+    if sigmas[0] not in table.numbers:
+        stated = cell.noise.deflection
+        sigma = np.tile(np.sqrt(np.mean(stated**2)) if along_normal else stated, (len(table), 1))
+        findings.append(Finding("CS6025", "note", f"no column {' '.join(sigmas)}: 1 sigma of a reading taken from the cell's "
+                                f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:g}' for x in np.unique(sigma))} um",
+                                file=table.source, hint="state what your probe does"))
+    elif not (sigma > 0).all():
+        row = int(np.flatnonzero(~(sigma > 0).all(axis=1))[0])
+        raise error("CS0203", "a 1 sigma must be larger than 0", file=table.source, line=int(table.line[row]))
+    normal = None
+    if NORMAL[0] in table.numbers:
+        normal = table.stack(*NORMAL)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        if (np.abs(length - 1) > 1e-2).any():
+            row = int(np.argmax(np.abs(length - 1)))
+            raise error("CS0203", f"nx ny nz has the length {length[row, 0]:.4g}, expected 1", file=table.source,
+                        line=int(table.line[row]))
+        normal = normal / length
+    readings = Readings(table.source, key, place, deviation, np.where(np.isnan(deviation), np.nan, sigma), normal)
+    return _in_order(readings, findings)
+
+
+def _placed(table: Table) -> tuple[Key, Array]:
+    if "target" in table.numbers:
+        target = table.numbers["target"]
+        if ((target != np.round(target)) | (target < 0)).any():
+            row = int(np.flatnonzero((target != np.round(target)) | (target < 0))[0])
+            raise error("CS3004", f"target {target[row]:g} is not a target number, expected 0, 1, 2 ...", file=table.source,
+                        line=int(table.line[row]), column=table.column("target"))
+        return "target", target[:, None]
+    if "path_mm" in table.numbers:
+        return "path_mm", 1e-3 * table.numbers["path_mm"][:, None]
+    if POSITION[0] in table.numbers:
+        return "x_mm y_mm z_mm", 1e-3 * table.stack(*POSITION)
+    raise error("CS6021", f"no column says where a row was measured: found {', '.join(table.columns)}", file=table.source,
+                line=1, hint="give one of: target, path_mm, x_mm y_mm z_mm (planned place in the work object)")
+
+
+def _columns(table: Table, names: tuple[str, ...]) -> Array:
+    missing = np.full(len(table), np.nan)
+    return 1e-6 * np.column_stack([table.numbers.get(name, missing) for name in names])
+
+
+def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
+    """Without rows in which nothing was measured, sorted along the path, several readings of one target averaged."""
+    measured = np.flatnonzero(~np.isnan(readings.deviation).all(axis=1))
+    if len(measured) < len(readings):
+        findings.append(Finding("CS6032", "note", f"{counted(len(readings) - len(measured), 'row')} without a measured "
+                                "component left out", file=readings.source))
+    if not len(measured):
+        raise error("CS6020", "no row has a measured deviation", file=readings.source, hint="is it still to be filled in?")
+    kept = readings.select(measured)
+    if kept.key == "path_mm":
+        kept = kept.select(np.argsort(kept.place[:, 0], kind="stable"))
+    if kept.key == "target":
+        _, first, member = np.unique(kept.place[:, 0], return_index=True, return_inverse=True)
+        if len(first) < len(kept):
+            findings.append(Finding("CS6033", "note", f"{counted(len(kept) - len(first), 'further reading')} of the same "
+                                    "target averaged with the first", file=kept.source))
+        known = ~np.isnan(kept.deviation)
+        number, total, variance = (np.zeros((len(first), known.shape[1])) for _ in range(3))
+        np.add.at(number, member, known)
+        np.add.at(total, member, np.nan_to_num(kept.deviation))
+        np.add.at(variance, member, np.nan_to_num(kept.sigma) ** 2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            deviation, sigma = total / number, np.sqrt(variance) / number
+        kept = Readings(kept.source, kept.key, kept.place[first], deviation, sigma,
+                        None if kept.normal is None else kept.normal[first])
+    return Readings(kept.source, kept.key, kept.place, kept.deviation, kept.sigma, kept.normal, tuple(findings))
+
+
+def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Indices]:
+    """Rows of both that belong together, in the order of the first: the same target, or places that are each other's nearest
+    and at most `within` [m] apart. Raises CompstiffError: CS6020 other components, CS6021 placed by other columns, CS6023 no
+    pair."""
+    if first.key != second.key:
+        raise error("CS6021", f"is placed by {second.key}, {first.source} by {first.key}", file=second.source,
+                    hint="place both by the same columns")
+    if first.axes != second.axes:
+        raise error("CS6020", f"has the deviation along {' '.join(second.axes)}, {first.source} along {' '.join(first.axes)}",
+                    file=second.source, hint="measure both passes alike")
+    mine, other = nearest(first.place, second.place, 0.0 if first.key == "target" else within)
+    if not len(mine):
+        raise error("CS6023", f"no row belongs to a row of {first.source}" + (
+            "" if first.key == "target" else f" (nearest places, at most {1e3 * within:g} mm apart)"), file=second.source,
+            hint="are both from the same program? --within-mm sets the distance")
+    return mine, other
+
+
+def nearest(first: Array, second: Array, within: float) -> tuple[Indices, Indices]:
+    """Rows of places (n, d) and (m, d) that are each other's nearest and at most `within` apart."""
+    from scipy.spatial import cKDTree
+
+    distance, there = (np.asarray(one) for one in cKDTree(second).query(first))
+    back = np.asarray(cKDTree(first).query(second)[1])
+    mine = np.flatnonzero((back[there] == np.arange(len(first))) & (distance <= within))
+    return mine, there[mine].astype(np.intp)

@@ -1,0 +1,32 @@
+"""Entry point of `compstiff` and of `python -m compstiff`: so small that Ctrl-C is answered from the first import on."""
+
+import os
+import sys
+
+INTERRUPTED = 130
+
+
+def run() -> None:
+    """Runs the command line and ends this process; Ctrl-C exits 130 while modules are imported, too."""
+    try:
+        from compstiff.cli.main import main
+
+        main()
+    except KeyboardInterrupt:
+        files = sys.modules.get("identification.common.files")
+        os._exit(0 if files and files.written else INTERRUPTED)
+    except SystemExit as done:
+        import signal
+
+        # What was to be done is done: a Ctrl-C from here on changes nothing.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if done.code == INTERRUPTED:
+            # CPython dies by the signal at its end, with another exit code, if the interrupt once met code run by `exec`.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(INTERRUPTED)
+        raise
+
+
+if __name__ == "__main__":
+    run()

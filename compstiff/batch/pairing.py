@@ -1,0 +1,115 @@
+"""Many programs: which belong together with which log, and which files each is to become (FORMATS.md, Commands).
+
+A program and its log share their stem: `part.mod`, `part.forces.csv`. Nothing here reads what is inside the files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from compensator.correction.job import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
+from identification.common.findings import Finding, error
+
+LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Where a batch writes. offsets, report: None where they are not wanted."""
+
+    output: Path
+    offsets: Path | None = None
+    report: Path | None = None
+
+    def make(self) -> None:
+        """Makes those that are not there. Raises CompstiffError (CS0004)."""
+        for folder in (self.output, self.offsets, self.report):
+            if folder is None:
+                continue
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as reason:
+                raise error("CS0004", f"cannot be made: {reason.strerror}", file=str(folder),
+                            hint="a folder was expected here: give another name") from reason
+
+
+@dataclass(frozen=True)
+class Job:
+    """One program of a batch and the files it is to become. logs: its force logs, of which there should be one. rival: another
+    program of the batch that would write one of the same files, or has the same log."""
+
+    program: Path
+    logs: tuple[Path, ...]
+    output: Path
+    offsets: Path | None
+    report: Path | None
+    rival: Path | None = None
+
+    @property
+    def forces(self) -> Path:
+        """Its log. Raises CompstiffError: CS6001 several logs, CS6002 a rival."""
+        if self.rival:
+            raise error("CS6002", f"and {self.rival} have the same log or would become the same file", file=str(self.program),
+                        hint="programs of one batch need names of their own")
+        if len(self.logs) > 1:
+            raise error("CS6001", f"has {len(self.logs)} force logs: {', '.join(path.name for path in self.logs)}",
+                        file=str(self.program), hint="keep the one that was logged when this program was milled")
+        return self.logs[0]
+
+    @property
+    def written(self) -> tuple[Path, ...]:
+        """Every file that the correction writes."""
+        record = self.output.with_name(self.output.name + ".json")
+        return (self.output, record, *(path for path in (self.offsets, self.report) if path))
+
+
+def is_program(path: Path) -> bool:
+    """Whether a file of a folder is a toolpath: by its suffix, neither hidden nor a force log."""
+    name = path.name.lower()
+    return (path.suffix.lower() in TOOLPATH_SUFFIXES and not name.startswith(".") and not name.endswith(LOG_SUFFIXES)
+            and path.is_file())
+
+
+def programs_in(folder: Path) -> list[Path]:
+    """The toolpaths of a folder, by name; folders inside it are not looked into. Raises CompstiffError (CS0005)."""
+    try:
+        return sorted(path for path in folder.iterdir() if is_program(path))
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(folder)) from reason
+
+
+def log_beside(program: Path, folder: Path | None = None) -> Path | None:
+    """The log with the program's stem beside it, or in a folder; None without one, or with several."""
+    found = [path for suffix in LOG_SUFFIXES if (path := (folder or program.parent) / (program.stem + suffix)).is_file()]
+    return found[0] if len(found) == 1 else None
+
+
+def no_log(program: Path, folder: Path | None, then: str) -> Finding:
+    """What is said of a program without a log. folder: of the logs, None where each lies beside its program; then: what becomes
+    of it."""
+    return Finding("CS6000", "warning", f"has no force log {program.stem}{LOG_SUFFIXES[0]} (or .parquet) in "
+                   f"{folder or program.parent}; {then}", file=str(program),
+                   hint="log the forces of a first pass, or name the folder of the logs with --forces")
+
+
+def jobs_for(programs: Iterable[Path], logs: Path | None, folders: Folders) -> list[Job]:
+    """The programs with their logs (beside each, or in the folder `logs`) and the files they are to become. Toolpaths that are
+    not RAPID are written as RAPID."""
+    jobs = []
+    owner: dict[Path, Path] = {}
+    rivals: dict[Path, Path] = {}
+    for program in {path.resolve(): path for path in programs}.values():
+        place = logs or program.parent
+        found = tuple(path for suffix in LOG_SUFFIXES if (path := place / (program.stem + suffix)).is_file())
+        rapid = program.suffix.lower() in RAPID_SUFFIXES
+        job = Job(program, found, folders.output / (program.name if rapid else f"{program.stem}.mod"),
+                  folders.offsets / f"{program.stem}.offsets.csv" if folders.offsets else None,
+                  folders.report / f"{program.stem}.html" if folders.report else None)
+        jobs.append(job)
+        for path in (*job.written, *found):
+            other = owner.setdefault(path.resolve(), program)
+            if other is not program:
+                rivals |= {program: other, other: program}
+    return [replace(job, rival=rivals.get(job.program)) for job in jobs]

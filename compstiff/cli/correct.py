@@ -1,0 +1,79 @@
+"""The commands of every toolpath: `predict`, `correct`, `demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from compensator.correction.settings import Settings
+from compstiff.cli.console import EXISTING, PATH, command
+from compstiff.cli.options import CELL, CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, STIFFNESS, with_settings
+from compstiff.cli.watch import correct_batch, is_batch
+from compstiff.outcome import Outcome, Session
+
+if TYPE_CHECKING:
+    pass
+
+
+@command("correct", writes=True)
+@CELL
+@click.argument("toolpath_files", metavar="TOOLPATH...", nargs=-1, required=True, type=EXISTING)
+@STIFFNESS
+@click.option("--forces", "forces_file", type=EXISTING,
+              help="The force log of this program; of several the folder of their logs.  [default: beside each]")
+@click.option("-o", "--output", required=True, type=click.Path(), help="The corrected program to write; of several a folder.")
+@click.option("--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
+@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS)
+@click.option("--report", type=PATH, help="Also write an HTML report.")
+@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
+def correct(
+    session: Session, cell_file: Path, toolpath_files: tuple[Path, ...], stiffness_file: Path, forces_file: Path | None,
+    output: str, offsets: Path | None, report: Path | None, settings: Settings, jobs: int,
+) -> Outcome:
+    """Correct a milling program for the deflection under its logged forces.
+
+    CELL is cell.yaml, TOOLPATH a RAPID program; APT and CSV are posted as RAPID first (see post). Only the numbers of
+    corrected targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
+
+    Several programs, or a folder of them: each with its log part.forces.csv beside part.mod or in the folder --forces names.
+    Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
+    """
+    if is_batch(toolpath_files, output):
+        return correct_batch(session, cell_file, toolpath_files, stiffness_file, forces_file, Path(output), offsets, report,
+                             settings, jobs)
+    return _correct_one(session, cell_file, toolpath_files[0], stiffness_file, forces_file, Path(output), offsets, report,
+                        settings)
+
+
+def _correct_one(
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
+    offsets: Path | None, report: Path | None, settings: Settings,
+) -> Outcome:
+    from compensator.correction.files import correction_lines, run_correction
+    from compensator.correction.job import Inputs, summary
+    from compstiff.batch.pairing import log_beside
+
+    forces_file = forces_file or log_beside(toolpath_file)
+    if forces_file is None:
+        raise click.UsageError("Missing option '--forces': there is no force log " +
+                               f"{toolpath_file.stem}.forces.csv (or .parquet) beside the program.")
+    for path in (forces_file, offsets, report):
+        if path and path.is_dir():
+            raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
+    inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
+    if settings.correction.first_forces and not settings.correction.logged_with:
+        raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
+    corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
+    step = f"open {report} in a browser" if report else f"load {output}{_parts_of(output)} into the robot, first in air"
+    return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
+
+
+def _parts_of(output: Path) -> str:
+    """The parts that were written with a program, by its record: parts of an earlier split may lie beside them."""
+    import json
+
+    parts = [part["file"] for part in json.loads(output.with_name(output.name + ".json").read_bytes())["parts"]]
+    return f" and its parts {parts[0]} ... {parts[-1]}" if parts else ""

@@ -1,0 +1,171 @@
+"""`compstiff design`: which poses and loads to measure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from compstiff.cli.console import READABLE, WRITABLE, command
+from compstiff.outcome import Outcome, Session
+
+
+class Axes(click.ParamType[str]):
+    """One to three of x, y, z."""
+
+    name = "XYZ"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        text = str(value).lower()
+        if not text or set(text) - set("xyz") or len(set(text)) != len(text):
+            self.fail(f"'{value}' is not one to three different letters of xyz", param, ctx)
+        return text
+
+
+@command("design", writes=True)
+@click.argument("cell_file", metavar="CELL", type=READABLE)
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The plan to write: a measurement file to fill in.")
+@click.option("--measurements", type=click.IntRange(1, 60), help="Runs: poses, each with its loads.  [default: 8]")
+@click.option("--criterion", type=click.Choice(["D", "A", "E", "I"]),
+              help="What the plan is best for.  [default: I with --toolpath, else D]")
+@click.option("--toolpath", type=READABLE, help="The milling program whose predicted deflection shall be sure.")
+@click.option("--forces", "forces_file", type=READABLE, help="Its force log; without it all directions count alike.")
+@click.option("--protocol", type=click.Choice(["cycle", "single"]), default="cycle", show_default=True,
+              help="Loads at a pose: up, back to zero and the other way, or zero and one load.")
+@click.option("--axes", type=Axes(), default="xyz", show_default=True, help="Base axes the cylinder can push along.")
+@click.option("--every-axis", is_flag=True, help="At each pose load along every axis in turn.")
+@click.option("--direction", type=click.Choice(["axis", "free"]), default="axis", show_default=True,
+              help="Push along base axes, or at each pose along a line of its own.")
+@click.option("--max-force", type=click.FloatRange(1, 20000), default=300.0, show_default=True, help="Largest force [N].")
+@click.option("--position", "positions", type=float, nargs=3, multiple=True, metavar="X Y Z",
+              help="Where the TCP stands in the base frame [mm]; several: any of them.")
+@click.option("--box", type=float, nargs=6, metavar="X Y Z X Y Z", help="Or anywhere between these corners [mm].")
+@click.option("--phi", type=click.FloatRange(5, 180), default=80.0, show_default=True,
+              help="Window of the tool's orientation [deg]; 180: none.")
+@click.option("--replicates", type=click.IntRange(1, 10), default=1, show_default=True, help="Visits to each pose.")
+@click.option("--preset", type=click.Choice(["paper", "outlook"]),
+              help="The paper's plan (4 orientations, 5 loads); or its outlook, all three axes at each pose.")
+@click.option("--add", type=(click.IntRange(1, 60), READABLE), metavar="N MEASUREMENTS",
+              help="The next N runs, given what was measured.")
+@click.option("--diagnosis", type=READABLE, help="With --add: runs that tell its rival causes apart.")
+@click.option("--validate", "kept", type=click.IntRange(0, 20), default=0, show_default=True,
+              help="Further poses that are never fitted, to judge the fit by.")
+@click.option("--rapid", type=WRITABLE, help="Also write a RAPID program that drives through the poses.")
+@click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+@click.option("--quick", is_flag=True, help="A shorter search: a plan in a few seconds, a looser certificate.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random starts.")
+def design(
+    session: Session, cell_file: Path, output: Path, measurements: int | None, criterion: str | None, toolpath: Path | None,
+    forces_file: Path | None, protocol: str, axes: str, every_axis: bool, max_force: float,
+    positions: tuple[tuple[float, float, float], ...], box: tuple[float, ...] | None, phi: float, replicates: int,
+    preset: str | None, add: tuple[int, Path] | None, diagnosis: Path | None, kept: int, direction: str,
+    rapid: Path | None, report: Path | None, quick: bool, seed: int,
+) -> Outcome:
+    """Plan the poses and loads that tell most, and certify how good the plan is.
+
+    CELL is cell.yaml. The plan is a measurement file: fill in its deflections, then identify and diagnose it.
+
+    A run is one pose with its loads. Poses keep 2 deg from the joint limits, 10 deg from wrist and elbow singularities and
+    0.15 m from the shoulder's. Collisions are NOT checked: drive the program in manual mode first.
+    """
+    _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
+    _check_loads(axes, every_axis, direction, preset, diagnosis, add)
+    import json
+    import os
+
+    # Matrices of six by six: threads only get into each other's way, five times as slow where the cores are shared.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    import numpy as np
+
+    from compstiff.milling_poses import milling_poses
+    from identification.common.files import check_writable, write_whole
+    from identification.common.shipped import shipped
+    from identification.design.comparison import compared
+    from identification.design.discrimination import fitted_rivals, nothing_to_settle, read_diagnosis, settling_design
+    from identification.design.forecast import forecast
+    from identification.design.kept_back import kept_back
+    from identification.design.order import kinds, run_order
+    from identification.design.procedure import QUICK, Effort
+    from identification.design.procedure import design as search
+    from identification.design.program import program_text
+    from identification.design.record import Plan, comments, record, summary
+    from identification.design.request import Request, prepare
+    from identification.design.sheet import sheet, sheet_text
+    from identification.measurements import read_measurements
+    from identification.model.cell import read_cell
+
+    session.inputs += [path for path in (cell_file, toolpath, forces_file, add[1] if add else None, diagnosis) if path]
+    check_writable([path for path in (output, rapid, report) if path], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    milling, said = (None, ()) if toolpath is None else milling_poses(cell, toolpath, forces_file)
+    prepared = prepare(cell, Request(
+        measurements=add[0] if add else measurements, criterion=criterion, protocol=protocol, axes=axes,
+        every_axis=every_axis, free=direction == "free", force_n=max_force, positions_mm=positions, box_mm=box,
+        phi_deg=phi, replicates=replicates, preset=preset, measured=add[1] if add else None), milling)
+    rng = np.random.default_rng(seed)
+    findings = [*said, *prepared.findings]
+    rivals = {}
+    measured = read_measurements(add[1], cell.robot) if add else None
+    if measured is not None and diagnosis:
+        told = read_diagnosis(diagnosis, cell)
+        if told.verdict == "ambiguous":
+            rivals = fitted_rivals(cell, measured, told)
+        if len(rivals) < 2:
+            findings.append(nothing_to_settle(told))
+    session.say(f"searching {len(prepared.task.demand)} runs ...")
+    effort, settled = QUICK if quick else Effort(), None
+    if len(rivals) > 1:
+        found, settled = settling_design(prepared.task, rivals, rng, effort)
+    else:
+        found = search(prepared.task, rng, effort)
+    gain = None if prepared.plainer is None else compared(found, *prepared.plainer, rng)
+    further = kept_back(prepared.task.domain, found.pool, found.runs, kept)
+    every = found.runs.joined(further)
+    order = run_order(every.theta, kinds(every), cell.robot.speed, rng)
+    rows = sheet(every, prepared.task.domain.slots, order, replicates, np.arange(len(every)) >= len(found.runs),
+                 "A" if add else "P")
+    expected = forecast(found, rows.of_purpose(validate=False), measured, rng)
+    plan = Plan(prepared, found, rows, expected, settled, gain, measured is not None)
+    content = record(plan, seed)
+    head = comments(plan)
+    files = {output: sheet_text(rows, head).encode()}
+    if rapid:
+        text, more = program_text(prepared.task.domain, rows, shipped("rapid_templates"), rapid.stem, head)
+        files[rapid] = text.encode("ascii")
+        findings += more
+    if report:
+        from identification.design.pages import design_report
+
+        files[report] = design_report(plan, findings, content).encode()
+    json.dumps(content, allow_nan=False)
+    write_whole(files)
+    then = (f"append the rows to {add[1]}, then compstiff diagnose {cell_file} {add[1]} -o diagnosis.json" if add
+            else f"then compstiff identify {cell_file} {output} -o stiffness.json")
+    return Outcome(content, tuple(findings), summary(plan), next_step=f"measure it, fill in dx_um dy_um dz_um, {then}")
+
+
+def _check_call(
+    measurements: int | None, preset: str | None, add: tuple[int, Path] | None, positions: tuple[Any, ...],
+    box: tuple[float, ...] | None, forces: Path | None, toolpath: Path | None,
+) -> None:
+    """Raises click.UsageError for options that exclude each other."""
+    if positions and box:
+        raise click.UsageError("--position and --box exclude each other")
+    if add and (measurements or preset):
+        raise click.UsageError("--add says how many runs; it takes neither --measurements nor --preset")
+    if preset == "paper" and measurements:
+        raise click.UsageError("--preset paper has five measurements; leave --measurements out")
+    if forces and not toolpath:
+        raise click.UsageError("--forces belongs to --toolpath")
+
+
+def _check_loads(
+    axes: str, every_axis: bool, direction: str, preset: str | None, diagnosis: Path | None, add: tuple[int, Path] | None
+) -> None:
+    """Raises click.UsageError for options of the loads that exclude each other, or that are left without their partner."""
+    if direction == "free" and (preset or every_axis or axes != "xyz"):
+        raise click.UsageError("--direction free loads each pose along a line of its own; it takes no --axes, --every-axis or "
+                               "--preset")
+    if diagnosis and not add:
+        raise click.UsageError("--diagnosis belongs to --add N MEASUREMENTS: the rivals are fitted to what was measured")

@@ -1,0 +1,120 @@
+"""`compstiff diagnose`: what the model gets wrong, and why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from compstiff.cli.console import READABLE, WRITABLE, command
+from compstiff.outcome import Outcome, Session
+
+if TYPE_CHECKING:
+    pass
+
+
+@command("diagnose", writes=True)
+@click.argument("cell_file", metavar="CELL", type=READABLE)
+@click.argument("measurements_file", metavar="[MEASUREMENTS]", required=False, type=READABLE)
+@click.option("-o", "--output", type=WRITABLE, help="The diagnosis file to write; required with MEASUREMENTS.")
+@click.option("--plan", type=READABLE, help="A plan in place of measurements: what it could and could not tell apart.")
+@click.option("--extended", type=WRITABLE, help="Also write the extended model, a stiffness file that correct uses.")
+@click.option("--alarm", type=click.FloatRange(0.001, 0.5), default=0.05, show_default=True,
+              help="Rate of false alarms, over the whole dictionary.")
+@click.option("--replicates", type=click.IntRange(19, 9999), default=199, show_default=True,
+              help="Simulated data sets behind the p-value; its resolution is 1 / (replicates + 1).")
+@click.option("--validate", type=READABLE, help="A joint deflection log that is not fitted: the gain is measured on it.")
+@click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+def diagnose(
+    session: Session, cell_file: Path, measurements_file: Path | None, output: Path | None, plan: Path | None,
+    extended: Path | None, alarm: float, replicates: int, validate: Path | None, report: Path | None,
+) -> Outcome:
+    """Show what the model gets wrong, name the cause, measure the gain.
+
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
+    log.
+    """
+    if plan is not None:
+        if measurements_file is not None or extended is not None or report is not None:
+            raise click.UsageError("--plan stands in place of MEASUREMENTS, and writes neither --extended nor --report")
+        return _judge_plan(session, cell_file, plan, output)
+    if measurements_file is None or output is None:
+        raise click.UsageError("give MEASUREMENTS and -o DIAGNOSIS, or --plan FILE")
+    import json
+
+    from identification.motion.log_file import is_motion_log
+
+    if is_motion_log(measurements_file):
+        from compstiff.cli.motion import diagnose_log
+
+        return diagnose_log(session, cell_file, measurements_file, validate, output, extended=extended, alarm=alarm,
+                            replicates=replicates, report=report)
+    if validate is not None:
+        raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
+
+    from identification.common.files import check_writable, write_whole
+    from identification.diagnosis.procedure import diagnose
+    from identification.diagnosis.record import diagnosis_findings, record, summary
+    from identification.measurements import read_measurements
+    from identification.model.cell import read_cell
+
+    session.inputs += [cell_file, measurements_file]
+    optional = [path for path in (extended, report) if path]
+    check_writable([output, *optional], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    measurements = read_measurements(measurements_file, cell.robot)
+    found = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
+    content = record(cell, measurements, found)
+    findings = diagnosis_findings(cell, measurements, found)
+    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    if extended:
+        from identification.diagnosis.extended_model import extended_model
+
+        model = extended_model(cell, found).as_dict()
+        files[extended] = (json.dumps(model, indent=1, allow_nan=False) + "\n").encode()
+        if not model["effects"]:
+            session.say(f"{extended} is the model of six springs: no effect of the robot is named")
+    if report:
+        from identification.diagnosis.pages import diagnosis_report
+
+        files[report] = diagnosis_report(cell, measurements, found, findings).encode()
+    write_whole(files)
+    following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
+                 "-o PART_corrected.mod") if extended else ""
+    return Outcome(content, findings, summary(cell, found), next_step=following or _next_after(found.verdict, cell_file,
+                                                                                          measurements_file, output))
+
+
+def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
+    """What a plan could and could not tell apart."""
+    import json
+
+    from identification.common.files import check_writable, write_whole
+    from identification.diagnosis.plan import outlook, plan_lines
+    from identification.measurements import read_measurements
+    from identification.model.cell import read_cell
+
+    session.inputs += [cell_file, plan]
+    check_writable([output] if output else [], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    rows = read_measurements(plan, cell.robot, planned=True)
+    found, left_out = outlook(cell, rows.select(~rows.validate))
+    content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
+               "not_offered": left_out}
+    if output:
+        write_whole({output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()})
+    return Outcome(content, rows.findings, plan_lines(found, left_out),
+                   next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
+
+
+def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
+    """What a user would do after this verdict."""
+    if verdict == "named":
+        return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
+    if verdict == "adequate":
+        return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+    if verdict == "ambiguous":
+        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
+                "loads that tell them apart; measure them, add the rows, then diagnose again")
+    return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"

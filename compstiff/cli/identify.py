@@ -1,0 +1,91 @@
+"""`compstiff identify`: joint stiffnesses from load tests, or from joint deflection logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from compstiff.cli.console import READABLE, WRITABLE, command
+from compstiff.outcome import Outcome, Session
+
+if TYPE_CHECKING:
+    from identification.fit.fit import Fit
+    from identification.fit.priors import PriorKind
+
+
+@command("identify", writes=True)
+@click.argument("cell_file", metavar="CELL", type=READABLE)
+@click.argument("measurements_file", metavar="MEASUREMENTS", type=READABLE)
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The stiffness file to write.")
+@click.option("--prior", "prior_kind", type=click.Choice(["lognormal", "gaussian"]), default="lognormal", show_default=True,
+              help="Shape of the prior; gaussian in k is the paper's.")
+@click.option("--gamma", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+              help="Weight of the Gaussian prior (paper, eq. 11).")
+@click.option("--profile", is_flag=True, help="Also compute each stiffness's profile likelihood (in --json and the report).")
+@click.option("--also", multiple=True, type=READABLE, help="A further joint deflection log; may be given several times.")
+@click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+def identify(
+    session: Session, cell_file: Path, measurements_file: Path, output: Path, prior_kind: PriorKind, gamma: float,
+    profile: bool, also: tuple[Path, ...], report: Path | None,
+) -> Outcome:
+    """Learn the joint stiffnesses from measured loads and deflections.
+
+    CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
+    log.
+    """
+    import json
+
+    from identification.motion.log_file import is_motion_log
+
+    if is_motion_log(measurements_file):
+        from compstiff.cli.motion import identify_logs
+
+        if prior_kind != "lognormal" or gamma != 1.0 or profile:
+            raise click.UsageError("--prior, --gamma and --profile are for measured TCP deflections, not for logs in motion")
+        return identify_logs(session, cell_file, [measurements_file, *also], output, report)
+    if also:
+        raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
+
+    from identification.common.files import check_writable, write_whole
+    from identification.fit.fit import fit_stiffness
+    from identification.measurements import read_measurements
+    from identification.model.cell import read_cell
+
+    session.inputs += [cell_file, measurements_file]
+    check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
+    cell = read_cell(cell_file)
+    measurements = read_measurements(measurements_file, cell.robot)
+    fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
+    content = fit.model.as_dict()
+    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    if report:
+        from identification.fit.report import identification_report
+
+        files[report] = identification_report(cell, measurements, fit).encode()
+    write_whole(files)
+    return Outcome(content | {"details": fit.details()}, fit.findings, stiffness_lines(fit),
+                   next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
+                   "-o PART_corrected.mod")
+
+
+def stiffness_lines(fit: Fit) -> list[str]:
+    """The fit as a table for the terminal."""
+    model = fit.model
+    lines = ["joint   stiffness k [N m/rad]   95 % interval                grade"]
+    for joint, (k, (low, high), grade) in enumerate(
+            zip(model.stiffness, model.interval_95, model.grades, strict=True), start=1):
+        digits = 3 if high / low > 1.02 else 4
+        interval = f"{low:.{digits}g} ... {high:.{digits}g}"
+        lines.append(f"k{joint}      {k:<22.{digits}g}  {interval:<27}  {grade}")
+    noise = model.fit["noise"]
+    offset = sum(noise["pose_offset_um"]) / 3
+    lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: sensor "
+                 f"{noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
+    lines.append(fit.ellipsoid.words)
+    if fit.held_out is not None:
+        before, after = fit.held_out
+        lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
+                     "the identified")
+    return lines

@@ -1,0 +1,156 @@
+"""The options of a job's settings: how the log is read, the toolpath posted, the program corrected."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from compensator.correction.settings import DEFAULTS, SLOPE, Estimate, Settings
+from compstiff.cli.console import READABLE, WRITABLE
+
+
+class TargetRange(click.ParamType[tuple[int, int]]):
+    """Two target numbers, FIRST:LAST."""
+
+    name = "FIRST:LAST"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value[0], value[1]
+        first, colon, last = str(value).partition(":")
+        if not (colon and first.isdigit() and last.isdigit() and int(first) <= int(last)):
+            self.fail(f"'{value}' is not a range of targets such as 0:3", param, ctx)
+        return int(first), int(last)
+
+
+class Scaled(click.ParamType[float]):
+    """A finite number of at least `low` in the unit of the help text, times `factor` in SI."""
+
+    name = "NUMBER"
+
+    def __init__(self, factor: float, low: float = 0.0) -> None:
+        self.factor, self.low = factor, low
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not (math.isfinite(number) and number >= self.low):
+            self.fail(f"'{value}' is not a number of at least {self.low:g}", param, ctx)
+        return float(f"{self.factor * number:.12g}")       # a default said in other units is the default again
+
+
+class ScaledEstimate(click.ParamType[Estimate]):
+    """A positive number, with its standard error behind a colon where it is known: VALUE[:STD]."""
+
+    name = "VALUE[:STD]"
+
+    def __init__(self, factor: float) -> None:
+        self.factor = factor
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Estimate:
+        if isinstance(value, Estimate):
+            return value
+        number = Scaled(self.factor)
+        size, _, std = str(value).partition(":")
+        estimate = Estimate(number.convert(size, param, ctx), number.convert(std or 0, param, ctx))
+        if not estimate.value > 0:
+            self.fail(f"'{value}' is not positive", param, ctx)
+        return estimate
+
+
+class Direction(click.ParamType[tuple[float, float, float]]):
+    """Three numbers, X,Y,Z."""
+
+    name = "X,Y,Z"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float, float]:
+        try:
+            x, y, z = (float(part) for part in (value if isinstance(value, tuple) else str(value).split(",")))
+        except ValueError:
+            self.fail(f"'{value}' is not a direction such as 1,0,0", param, ctx)
+        if not 0 < math.hypot(x, y, z) < math.inf:
+            self.fail(f"'{value}' has no direction", param, ctx)
+        return x, y, z
+
+
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+CELL = click.argument("cell_file", metavar="CELL", type=READABLE)
+TOOLPATH = click.argument("toolpath_file", metavar="TOOLPATH", type=READABLE)
+STIFFNESS = click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
+FORCES = click.option("--forces", "forces_file", required=True, type=READABLE, help="The force log of this program.")
+REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML report.")
+
+# How the force log is read and placed: `predict` and `correct`.
+FORCE_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--tare", type=TargetRange(), multiple=True,
+                 help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
+    click.option("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
+                 help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
+    click.option("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
+                 help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
+    click.option("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
+                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
+)
+# How an APT or CSV toolpath becomes RAPID: `post`, `predict` and `correct`.
+POSTING_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--zone-mm", type=click.FloatRange(0, 200), default=DEFAULTS.posting.zone_mm, show_default=True,
+                 help="APT, CSV: fly-by zone of the moves, 0 for stop points."),
+    click.option("--rapid-mm-s", type=click.FloatRange(1, 7000), default=DEFAULTS.posting.rapid_mm_s, show_default=True,
+                 help="APT, CSV: speed in the air."),
+    click.option("--feed-mm-s", type=click.FloatRange(0, 7000, min_open=True), default=DEFAULTS.posting.feed_mm_s,
+                 show_default=True,
+                 help="CSV: feed where the table has none."),
+    click.option("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
+)
+# One module or several: `post` and `correct`.
+SPLITTING_OPTIONS: tuple[Decorator, ...] = (
+    click.option("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
+    click.option("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
+)
+# How the program is corrected: `correct` alone.
+CORRECTION_OPTIONS: tuple[Decorator, ...] = (
+    *SPLITTING_OPTIONS,
+    click.option("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.correction.confidence, show_default=True,
+                 help="Probability with which a correction must make its point better, else it is reduced or left out."),
+    click.option("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
+                 f"[um/mm]; steeper steps are reduced.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
+    click.option("--tolerance", type=Scaled(1e-6, low=0.1), default=1e6 * DEFAULTS.correction.tolerance, show_default=True,
+                 help="Along a long MoveL or a MoveC the correction may be off what its place asks for by so much [um]; "
+                      "beyond, "
+                 "intermediate targets are added."),
+    click.option("--long-move", type=Scaled(1e-3, low=1.0), default=1e3 * DEFAULTS.correction.long_move, show_default=True,
+                 help="A MoveL of this length [mm] may get intermediate targets."),
+    click.option("--keep-targets", is_flag=True, help="Add no intermediate targets."),
+    click.option("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
+    click.option("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
+    click.option("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
+    click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
+    click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
+                 "give the cutting stiffness."),
+    click.option("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
+    click.option("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
+)
+
+
+def with_settings(*options: Decorator) -> Decorator:
+    """Adds the options to a command's body and hands their values over as `settings`, a `Settings`."""
+
+    def decorate(body: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(body)
+        def run(*positional: Any, **arguments: Any) -> Any:
+            chosen = {name: arguments.pop(name) for name in DEFAULTS.values() if name in arguments}
+            return body(*positional, settings=Settings.of(**chosen), **arguments)
+
+        decorated: Callable[..., Any] = run
+        for option in reversed(options):
+            decorated = option(decorated)
+        return decorated
+
+    return decorate

@@ -1,0 +1,51 @@
+"""`compstiff predict`: how far the tool is pushed off its path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from compensator.correction.settings import Settings
+from compstiff.cli.console import WRITABLE, command
+from compstiff.cli.options import CELL, FORCE_OPTIONS, FORCES, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
+from compstiff.outcome import Outcome, Session
+
+
+@command("predict", writes=True)
+@CELL
+@TOOLPATH
+@STIFFNESS
+@FORCES
+@click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
+@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS)
+@REPORT
+def predict(
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
+    report: Path | None, settings: Settings,
+) -> Outcome:
+    """Predict how far the tool is pushed off its path.
+
+    CELL is cell.yaml, TOOLPATH a RAPID program, APT or CSV; the deviation and its standard deviation are written target by
+    target.
+    """
+    from compensator.correction.files import prediction_lines
+    from compensator.correction.job import Inputs, check_distinct, predict_program, rapid_suffix, summary
+    from compensator.correction.offsets import deviation_csv
+    from identification.common.files import check_writable, write_whole
+
+    inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
+    outputs = [output, *([report] if report else [])]
+    check_distinct(inputs, outputs)
+    check_writable(outputs, overwrite=session.overwrite)
+    predicted = predict_program(inputs, settings)
+    files = {output: deviation_csv(predicted)}
+    if report:
+        from compensator.correction.report import path_report
+
+        files[report] = path_report(predicted, None).encode()
+    write_whole(files)
+    return Outcome(summary(predicted), predicted.findings, prediction_lines(predicted),
+                   next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
+                   f"{forces_file}{settings.as_options()} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")

@@ -1,0 +1,117 @@
+"""What a command, or one program of a batch, has to say: its result, its findings, its exit code (docs/formats.md)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from identification.common.findings import Finding
+
+DONE, FAILED, USAGE, REFUSED, DEFECT, INTERRUPTED = 0, 1, 2, 3, 70, 130
+STATUS = {DONE: "ok", FAILED: "failed", REFUSED: "refused", DEFECT: "defect", INTERRUPTED: "interrupted"}
+
+
+@dataclass
+class Outcome:
+    """What a command has to show: result (JSON values), findings, and the text a person reads.
+
+    lines: printed on stdout without `--json`. next_step: the command a user would call now. exit_code: not DONE where the
+    job was done and the answer is no, where the worst of several jobs counts, or where the command itself can say what Ctrl-C
+    left.
+    """
+
+    result: dict[str, Any] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    lines: list[str] = field(default_factory=list)
+    next_step: str = ""
+    exit_code: int = DONE
+
+
+@dataclass
+class Session:
+    """The options all commands share, and the input files named so far.
+
+    jobs: the command does several jobs and shows each by itself, with `--json` on one line.
+    """
+
+    command: str
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    overwrite: bool = False
+    jobs: bool = False
+    inputs: list[Path] = field(default_factory=list)
+
+    def say(self, text: str) -> None:
+        """A message for the person at the terminal, on stderr."""
+        if not self.quiet and not self.as_json:
+            click.echo(text, err=True)
+
+
+def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str, int]:
+    """Runs the body: what it has to say, its status, its exit code. Nothing but a wrong call is raised."""
+    from identification.common import files, progress
+    from identification.common.findings import CompstiffError, Finding
+
+    progress.shown.set(sys.stderr.isatty() and not session.quiet and not session.as_json)
+    before = len(files.written)
+    try:
+        outcome = body()
+    except CompstiffError as stopped:
+        return Outcome(findings=stopped.findings), STATUS.get(stopped.exit_code, "failed"), stopped.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        # The demo writes in several steps; every other command in one, its last.
+        if len(files.written) > before and session.command != "demo" and not session.jobs:
+            return Outcome(findings=(Finding("CS0011", "note", "interrupted after the output was complete"),)), "ok", DONE
+        left = "the program under way was not written" if session.jobs else "nothing was written"
+        return Outcome(findings=(Finding("CS0010", "error", f"interrupted; {left}"),)), "interrupted", INTERRUPTED
+    except click.ClickException:
+        raise
+    except Exception as defect:
+        return Outcome(findings=(_defect(session, defect),)), "defect", DEFECT
+    return outcome, STATUS.get(outcome.exit_code, "failed"), outcome.exit_code
+
+
+def _defect(session: Session, defect: Exception) -> Finding:
+    """An unexpected exception as a finding, its traceback kept in a log file."""
+    from identification.common.findings import Finding
+
+    log = "(the log could not be written)"
+    with contextlib.suppress(OSError):
+        handle, log = tempfile.mkstemp(prefix="compstiff-", suffix=".log")
+        with os.fdopen(handle, "w") as stream:
+            stream.write(f"compstiff {session.command}, arguments {sys.argv[1:]}\n\n{traceback.format_exc()}")
+    return Finding("CS0070", "error", f"a defect in compstiff: {type(defect).__name__}: {defect}",
+                   hint=f"nothing was written; please report it with the log file {log}")
+
+
+def document(session: Session, outcome: Outcome, status: str, code: int) -> dict[str, Any]:
+    """What `--json` prints of one job (FORMATS.md, Exit codes)."""
+    from identification.common.findings import fold
+
+    findings = outcome.findings if session.verbose else fold(outcome.findings)
+    return {
+        "format": f"compstiff-{session.command}", "version": 1, "status": status, "exit_code": code,
+        "findings": [finding.as_dict() for finding in findings],
+        "inputs": _inputs(session.inputs), "result": outcome.result if outcome.result or code == DONE else None,
+    }
+
+
+def _inputs(paths: Iterable[Path]) -> list[dict[str, str]]:
+    from identification.common.files import sha256
+
+    listed = []
+    for path in paths:
+        with contextlib.suppress(OSError):
+            listed.append({"file": str(path), "sha256": sha256(path)})
+    return listed

@@ -1,0 +1,31 @@
+"""The catalogue of findings: one page a code, cause, effect, remedy (`compstiff explain CODE`)."""
+
+from __future__ import annotations
+
+import difflib
+from functools import cache
+from pathlib import Path
+
+import yaml
+
+from identification.common.findings import error
+
+CATALOGUE = Path(__file__).parent / "catalogue.yaml"
+
+
+@cache
+def catalogue() -> dict[str, dict[str, str]]:
+    """All pages by code: title, cause, effect, remedy."""
+    pages: dict[str, dict[str, str]] = yaml.safe_load(CATALOGUE.read_text(encoding="utf-8"))
+    return {code: {key: " ".join(text.split()) for key, text in page.items()} for code, page in pages.items()}
+
+
+def explain_code(code: str) -> dict[str, str]:
+    """One page, with its code. Raises CompstiffError (CS0009) for a code that does not exist."""
+    name = code.upper()
+    pages = catalogue()
+    if name not in pages:
+        near = difflib.get_close_matches(name, pages, n=3, cutoff=0.5)
+        raise error("CS0009", f"there is no code '{code}'", hint=f"near it: {', '.join(near)}" if near else "codes look "
+                    "like CS1002")
+    return {"code": name, **pages[name]}

@@ -1,0 +1,87 @@
+"""Files: whole or not at all, and named by their SHA-256."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import signal
+import tempfile
+import threading
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from identification.common.findings import error
+
+# Output files of this process that are in place: from then on an interrupt finds the work done.
+written: list[Path] = []
+
+
+def sha256(path: str | Path) -> str:
+    """Hexadecimal SHA-256 of a file's bytes."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def check_writable(paths: Iterable[Path], *, overwrite: bool) -> None:
+    """Raises (CS0003) for the first path that exists, unless `overwrite`, and (CS0004) for a folder that is not there."""
+    for path in paths:
+        if path.is_dir():
+            raise error("CS0004", "is a folder, a file name was expected", file=str(path))
+        if path.exists() and not overwrite:
+            raise error("CS0003", "exists already and is not overwritten", file=str(path),
+                        hint="give another name, or --force to overwrite it")
+        if not path.parent.is_dir():
+            raise error("CS0004", f"cannot be written: there is no folder {path.parent}", file=str(path),
+                        hint="make the folder first")
+
+
+def write_whole(files: dict[Path, bytes]) -> None:
+    """Writes all files or none: each to a temporary name beside its target, then all renamed (FORMATS.md, Conventions).
+
+    Raises CompstiffError (CS0004) when the system refuses (no space, no permission); then no target has changed.
+    """
+    temporary: dict[Path, str] = {}
+    try:
+        for path, content in files.items():
+            handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+            temporary[path] = name
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.chmod(name, _mode(path))
+        with _uninterrupted():
+            for path, name in temporary.items():
+                os.replace(name, path)
+            written.extend(temporary)
+    except OSError as reason:
+        raise error("CS0004", f"cannot be written: {reason.strerror or reason}",
+                    file=str(reason.filename or next(iter(files))),
+                    hint="check free space and permissions; nothing was changed") from reason
+    finally:
+        for name in temporary.values():
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(name)
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C is dropped in here: between two renames it would leave some files new and some old."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _mode(path: Path) -> int:
+    """Permissions of the file that is replaced, else what the umask leaves of rw-rw-rw-."""
+    with contextlib.suppress(FileNotFoundError):
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

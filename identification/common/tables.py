@@ -1,0 +1,175 @@
+"""Tables of numbers from CSV or Parquet, every complaint with its line and column (FORMATS.md, Conventions)."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from identification.common.findings import CompstiffError, Finding, Level, error
+
+Array = NDArray[np.float64]
+MOST_COMPLAINTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns of equal length by name: floats, or text where the caller asked for it. line (N,): source line of each row.
+    findings: columns that were not read."""
+
+    source: str
+    numbers: dict[str, Array]
+    texts: dict[str, NDArray[np.object_]]
+    line: NDArray[np.intp]
+    columns: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def stack(self, *names: str) -> Array:
+        """Columns side by side (N, len(names))."""
+        return np.column_stack([self.numbers[name] for name in names])
+
+    def column(self, name: str) -> int:
+        """Position of a column in the file, from 1."""
+        return self.columns.index(name) + 1
+
+
+def read_table(
+    path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
+    may_be_empty: Sequence[str] = (), together: Sequence[Sequence[str]] = (),
+) -> Table:
+    """Reads the named columns, leaves the others alone and says so.
+
+    required, optional: columns of finite numbers. texts: optional columns of text. may_be_empty: among the number
+    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there. Raises
+    CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
+    where a number must be.
+    """
+    path = Path(path)
+    frame, line, header_line = _parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _csv(path)
+    names = [str(name) for name in frame.columns]
+    missing = [name for name in required if name not in names]
+    if missing:
+        raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
+                    f"found {', '.join(names) or 'none'}", file=str(path), line=header_line,
+                    hint="the header line names the columns, unit included, as in docs/formats.md of the project")
+    for group in together:
+        there = [name for name in group if name in names]
+        if there and len(there) < len(group):
+            raise error("CS0202", f"found {', '.join(there)} without {', '.join(name for name in group if name not in names)}",
+                        file=str(path), line=header_line, hint="give all of them or none")
+    numbers: dict[str, Array] = {}
+    findings: list[Finding] = []
+    for name in [*required, *(name for name in optional if name in names)]:
+        values, bad = as_floats(frame[name], empty=name in may_be_empty)
+        numbers[name] = values
+        findings += [
+            Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number",
+                    file=str(path), line=int(line[row]), column=names.index(name) + 1,
+                    hint="mend the cell, or delete the row if the value is lost")
+            for row in bad[:MOST_COMPLAINTS]
+        ]
+    if findings:
+        raise CompstiffError(*sorted(findings, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
+    labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
+              for name in texts if name in names}
+    known = (*required, *optional, *texts)
+    other = unread([name for name in names if name not in known], [name for name in known if name not in names])
+    notes = [Finding("CS0204", level, text, file=str(path), line=header_line) for level, text in other]
+    return Table(str(path), numbers, labels, line, tuple(names), tuple(notes))
+
+
+def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
+    """What to say of columns that are not read: a warning for one that looks like a misspelt name."""
+    said: list[tuple[Level, str]] = []
+    others = []
+    for name in extra:
+        near = difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.6)
+        if near:
+            said.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?"))
+        else:
+            others.append(name)
+    if others:
+        said.append(("note", f"columns that are not read: {', '.join(others)}"))
+    return said
+
+
+def shown(value: object) -> str:
+    return "an empty cell" if value is None or value == "" or value is pd.NA or value != value else f"'{value}'"
+
+
+def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp]]:
+    """The column as floats and the rows that are not finite numbers."""
+    if column.dtype.kind in "fiu":
+        values = column.to_numpy(dtype=float)
+        return values, np.flatnonzero(~(np.isfinite(values) | (empty & np.isnan(values))))
+    text = column.fillna("").astype(str).str.strip()
+    values = pd.to_numeric(text.where(text != "", None), errors="coerce").to_numpy(dtype=float)
+    good = np.isfinite(values) | (empty & (text == "").to_numpy())
+    return values, np.flatnonzero(~good)
+
+
+def _parquet(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        frame = pq.read_table(path).to_pandas()
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(path)) from reason
+    except pa.ArrowInvalid as reason:
+        raise error("CS0201", f"is not a Parquet file: {reason}", file=str(path)) from reason
+    # A Parquet file has no lines; rows are counted as if a header stood above them.
+    return frame, np.arange(2, len(frame) + 2), 1
+
+
+def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+    """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        raise error("CS0201", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=str(path)) from reason
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+    plain = text.replace("\r\n", "\n").replace("\r", "\n")
+    lines = plain.split("\n")
+    kept = [index for index, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
+    if not kept:
+        raise error("CS0201", "is empty: a header line with column names was expected", file=str(path), line=1)
+    header = lines[kept[0]]
+    separator = next((mark for mark in (";", "\t", ",") if mark in header), ",")
+    body = [lines[index] for index in kept[1:]]
+    if separator != ",":
+        body = [re.sub(r"(?<=\d),(?=\d)", ".", line) for line in body] if any("," in line for line in body) else body
+    try:
+        names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]
+    except csv.Error as reason:
+        raise error("CS0201", f"the header line is not CSV: {reason}", file=str(path), line=kept[0] + 1) from reason
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise error("CS0202", f"column twice: {', '.join(twice)}", file=str(path), line=kept[0] + 1)
+    widths = np.array([line.count(separator) + 1 for line in body], dtype=int)
+    wrong = np.flatnonzero(widths != len(names)) if '"' not in plain else np.empty(0, dtype=int)
+    if len(wrong):
+        row = int(wrong[0])
+        raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(path),
+                    line=kept[1:][row] + 1, hint=f"cells are separated by {separator!r}, taken from the header line")
+    try:
+        frame = pd.read_csv(io.StringIO("\n".join(body)), sep=separator, names=names, header=None, na_values=[""],
+                            keep_default_na=False, skipinitialspace=True, skip_blank_lines=False, engine="c",
+                            low_memory=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
+        if not body:
+            return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp), kept[0] + 1
+        raise error("CS0201", f"is not a table: {reason}", file=str(path)) from reason
+    return frame, np.array(kept[1:], dtype=np.intp) + 1, kept[0] + 1

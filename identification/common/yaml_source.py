@@ -1,0 +1,160 @@
+"""YAML files checked against a pydantic model, each complaint with its line and column."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import yaml
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, FiniteFloat, ValidationError
+
+from identification.common.findings import CompstiffError, Finding, error
+
+Place = tuple[int, int]
+Key = tuple[str | int, ...]
+
+
+class Strict(BaseModel):
+    """Base of the file models: unknown keys are errors, values cannot change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _positive(value: float) -> float:
+    if value <= 0:
+        raise ValueError("must be greater than zero")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError("must not be negative")
+    return value
+
+
+def _unit(value: tuple[float, ...]) -> tuple[float, ...]:
+    norm = sum(component**2 for component in value) ** 0.5
+    if abs(norm - 1) > 1e-3:
+        raise ValueError(f"must be a unit quaternion w x y z (norm 1 within 1e-3); its norm is {norm:.6g}")
+    return value
+
+
+def _for_each_joint(value: object) -> object:
+    if isinstance(value, (list, tuple)):
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError("must be a number, or six of them, one a joint")
+    return (_positive(value),) * 6
+
+
+Positive = Annotated[FiniteFloat, AfterValidator(_positive)]
+NotNegative = Annotated[FiniteFloat, AfterValidator(_not_negative)]
+Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Quaternion = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)]
+# A single number stands for all six joints.
+EachJoint = Annotated[tuple[Positive, Positive, Positive, Positive, Positive, Positive], BeforeValidator(_for_each_joint)]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader that reads 2.03e6 as a number (YAML 1.2), which PyYAML's YAML 1.1 takes for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?$|^[-+]?\.(inf|Inf|INF)$|^\.(nan|NaN|NAN)$"),
+    list("-+.0123456789"),
+)
+
+
+def read_yaml(path: str | Path, model: type[Model]) -> Model:
+    """The file as `model`. Raises CompstiffError (CS0101 not YAML, CS0102 wrong content) with every place at fault."""
+    name = str(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+        node = yaml.compose(text, Loader=_Loader)
+        places: dict[Key, Place] = {}
+        content = None if node is None else _plain(node, (), places, name)
+    except UnicodeDecodeError as reason:
+        raise error("CS0101", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=name) from reason
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
+    except yaml.MarkedYAMLError as reason:
+        mark = reason.problem_mark
+        where = {"line": mark.line + 1, "column": mark.column + 1} if mark else {}
+        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, **where) from reason
+    except yaml.YAMLError as reason:
+        raise error("CS0101", f"is not YAML: {reason}", file=name) from reason
+    except RecursionError as reason:
+        raise error("CS0101", "is not a file of this kind: brackets nested too deeply", file=name) from reason
+    if not isinstance(content, dict):
+        raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1,
+                    hint="is this the YAML file that is meant? CELL, the cell.yaml, comes first on the command line")
+    try:
+        return model.model_validate(content)
+    except ValidationError as reason:
+        raise CompstiffError(*(_complaint(item, model, places, name) for item in reason.errors())) from reason
+
+
+def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> Any:
+    """The node's value as Python data; `places` receives where each key stands."""
+    places.setdefault(key, (node.start_mark.line + 1, node.start_mark.column + 1))
+    if isinstance(node, yaml.MappingNode):
+        mapping: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            label = str(key_node.value)
+            line, column = key_node.start_mark.line + 1, key_node.start_mark.column + 1
+            if label in mapping:
+                raise error("CS0102", f"key '{label}' stands here a second time", file=name, line=line, column=column)
+            places[(*key, label)] = (line, column)
+            mapping[label] = _plain(value_node, (*key, label), places, name)
+        return mapping
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(item, (*key, index), places, name) for index, item in enumerate(node.value)]
+    loader = _Loader("")
+    try:
+        return loader.construct_object(node, deep=True)
+    except ValueError as reason:
+        line, column = places[key]
+        raise error("CS0102", f"a value that cannot be read: {reason}", file=name, line=line, column=column) from reason
+    finally:
+        loader.dispose()
+
+
+def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name: str) -> Finding:
+    """A pydantic error as a finding at its line and column."""
+    key: Key = tuple(item["loc"])
+    known = key
+    while known and known not in places:
+        known = known[:-1]
+    line, column = places.get(known, (1, 1))
+    label = ".".join(f"{part + 1}" if isinstance(part, int) else part for part in key)
+    hint = ""
+    if item["type"] == "extra_forbidden":
+        message = f"unknown key '{label}'"
+        near = difflib.get_close_matches(str(key[-1]), _keys(model, key[:-1]), n=1, cutoff=0.0)
+        hint = f"the nearest known key is '{near[0]}'" if near else ""
+    elif item["type"] == "missing":
+        message = f"key '{label}' is missing"
+    else:
+        what = item["msg"].removeprefix("Value error, ")
+        message = f"'{label}': {what[0].lower()}{what[1:]}; found {item['input']!r}"
+    return Finding("CS0102", "error", message, file=name, line=line, column=column, hint=hint)
+
+
+def _keys(model: type[BaseModel], path: Key) -> list[str]:
+    """The keys the model knows at this path."""
+    current: Any = model
+    for part in path:
+        if isinstance(part, str):
+            current = current.model_fields[part].annotation
+        for candidate in (current, *getattr(current, "__args__", ())):
+            inner = (candidate, *getattr(candidate, "__args__", ()))
+            found = [c for c in inner if isinstance(c, type) and issubclass(c, BaseModel)]
+            if found:
+                current = found[0]
+                break
+    return list(current.model_fields) if isinstance(current, type) and issubclass(current, BaseModel) else []

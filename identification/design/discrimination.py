@@ -1,0 +1,191 @@
+"""Runs after a diagnosis that could not decide: those under which the rivals, each fitted to what was measured, differ most.
+
+The rivals are fitted again from the measurements, among the names that diagnosis.json lists; the choice among the admissible
+runs is diagnosis/settle.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.findings import Finding, error
+from identification.design.certificate import certify
+from identification.design.domain import Pool, random_pool
+from identification.design.exchange import Demand, many_exchanges
+from identification.design.procedure import Design, Effort, Task, refined, total_information
+from identification.design.sheet import DWELL_S
+from identification.diagnosis.blocks import in_blocks
+from identification.diagnosis.discrimination import Separation, planned_rows, rivals_of, separation, settling
+from identification.diagnosis.procedure import converged
+from identification.diagnosis.record import FORMAT
+from identification.fit.posterior import Posterior, posterior
+from identification.fit.priors import PriorModel
+from identification.measurements import Measurements
+from identification.model.cell import Cell
+from identification.model.effects import Effect, effects
+
+Array = NDArray[np.float64]
+# Poses that are compared, and the bound on the probability of a wrong name under which more runs settle nothing.
+POSES = 150
+SETTLED = 0.02
+# Two rivals that no run separates by more sigmas than this are the same for the plan.
+ALIKE_SIGMAS = 1.0
+# Above this probability of a wrong name it is said what else may help.
+DOUBTFUL = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosed:
+    """What diagnosis.json says: verdict, and of an ambiguous one the names (effect, joint) with their probabilities; bad_rows:
+    rows it left out."""
+
+    verdict: str
+    names: tuple[tuple[str, int | None], ...]
+    bad_rows: tuple[int, ...]
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """What the runs are expected to decide. names, probability (R): the rivals. before, after: bound on the probability of the
+    wrong name among them without and with the runs. runs: how many of the plan's were chosen for it. pairs: of rivals, with the
+    sigmas by which the whole plan separates them, the least separated first."""
+
+    names: tuple[str, ...]
+    probability: Array
+    before: float
+    after: float
+    runs: int
+    pairs: tuple[tuple[str, str, float], ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        told = zip(self.names, self.probability, strict=True)
+        return {"rivals": [{"name": name, "probability": float(p)} for name, p in told],
+                "wrong_name_at_most": {"before": self.before, "after": self.after}, "runs": self.runs,
+                "pairs": [{"rivals": [one, other], "expected_sigmas": sigmas} for one, other, sigmas in self.pairs]}
+
+    @property
+    def lines(self) -> list[str]:
+        """In plain words."""
+        told = ", ".join(f"{name} {p:.2f}" for name, p in zip(self.names, self.probability, strict=True))
+        lines = [f"{self.runs} of the runs were chosen to tell apart: {told}",
+                 f"the wrong one of these is named with a probability of {_share(self.after)} at most afterwards "
+                 f"(without them {_share(self.before)}), if one of them is the truth"]
+        lines += [f"  {one} and {other} stay alike: {sigmas:.1f} sigma apart" for one, other, sigmas in self.pairs
+                  if sigmas < ALIKE_SIGMAS]
+        if self.after > DOUBTFUL:
+            lines.append("  more runs, more room (--box), --direction free or the checks that the diagnosis names may settle "
+                         "more")
+        return lines
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.0f} %" if value >= 0.01 else "under 1 %"
+
+
+def read_diagnosis(path: Path, cell: Cell) -> Diagnosed:
+    """diagnosis.json of this robot. Raises CompstiffError (CS1650) for another file or another robot's."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, UnicodeDecodeError) as problem:
+        raise error("CS1650", f"not a diagnosis file: {problem}", file=str(path),
+                    hint="give what compstiff diagnose -o wrote") from problem
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise error("CS1650", f"not a diagnosis file: its format is not {FORMAT}", file=str(path),
+                    hint="give what compstiff diagnose -o wrote")
+    if content.get("robot") != cell.robot.name:
+        raise error("CS1650", f"the diagnosis is of robot {content.get('robot')}, the cell has {cell.robot.name}",
+                    file=str(path), hint="diagnose the measurements of this cell")
+    known = effects()
+    names = []
+    for one in content.get("alternatives", []):
+        if one["effect"] not in known:
+            raise error("CS1650", f"the diagnosis names {one['effect']}, which no effect here is called", file=str(path),
+                        hint="diagnose again with the same effects installed")
+        names.append((str(one["effect"]), one["joint"]))
+    rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
+            if "single_row" in cause.get("parameters", {})]
+    return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(path))
+
+
+def fitted_rivals(cell: Cell, measurements: Measurements, told: Diagnosed) -> dict[str, tuple[Posterior, float]]:
+    """The rivals, fitted to the rows that the diagnosis used, with their probabilities, the likeliest first."""
+    rows = in_blocks(cell, measurements)[0]
+    rows = rows.select(~rows.validate & ~np.isin(rows.row, told.bad_rows))
+    prior = PriorModel(cell.prior)
+    plain = posterior(cell, rows, prior)
+    catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in told.names}
+    seen, _, fitted = converged(cell, rows, prior, plain, catalogue, 2)
+    wanted = set(told.names)
+    listed = tuple(one for one in seen.hypotheses
+                   if {(seen.words.entries[k].effect.name, seen.words.entries[k].joint) for k in one.entries} <= wanted)
+    return rivals_of(cell, rows, prior, replace(seen, hypotheses=listed), fitted.map[:6])
+
+
+def settling_design(
+    task: Task, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, effort: Effort | None = None
+) -> tuple[Design, Settled]:
+    """A plan whose runs settle the diagnosis first, and what it is worth by the task's criterion. Raises CompstiffError
+    (CS1601) where no run is admissible."""
+    effort = effort or Effort()
+    pool = random_pool(task.domain, effort.poses, rng)
+    runs, settled = settling_runs(task, rivals, pool, rng)
+    if len(runs) < len(task.demand):
+        runs = runs.joined(_by_criterion(task, runs, pool, len(task.demand) - len(runs), rng, effort))
+    value = float(task.criterion.value(total_information(task, runs)))
+    certificate = certify(task.domain, task.criterion, task.prior, task.demand, runs, pool, rng, replicates=task.replicates,
+                          starts=effort.climbs // 2)
+    return Design(task, runs, total_information(task, runs), certificate, 0, 0, 0, value, pool), settled
+
+
+def settling_runs(
+    task: Task, rivals: dict[str, tuple[Posterior, float]], pool: Pool, rng: np.random.Generator
+) -> tuple[Pool, Settled]:
+    """The runs of a random pool that settle the diagnosis, as many as the task asks for or as are needed. They are taken as
+    they are: what they settle does not hang on a degree."""
+    domain = task.domain
+    tried = pool.take(_spread_of(pool, len(domain.slots), rng))
+    forces = np.stack([domain.slots[s].along(line) for s, line in zip(tried.slot, tried.line, strict=True)])
+    rows = planned_rows(tried.theta, forces, DWELL_S)
+    found = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
+    _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
+    chosen = np.array(settling(found, len(task.demand), pose.ravel()), dtype=np.intp)
+    # Nobody errs more than by always naming the likeliest: the bound may say more than that.
+    most = 1.0 - float(found.probability.max())
+    doubt = [min(most, float(found.mistaken(found.of(chosen[:k])))) for k in range(len(chosen) + 1)]
+    needed = next((k for k, value in enumerate(doubt) if k and value <= SETTLED), len(chosen))
+    settled = Settled(found.names, found.probability, doubt[0], doubt[needed], needed, _pairs(found, chosen[:needed]))
+    return tried.take(chosen[:needed]), settled
+
+
+def _spread_of(pool: Pool, slots: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Some of the pool's poses, each with every slot that is admissible there."""
+    poses, first = np.unique(pool.theta, axis=0, return_inverse=True)
+    kept = rng.permutation(len(poses))[: POSES if slots > 1 else 3 * POSES]
+    return np.flatnonzero(np.isin(first.ravel(), kept))
+
+
+def _by_criterion(task: Task, settled: Pool, pool: Pool, count: int, rng: np.random.Generator, effort: Effort) -> Pool:
+    """The best `count` runs by the criterion, given those that settle."""
+    rest = replace(task, prior=total_information(task, settled), demand=Demand(task.demand.groups, task.demand.wanted[:count]))
+    found = many_exchanges(pool, rest.criterion, rest.prior, rest.demand, rng, effort.exchanges // 4, rest.replicates)
+    return max((refined(rest, pool.take(rows))[0] for rows, _ in found[: effort.refinements]), key=lambda one: one.value).runs
+
+
+def _pairs(found: Separation, chosen: NDArray[np.intp]) -> tuple[tuple[str, str, float], ...]:
+    sigmas = np.sqrt(found.squared(found.of(chosen)))
+    return tuple((found.names[found.pairs[k][0]], found.names[found.pairs[k][1]], float(sigmas[k])) for k in np.argsort(sigmas))
+
+
+def nothing_to_settle(told: Diagnosed) -> Finding:
+    """What to say where the diagnosis leaves no choice between names."""
+    return Finding("CS1651", "note", f"the diagnosis is '{told.verdict}': there are no rival causes to tell apart, so the runs "
+                   "are those of the criterion", file=told.source,
+                   hint="an ambiguous diagnosis is what further loads can settle")

@@ -1,0 +1,217 @@
+"""What to measure next: the loads that separate what is left, and the checks that are no loads (EFFECTS.md, procedure 8).
+
+Rivals are models fitted to the same data, with probabilities p_a. Under rival a the readings of further runs are expected to
+be normal with mean m_a and covariance `K_a C_a K_a^T + N`, K_a their derivative by its parameters, C_a its posterior, N the
+noise. With the mean of two rivals' covariances S_ab
+
+    d_ab^2 = (m_a - m_b)^T S_ab^-1 (m_a - m_b) ,      P(the wrong name) <= sum_(a<b) sqrt(p_a p_b) exp(-d_ab^2 / 8)
+
+(Bhattacharyya's bound, its determinants left out, which only raises it). The runs are chosen to make it small: unlike the
+expected squared distance of Box and Hill, a pair that is already far apart is worth nothing more. Runs are independent in
+their noise and share the parameters: with the sums over runs of G = X^T N^-1 X, X = (K_a, -K_b, m_a - m_b), Woodbury's
+identity gives d_ab^2 of any set of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.search import Survey
+from identification.fit.fitted_model import response
+from identification.fit.noise import noise_model
+from identification.fit.posterior import Posterior, posterior
+from identification.fit.priors import PriorModel
+from identification.measurements import Measurements
+from identification.model.cell import Cell
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+CANDIDATES = 120
+# How many rivals are fitted to find loads that separate them.
+MOST_RIVALS = 4
+# The cycle of one candidate, shares of the largest load: both signs, three magnitudes, back to zero.
+CYCLE = (0.0, 0.33, 0.67, 1.0, 0.0, -0.5, -1.0, 0.0)
+DWELL_S = (10.0, 60.0)
+AXIS_NAMES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class NextLoad:
+    """A load cycle worth measuring: theta (6,) [rad], base axis, forces (m,) [N]; distance: by how many sigmas the two
+    rivals that it separates best would differ; separates: their labels."""
+
+    theta: Array
+    axis: int
+    forces: Array
+    distance: float
+    separates: tuple[str, str]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"kind": "load", "q_deg": np.degrees(self.theta).round(3).tolist(), "axis": AXIS_NAMES[self.axis],
+                "forces_n": self.forces.tolist(), "separates": list(self.separates), "expected_sigmas": self.distance}
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """How c candidate runs separate rivals. names (R,); probability (R,), of sum one. pairs (P): of rivals, the first before
+    the second; grams (P): G (c, k + 1, k + 1) of each pair, before (P): inverse (k, k) of the mean of the two posteriors."""
+
+    names: tuple[str, ...]
+    probability: Array
+    pairs: tuple[tuple[int, int], ...]
+    grams: tuple[Array, ...]
+    before: tuple[Array, ...]
+
+    def __len__(self) -> int:
+        return len(self.grams[0]) if self.grams else 0
+
+    def squared(self, sums: Sequence[Array]) -> Array:
+        """d^2 (P, ...) of sets of runs, whose sums of G (..., k + 1, k + 1) are given pair by pair."""
+        found = []
+        for gram, before in zip(sums, self.before, strict=True):
+            across = gram[..., :-1, -1:]
+            known = np.swapaxes(across, -1, -2) @ np.linalg.solve(before + gram[..., :-1, :-1], across)
+            found.append(np.maximum(gram[..., -1, -1] - known[..., 0, 0], 0.0))
+        return np.array(found)
+
+    def mistaken(self, sums: Sequence[Array]) -> Array:
+        """The bound (...) on the probability of the wrong name."""
+        weight = np.array([np.sqrt(self.probability[a] * self.probability[b]) for a, b in self.pairs])
+        return np.asarray(np.minimum(np.tensordot(weight, np.exp(-self.squared(sums) / 8), axes=1), 1.0))
+
+    def of(self, chosen: Indices) -> list[Array]:
+        """Sums of G over these candidates."""
+        return [gram[chosen].sum(axis=0) for gram in self.grams]
+
+    def best_pair(self, candidate: int) -> tuple[tuple[str, str], float]:
+        """Names of the two rivals that a candidate separates best, the likelier pairs first in weight, and by how many
+        sigmas."""
+        squared = self.squared(self.of(np.array([candidate])))
+        weight = [self.probability[a] * self.probability[b] for a, b in self.pairs]
+        best = int(np.argmax(weight * (1 - np.exp(-squared / 8))))
+        a, b = self.pairs[best]
+        return (self.names[a], self.names[b]), float(np.sqrt(squared[best]))
+
+
+def separation(
+    cell: Cell, trial: Measurements, rivals: dict[str, tuple[Posterior, float]], noise_from: Posterior
+) -> Separation:
+    """How the visits of `trial`, all with as many rows, separate the rivals: fitted models and probabilities by label.
+    noise_from: the model whose noise sizes and springs carry the noise."""
+    count = int(trial.visit.max()) + 1
+    noise = noise_model(cell, trial, np.exp(noise_from.map[:6]))
+    # Posteriors of planned rows must not see single readings' weights: those belong to what was measured.
+    weights = noise.weights(noise_from.size)
+    told = [response(cell, trial, model.map, model.terms) for model, _ in rivals.values()]
+    pairs, grams, before = tuple(combinations(range(len(rivals)), 2)), [], []
+    models = [model for model, _ in rivals.values()]
+    for a, b in pairs:
+        columns = np.concatenate([told[a][1], -told[b][1], (told[a][0] - told[b][0])[:, :, None]], axis=2)
+        columns = noise.rotation @ columns
+        shape = (count, -1, columns.shape[2])
+        grams.append(np.swapaxes(columns.reshape(shape), 1, 2) @ weights.apply(columns).reshape(shape))
+        covariance = [2 * np.linalg.inv(models[k].covariance) for k in (a, b)]
+        size = [len(one) for one in covariance]
+        joint = np.zeros((sum(size), sum(size)))
+        joint[: size[0], : size[0]], joint[size[0]:, size[0]:] = covariance
+        before.append(joint)
+    probability = np.array([p for _, p in rivals.values()])
+    return Separation(tuple(rivals), probability / probability.sum(), pairs, tuple(grams), tuple(before))
+
+
+def settling(found: Separation, count: int, group: Indices) -> list[int]:
+    """The candidates, at most one of each group, that make the bound smallest together: the best one at a time, then each
+    exchanged while that helps."""
+    chosen: list[int] = []
+    for _ in range(min(count, len(np.unique(group)))):
+        chosen.append(_best(found, chosen, group))
+    for _ in range(3):
+        before = list(chosen)
+        for place in range(len(chosen)):
+            rest = chosen[:place] + chosen[place + 1:]
+            chosen[place] = _best(found, rest, group)
+        if chosen == before:
+            break
+    # In the order they are worth measuring in: the first is the best one alone.
+    ordered: list[int] = []
+    while len(ordered) < len(chosen):
+        left = [k for k in chosen if k not in ordered]
+        ordered.append(min(left, key=lambda k: float(found.mistaken(found.of(np.array([*ordered, k]))))))
+    return ordered
+
+
+def _best(found: Separation, chosen: list[int], group: Indices) -> int:
+    sums = [gram + known for gram, known in zip(found.grams, found.of(np.array(chosen, dtype=np.intp)), strict=True)]
+    mistaken = found.mistaken(sums)
+    mistaken[np.isin(group, group[chosen])] = np.inf
+    return int(np.argmin(mistaken))
+
+
+def rivals_of(
+    cell: Cell, rows: Measurements, prior: PriorModel, seen: Survey, start: Array
+) -> dict[str, tuple[Posterior, float]]:
+    """The likeliest hypotheses fitted to the rows, with their probabilities, by label; start (6,): ln c to begin with."""
+    rivals = {}
+    for hypothesis in seen.hypotheses[:MOST_RIVALS]:
+        label = " + ".join(seen.words.entries[k].label for k in hypothesis.entries)
+        rivals[label] = (posterior(cell, rows, prior, seen.terms(hypothesis), start), hypothesis.probability)
+    return rivals
+
+
+def next_loads(
+    cell: Cell, rows: Measurements, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, count: int = 3
+) -> tuple[NextLoad, ...]:
+    """The best load cycles, each at a pose of its own. rivals: fitted models and probabilities by label."""
+    if len(rivals) < 2:
+        return ()
+    force = float(np.abs(rows.wrench[:, :3]).max())
+    poses, axes = _candidates(cell, rng)
+    trial = candidate_rows(poses, axes, force)
+    found = separation(cell, trial, rivals, next(iter(rivals.values()))[0])
+    chosen = []
+    for k in settling(found, count, np.arange(len(poses)) // 3):
+        names, distance = found.best_pair(k)
+        chosen.append(NextLoad(poses[k], int(axes[k]), force * np.array(CYCLE), distance, names))
+    return tuple(chosen)
+
+
+def _candidates(cell: Cell, rng: np.random.Generator) -> tuple[Array, Indices]:
+    """Random poses well inside the limits, each with all three base axes."""
+    robot = cell.robot
+    middle = np.clip(0.0, *robot.limits.T)
+    theta = middle + 0.6 * rng.uniform(robot.limits[:, 0] - middle, robot.limits[:, 1] - middle, (6 * CANDIDATES, 6))
+    theta = theta[(robot.limit_excess(theta) == 0).all(axis=1)][: CANDIDATES // 3]
+    return np.repeat(theta, 3, axis=0), np.tile(np.arange(3), len(theta)).astype(np.intp)
+
+
+def candidate_rows(poses: Array, axes: Indices, force: float) -> Measurements:
+    """The rows of one load cycle at each pose (c, 6) along its base axis (c,); c * len(CYCLE) rows, nothing measured yet."""
+    cycles = np.zeros((len(poses), len(CYCLE), 3))
+    cycles[np.arange(len(poses)), :, axes] = force * np.array(CYCLE)
+    return planned_rows(poses, cycles, DWELL_S)
+
+
+def planned_rows(poses: Array, forces: Array, dwell: tuple[float, ...]) -> Measurements:
+    """Rows of visits to poses (c, 6) with loads (c, m, 3) [N], nothing measured yet, each as if measured next.
+
+    Each visit has a reference of its own, since the sensors are zeroed there; and rows and labels that no fitted row has, so
+    that a step at a certain row or pose of the data does not seem to act there.
+    """
+    count, size = forces.shape[:2]
+    visit = np.repeat(np.arange(count), size).astype(np.intp)
+    held = np.resize(np.array(dwell), size)
+    nothing = np.full((count * size, 3), np.nan)
+    wrench = np.concatenate([forces.reshape(-1, 3), np.zeros((count * size, 3))], axis=1)
+    return Measurements(
+        source="candidates", theta=np.repeat(poses, size, axis=0), wrench=wrench, deflection=np.zeros_like(nothing),
+        sigma=nothing, time=np.tile(np.cumsum(held) - held[0], count), dwell=np.tile(held, count), visit=visit,
+        reference=visit, validate=np.zeros(count * size, dtype=bool),
+        machined_pass=np.full(count * size, "", dtype=object), pose=np.full(count * size, "not measured yet", dtype=object),
+        row=np.zeros(count * size, dtype=np.intp), line=np.arange(2, count * size + 2), findings=())

@@ -1,0 +1,89 @@
+"""Profile likelihood of each stiffness: what the data alone say, whatever the prior.
+
+The likelihood is Gaussian in the compliances (linear model about the MAP, DESIGN physics 3), so the profile of one of them is
+a bounded least-squares problem in the five others: they must stay positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.posterior import Posterior
+
+Array = NDArray[np.float64]
+
+# Half the 95 % quantile of chi-squared with one degree of freedom: the drop of ln likelihood at the interval's ends.
+DROP_95 = 1.9207294103470620
+SPAN = 50.0
+POINTS = 81
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """One joint: stiffness (POINTS,) [N m/rad] and the drop of ln likelihood there (POINTS,), 0 at the best.
+
+    kind: bounded (the 95 % limit is crossed on both sides), one-sided, or flat. interval: where it is crossed, None where
+    it is not within the points (8 posterior sigmas, at most a factor 50, either way).
+    """
+
+    joint: int
+    stiffness: Array
+    drop: Array
+    kind: str
+    interval: tuple[float | None, float | None]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"name": f"k{self.joint}", "kind": self.kind, "interval_95": list(self.interval),
+                "stiffness": self.stiffness.tolist(), "log_likelihood_drop": self.drop.tolist()}
+
+
+def profiles(found: Posterior) -> tuple[Profile, ...]:
+    """The profiles of the six joints."""
+    from scipy.optimize import lsq_linear
+
+    at, scale = found.at_map, np.exp(found.map)
+    # Minus ln likelihood in units of c0: 0.5 |R (c / c0 - 1) - q|^2 with R^T R the information.
+    information = at.information
+    pull = at.weights.inner(at.design, at.residual[:, :, None])[:, 0]
+    eigenvalues, vectors = np.linalg.eigh(information)
+    root = np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues.max()))[:, None] * vectors.T
+    target = np.linalg.solve(root.T, pull) + root @ np.ones(6)
+    results = []
+    for joint in range(6):
+        others = np.arange(6) != joint
+        # Eight posterior sigmas either way, as far as the prior lets a stiffness be unknown.
+        span = float(np.clip(np.exp(8 * np.sqrt(found.laplace[joint, joint])), 1.01, SPAN))
+        factors = np.geomspace(1 / span, span, POINTS)            # of the stiffness
+        cost = np.empty(POINTS)
+        for place, factor in enumerate(factors):
+            reduced = target - root[:, joint] / factor
+            cost[place] = lsq_linear(root[:, others], reduced, bounds=(0.0, np.inf), method="bvls").cost
+        best = lsq_linear(root, target, bounds=(0.0, np.inf), method="bvls").cost
+        drop = np.maximum(cost - min(best, cost.min()), 0.0)
+        results.append(_classified(joint + 1, factors / scale[joint], drop))
+    return tuple(results)
+
+
+def _classified(joint: int, stiffness: Array, drop: Array) -> Profile:
+    inside = np.flatnonzero(drop < DROP_95)
+    if not len(inside):
+        # The limits lie between two points of the grid.
+        nearest = int(np.argmin(drop))
+        ends = stiffness[max(nearest - 1, 0)], stiffness[min(nearest + 1, len(drop) - 1)]
+        return Profile(joint, stiffness, drop, "bounded", (float(ends[0]), float(ends[1])))
+    first, last = int(inside[0]), int(inside[-1])
+    low = None if first == 0 else _crossing(stiffness, drop, first - 1, first)
+    high = None if last == len(drop) - 1 else _crossing(stiffness, drop, last, last + 1)
+    kind = "flat" if low is None and high is None else "bounded" if low is not None and high is not None else "one-sided"
+    return Profile(joint, stiffness, drop, kind, (low, high))
+
+
+def _crossing(stiffness: Array, drop: Array, left: int, right: int) -> float:
+    """Where the drop passes the limit between two points, on the logarithm of the stiffness."""
+    share = (DROP_95 - drop[left]) / (drop[right] - drop[left])
+    return float(np.exp((1 - share) * np.log(stiffness[left]) + share * np.log(stiffness[right])))

@@ -1,0 +1,112 @@
+"""Subset conflict: do the loads along x and along y, up and down, early and late want the same stiffnesses?
+
+One more set of compliances for a part of the rows, c + delta there: with the score u = D^T Sigma^-1 r of the common fit's
+residual, D the design of those rows alone, and the information on delta left when c is free,
+J = D^T W D - D^T W A (A^T W A + P)^-1 A^T W D, the squared Mahalanobis distance between the two fits is u^T J^+ u. It counts
+the directions in which the difference is determined at all, and is chi-squared with as many degrees of freedom if one set of
+springs explains both parts. A conflict is a finding: something the plain model leaves out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.posterior import Posterior
+from identification.fit.priors import PriorModel
+from identification.measurements import Measurements
+
+Array = NDArray[np.float64]
+
+# A direction in which the two parts' difference of ln c is known to a factor e or better is compared.
+DETERMINED = 1.0
+FEWEST_ROWS = 2
+SIGNIFICANCE = 0.05
+# Each pose is compared with the others up to so many.
+MOST_POSES = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Conflict:
+    """One comparison. distance: Mahalanobis, over `directions` degrees of freedom; p_value of that, corrected: times the
+    number of comparisons. difference (6,): estimated ln k of the part minus ln k of the rest, where determined."""
+
+    part: str
+    rest: str
+    rows: tuple[int, int]
+    distance: float
+    directions: int
+    p_value: float
+    corrected: float
+    difference: Array
+
+    @property
+    def is_conflict(self) -> bool:
+        """Family-wise at 5 %."""
+        return self.corrected < SIGNIFICANCE
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"part": self.part, "rest": self.rest, "rows": list(self.rows), "distance": self.distance,
+                "directions": self.directions, "p_value": self.p_value, "p_corrected": self.corrected,
+                "log_stiffness_difference": self.difference.tolist(), "conflict": self.is_conflict}
+
+
+def partitions(rows: Measurements) -> list[tuple[str, str, NDArray[np.bool_]]]:
+    """The comparisons these rows allow: names of both parts, and which rows are in the first."""
+    force = rows.wrench[:, :3]
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0
+    axis = np.argmax(np.abs(force), axis=1)
+    along = np.abs(force).max(axis=1) > 0.9 * size
+    found = [(f"loads along base {name}", "the other loads", loaded & along & (axis == i)) for i, name in enumerate("xyz")]
+    largest = force[np.arange(len(force)), axis]
+    found.append(("positive loads", "negative loads", loaded & (largest > 0)))
+    # Loading: the load grew from the row before of the same visit, which starts from zero.
+    before = np.concatenate([[0.0], size[:-1]])
+    before[np.concatenate([[True], np.diff(rows.visit) != 0])] = 0.0
+    found.append(("loads while loading", "loads while unloading", loaded & (size >= before)))
+    found.append(("the first half of the visits", "the second half", rows.visit < np.median(np.unique(rows.visit)) + 0.5))
+    largest_load = size > np.median(size[loaded]) if loaded.any() else loaded
+    found.append(("the larger loads", "the smaller loads", loaded & largest_load))
+    visits, first = np.unique(rows.visit, return_index=True)
+    if len(visits) <= MOST_POSES:
+        found += [(f"the pose from line {rows.line[row]}", "the other poses", rows.visit == visit)
+                  for visit, row in zip(visits, first, strict=True)]
+    return found
+
+
+def subset_conflicts(rows: Measurements, found: Posterior, prior: PriorModel) -> tuple[Conflict, ...]:
+    """All comparisons that are possible, the clearest conflict first."""
+    loaded = np.any(rows.wrench != 0, axis=1)
+    at = found.at_map
+    precision = prior.precision(found.map)
+    raw = []
+    for part, rest, mask in partitions(rows):
+        counts = int((mask & loaded).sum()), int((~mask & loaded).sum())
+        if min(counts) < FEWEST_ROWS:
+            continue
+        design = np.where(mask[:, None, None], at.design, 0.0)
+        cross = at.weights.inner(at.design, design)
+        own = at.weights.inner(design, design)
+        score = at.weights.inner(design, at.residual[:, :, None])[:, 0]
+        left = own - cross.T @ np.linalg.solve(at.information + precision, cross)
+        eigenvalues, vectors = np.linalg.eigh(0.5 * (left + left.T))
+        kept = eigenvalues > DETERMINED
+        if not kept.any():
+            continue
+        along = vectors[:, kept].T @ score
+        squared = float(np.sum(along**2 / eigenvalues[kept]))
+        difference = -vectors[:, kept] @ (along / eigenvalues[kept])
+        raw.append((part, rest, counts, squared, int(kept.sum()), difference))
+    from scipy.stats import chi2
+
+    conflicts = []
+    for part, rest, counts, squared, directions, difference in raw:
+        p_value = float(chi2.sf(squared, directions))
+        conflicts.append(Conflict(part, rest, counts, float(np.sqrt(squared)), directions, p_value,
+                                  min(1.0, p_value * len(raw)), difference))
+    return tuple(sorted(conflicts, key=lambda conflict: conflict.p_value))

@@ -1,0 +1,142 @@
+"""LabVIEW measurement files (.lvm): tab separated text, a header, then segments each with a header of its own.
+
+Header lines are a tag and its values: `Separator`, `Decimal_Separator`, `X_Columns` (No, One, Multi); a segment has `Channels`,
+`Samples`, `X0` and `Delta_X`, one value a channel, and ends its header with `***End_of_Header***` and a line of column names.
+Time is X0 + row Delta_X: a segment carries its own offset, so blocks written one behind the other stand at their true times.
+(NI, "Specification for the LabVIEW Measurement File".)
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from identification.common.findings import CompstiffError, Finding, error
+from identification.formats.force_samples import ForceSamples
+
+Array = NDArray[np.float64]
+END = "***End_of_Header***"
+# A step between blocks that is longer than this many samples is a gap.
+GAP = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One block: names of its channels, time (n, c) [s], values (n, c)."""
+
+    names: tuple[str, ...]
+    time: Array
+    values: Array
+
+
+def read_lvm(path: str | Path, channels: Sequence[str] = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")) -> ForceSamples:
+    """Reads a force log; channels: names of the three force channels and, or not, three moment channels.
+
+    Raises CompstiffError: CS0005 cannot be read, CS0201 no such file, CS0202 a channel is missing, CS0203 not a number.
+    """
+    name = str(path)
+    segments = read_segments(path)
+    wanted = [one for one in channels if one in segments[0].names]
+    if len(wanted) not in (3, 6) or list(channels[:3]) != wanted[:3]:
+        raise error("CS0202", f"channels missing: {', '.join(one for one in channels[:3] if one not in wanted) or 'a moment'}; "
+                    f"found {', '.join(segments[0].names)}", file=name, hint="name the force channels as the file does")
+    for segment in segments:
+        if segment.names != segments[0].names:
+            raise error("CS0202", f"a block has channels {', '.join(segment.names)}, the first has "
+                        f"{', '.join(segments[0].names)}", file=name)
+    place = [segments[0].names.index(one) for one in wanted]
+    time = np.concatenate([segment.time[:, place[0]] for segment in segments])
+    values = np.concatenate([segment.values[:, place] for segment in segments])
+    findings = []
+    if len(time) > 1:
+        step = np.diff(time)
+        gaps, back = int(np.sum(step > GAP * np.median(step))), int(np.sum(step <= 0))
+        if gaps or back:
+            findings.append(Finding("CS0205", "warning", f"{gaps} gaps between blocks, {back} steps back in time", file=name,
+                                    hint="blocks were not acquired without a break"))
+    return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(wanted) == 6 else None,
+                        findings=tuple(findings))
+
+
+def read_segments(path: str | Path) -> list[Segment]:
+    """All blocks of the file in their order."""
+    name = str(path)
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
+    if not lines or not lines[0].startswith("LabVIEW Measurement"):
+        raise error("CS0201", "is not a LabVIEW measurement file: its first line names another", file=name, line=1)
+    ends = [k for k, line in enumerate(lines) if line.startswith(END)]
+    if not ends:
+        raise error("CS0201", f"has no {END}", file=name, line=len(lines))
+    tags = _tags(lines[: ends[0]], "\t")
+    separator = {"Comma": ",", "Tab": "\t"}.get(tags.get("Separator", ["Tab"])[0], "\t")
+    found = []
+    start = ends[0] + 1
+    for k, end in enumerate(ends[1:], start=1):
+        stop = len(lines) if k + 1 == len(ends) else _next_header(lines, end, ends[k + 1])
+        found.append(_segment(lines, start, end, stop, separator, tags, name))
+        start = stop
+    if not found:
+        raise error("CS0201", "has a header and no block of data", file=name, line=ends[0] + 1)
+    return found
+
+
+def _next_header(lines: list[str], end: int, following: int) -> int:
+    """Where the header of the next block begins: its line `Channels`."""
+    return next((k for k in range(following, end, -1) if lines[k].startswith("Channels")), following)
+
+
+def _tags(lines: list[str], separator: str) -> dict[str, list[str]]:
+    parted = [line.split(separator) for line in lines if line.strip()]
+    return {cells[0].strip(): [cell.strip() for cell in cells[1:] if cell.strip()] for cells in parted}
+
+
+def _segment(
+    lines: list[str], start: int, end: int, stop: int, separator: str, header: dict[str, list[str]], name: str
+) -> Segment:
+    tags = _tags(lines[start:end], separator)
+    decimal = header.get("Decimal_Separator", ["."])[0]
+    try:
+        count = int(tags["Channels"][0])
+        offsets, steps = ([float(cell.replace(decimal, ".")) for cell in tags[tag]] for tag in ("X0", "Delta_X"))
+    except (KeyError, IndexError, ValueError) as reason:
+        raise error("CS0201", f"a block without Channels, X0 or Delta_X: {reason}", file=name, line=end + 1) from reason
+    if len(offsets) != count or len(steps) != count:
+        raise error("CS0201", f"{count} channels with {len(offsets)} values of X0 and {len(steps)} of Delta_X", file=name,
+                    line=end + 1)
+    per = {"No": 0, "One": 1, "Multi": count}[header.get("X_Columns", ["One"])[0]]
+    titles = [cell.strip() for cell in lines[end + 1].split(separator)] if end + 1 < stop else []
+    # X columns stand first, or before each channel; the last title is the comment's.
+    columns = list(range(1, 2 * count, 2)) if per == count and count > 1 else list(range(1, count + 1))
+    if len(titles) <= columns[-1]:
+        raise error("CS0201", f"the line of column names has {len(titles)} cells, expected {columns[-1] + 1} or more",
+                    file=name, line=end + 2)
+    body = [line for line in lines[end + 2: stop] if line.strip()]
+    values = _numbers(body, columns, separator, decimal, name, end + 3)
+    rows = np.arange(len(values))[:, None]
+    return Segment(tuple(titles[k] for k in columns), np.array(offsets) + rows * np.array(steps), values)
+
+
+def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, first: int) -> Array:
+    if not body:
+        return np.empty((0, len(columns)))
+    wide = "\n".join(separator.join(line.split(separator)[: columns[-1] + 1]) for line in body)
+    frame = pd.read_csv(io.StringIO(wide), sep=separator, header=None, decimal=decimal)
+    numbers = frame.reindex(columns=columns).apply(pd.to_numeric, errors="coerce")
+    values = np.asarray(numbers.to_numpy(dtype=float), dtype=float)
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        raise _not_a_number(name, first + int(bad[0][0]), columns[int(bad[0][1])] + 1)
+    return values
+
+
+def _not_a_number(name: str, line: int, column: int) -> CompstiffError:
+    return error("CS0203", "expected a finite number", file=name, line=line, column=column)

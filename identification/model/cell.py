@@ -1,0 +1,249 @@
+"""Cell: the one file that describes robot, tool, sensors, limits and connection (FORMATS.md, cell.yaml)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+
+from identification.common.findings import error
+from identification.common.yaml_source import EachJoint, NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
+from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
+from identification.model.rotations import Frame
+
+Array = NDArray[np.float64]
+ZERO: Triple = (0.0, 0.0, 0.0)
+UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+class FrameFile(Strict):
+    """A frame as position and quaternion."""
+
+    position_mm: Triple = ZERO
+    quaternion: Quaternion = UPRIGHT
+
+    def frame(self) -> Frame:
+        """In metres."""
+        return Frame.from_quaternion(1e-3 * np.array(self.position_mm), self.quaternion)
+
+
+class ToolFile(FrameFile):
+    """The tool: TCP in the flange frame, optional payload."""
+
+    position_mm: Triple
+    mass_kg: NotNegative | None = None
+    centre_of_mass_mm: Triple | None = None
+
+
+class MeasurementFile(Strict):
+    """How well a deflection is measured. Standard deviations, 1 sigma."""
+
+    deflection_std_um: tuple[Positive, Positive, Positive] = (2.0, 2.0, 2.0)
+    force_std_n: tuple[NotNegative, NotNegative, NotNegative] = ZERO
+    force_relative_std: NotNegative = 0.0
+    pose_offset_std_um: tuple[NotNegative, NotNegative, NotNegative] = ZERO
+
+
+class PayloadFile(Strict):
+    """What hangs on the force sensor, in the flange frame."""
+
+    mass_kg: NotNegative
+    centre_of_mass_mm: Triple | None = None
+
+
+# Columns of a force log by the names that files and cell.yaml give them; "-" is one that is not read.
+LOG_COLUMNS = frozenset((
+    "-", "target", "path_mm", "time_s", "time_ms", "sequence", "x_mm", "y_mm", "z_mm", *(f"q{k}_deg" for k in range(1, 7)),
+    *(f"{kind}{axis}_{unit}" for kind, units in (("f", ("n", "counts")), ("m", ("nm", "counts"))) for axis in "xyz"
+      for unit in units)))
+
+
+def _log_columns(names: tuple[str, ...]) -> tuple[str, ...]:
+    unknown = [name for name in names if name not in LOG_COLUMNS]
+    if unknown:
+        raise ValueError(f"must be column names of a force log, '-' for one that is not read; unknown: {', '.join(unknown)}")
+    return names
+
+
+class ForceLogFile(Strict):
+    """What frame and sign logged forces have, and how this cell's logger writes them."""
+
+    frame: Literal["base", "tool", "sensor"] = "base"
+    sensor_quaternion: Quaternion | None = None
+    sensor_position_mm: Triple | None = None
+    sign: Literal["on_tool", "by_tool"] = "on_tool"
+    columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
+    rate_hz: Positive | None = None
+    target: Literal["nearest", "ahead"] = "nearest"
+    counts_per_n: Positive | None = None
+    counts_per_nm: Positive | None = None
+    saturation_n: Positive | None = None
+    saturation_nm: Positive | None = None
+    spindle_rpm: Positive | None = None
+    bias_n: Triple | None = None
+    bias_nm: Triple | None = None
+    weight: Literal["in_log", "removed"] | None = None
+    payload: PayloadFile | None = None
+
+
+class LimitsFile(Strict):
+    """What a correction may not exceed."""
+
+    max_offset_mm: Positive = 2.0
+    max_tilt_deg: Positive = 0.5
+
+
+class ModbusFile(Strict):
+    """Where the cell's Modbus server listens."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=1, le=65535)] = 5020
+    unit: Annotated[int, Field(ge=0, le=255)] = 1
+
+
+class CellPriorFile(Strict):
+    """The prior, where it differs from the robot file's."""
+
+    stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None
+    relative_std: EachJoint | None = None
+
+
+class CellFile(Strict):
+    """cell.yaml."""
+
+    robot: str
+    tool: ToolFile
+    base_frame: FrameFile = FrameFile()
+    workobject: FrameFile = FrameFile()
+    measurement: MeasurementFile = MeasurementFile()
+    prior: CellPriorFile = CellPriorFile()
+    force_log: ForceLogFile = ForceLogFile()
+    limits: LimitsFile = LimitsFile()
+    modbus: ModbusFile = ModbusFile()
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """What the cell states of the measurement noise, 1 sigma, base x y z.
+
+    deflection (3,) [m] of one reading; force (3,) [N] plus force_relative (of each component); pose_offset (3,) [m],
+    one draw a pose. deflection_stated, force_stated, offset_stated: the file names that part, so that a zero means none
+    and not unknown.
+    """
+
+    deflection: Array
+    force: Array
+    force_relative: float
+    pose_offset: Array
+    deflection_stated: bool
+    force_stated: bool
+    offset_stated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLogFrame:
+    """kind: frame of logged forces. flange_from_sensor: where kind is "sensor". sign: +1 on the tool, -1 by the tool.
+
+    bias (6,) [N, N m] as logged, None where it is not stated. mass [kg] and centre (3,) [m] in the flange frame of what hangs
+    on the sensor: force_log.payload, else the tool's. weight: whether the log holds it, None where that is not stated.
+    form: how the logger writes.
+    """
+
+    kind: Literal["base", "tool", "sensor"]
+    flange_from_sensor: Frame | None
+    sign: float
+    bias: Array | None = None
+    mass: float | None = None
+    centre: Array | None = None
+    weight: Literal["in_log", "removed"] | None = None
+    form: ForceLogFile = field(default_factory=ForceLogFile)
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object."""
+
+    source: Path
+    robot: RobotModel
+    flange_from_tcp: Frame
+    world_from_base: Frame
+    world_from_object: Frame
+    noise: Noise
+    prior: Prior
+    force_log: ForceLogFrame
+    max_offset: float
+    max_tilt: float
+    modbus: ModbusFile
+    tool_mass: float | None
+    tool_centre: Array | None
+
+
+def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
+    """Reads cell.yaml and the robot file it names; geometry: whether the robot must have joints.
+
+    Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints).
+    """
+    path = Path(path)
+    file = read_yaml(path, CellFile)
+    log = file.force_log
+    if log.frame == "sensor" and (log.sensor_quaternion is None or log.sensor_position_mm is None):
+        raise error("CS0102", "force_log.frame is 'sensor', but sensor_quaternion and sensor_position_mm are not both "
+                    "given", file=str(path), hint="state the sensor frame in the flange frame")
+    sensor = None
+    if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
+        sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
+    robot = _robot(file.robot, path, geometry)
+    stiffness, relative_std = file.prior.stiffness_nm_per_rad, file.prior.relative_std
+    prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
+                  robot.prior.relative_std if relative_std is None else np.array(relative_std))
+    measurement = file.measurement
+    centre = file.tool.centre_of_mass_mm
+    return Cell(
+        source=path,
+        robot=robot,
+        flange_from_tcp=file.tool.frame(),
+        world_from_base=file.base_frame.frame(),
+        world_from_object=file.workobject.frame(),
+        noise=Noise(
+            deflection=1e-6 * np.array(measurement.deflection_std_um),
+            force=np.array(measurement.force_std_n),
+            force_relative=measurement.force_relative_std,
+            pose_offset=1e-6 * np.array(measurement.pose_offset_std_um),
+            deflection_stated="deflection_std_um" in measurement.model_fields_set,
+            force_stated=bool({"force_std_n", "force_relative_std"} & measurement.model_fields_set),
+            offset_stated="pose_offset_std_um" in measurement.model_fields_set,
+        ),
+        prior=prior,
+        force_log=_force_log(log, sensor, file.tool),
+        max_offset=1e-3 * file.limits.max_offset_mm,
+        max_tilt=float(np.radians(file.limits.max_tilt_deg)),
+        modbus=file.modbus,
+        tool_mass=file.tool.mass_kg,
+        tool_centre=None if centre is None else 1e-3 * np.array(centre),
+    )
+
+
+def _force_log(log: ForceLogFile, sensor: Frame | None, tool: ToolFile) -> ForceLogFrame:
+    bias = None
+    if log.bias_n is not None or log.bias_nm is not None:
+        bias = np.array([*(log.bias_n or ZERO), *(log.bias_nm or ZERO)])
+    payload = log.payload or tool
+    centre = payload.centre_of_mass_mm
+    return ForceLogFrame(log.frame, sensor, 1.0 if log.sign == "on_tool" else -1.0, bias, payload.mass_kg,
+                         None if centre is None else 1e-3 * np.array(centre), log.weight, log)
+
+
+def _robot(name: str, cell: Path, geometry: bool) -> RobotModel:
+    """A built-in robot by its name, else a robot file by its path, relative to the cell's folder."""
+    known = built_in_robots()
+    if name in known:
+        return read_robot(known[name])
+    path = cell.parent / name
+    if path.is_file():
+        return read_robot(path, geometry=geometry)
+    raise error("CS0104", f"robot '{name}' is neither built in ({', '.join(known)}) nor a file {path}", file=str(cell),
+                hint="compstiff robots lists the built-in ones; a path is relative to the folder of cell.yaml")

@@ -1,0 +1,96 @@
+"""Effects in force beyond the six springs: what they add to the deviation, and how that changes with what was identified.
+
+The plain robot comes to rest at `theta~ + L dq` (compliance.py). There each effect in force contributes a displacement e of the
+TCP (situation.py), and the tool stands at `p = p_plain + e_p`, `R = Rot(e_r) R_plain`. What was identified is
+x = (ln c (6,), parameters of the effects in their order, each in its own unit).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects import Effect
+from identification.model.load_state import Situation
+from identification.model.rotations import Frame, rotation_matrix
+
+Array = NDArray[np.float64]
+# Relative step of the differences by ln c and by the parameters: truncation and rounding both far under the noise.
+STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class EffectInForce:
+    """An effect at a joint (1-based, None where it belongs to none)."""
+
+    effect: Effect
+    joint: int | None
+
+    @property
+    def label(self) -> str:
+        """backlash[1], or the effect's name where it belongs to no joint."""
+        return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
+
+    @property
+    def names(self) -> list[str]:
+        """The parameters' names as in stiffness.json: backlash[1].half_gap_rad."""
+        return [f"{self.label}.{parameter.name}" for parameter in self.effect.parameters]
+
+    def contribution(self, rows: Situation, values: Array) -> Array:
+        """What it adds to the deviation (n, 6): position [m] and rotation vector [rad]; values of its parameters (P,)."""
+        return self.effect.contribution(rows, self.joint, values)
+
+
+def split(values: Array, effects: Sequence[EffectInForce]) -> list[Array]:
+    """The parameter values of each effect, from those of all (P,)."""
+    ends = np.cumsum([len(one.effect.parameters) for one in effects])
+    return np.split(values, ends[:-1]) if effects else []
+
+
+def added(rows: Situation, effects: Sequence[EffectInForce], values: Array) -> Array:
+    """What the effects add to the deviation (n, 6): position [m] and rotation vector [rad], base frame; values (P,).
+
+    The rows stand in the order in which the loads come: that order is the history of effects with a memory.
+    """
+    total = np.zeros((len(rows), 6))
+    for one, own in zip(effects, split(values, effects), strict=True):
+        total += one.contribution(rows, own)
+    return total
+
+
+def displaced(pose: Frame, moved: Array) -> Frame:
+    """Poses (n) displaced by moved (n, 6): position [m] and rotation vector [rad] in the outer frame."""
+    return Frame(rotation_matrix(moved[:, 3:]) @ pose.rotation, pose.position + moved[:, :3])
+
+
+def slopes(rows: Situation, effects: Sequence[EffectInForce], values: Array) -> Array:
+    """Derivative (n, 6, 6 + P) of what the effects add by x, by differences, the loaded pose held; rows at their loaded pose.
+
+    Where a parameter changes the state a load history leaves behind, it is the derivative along that history.
+    """
+    result = np.empty((len(rows), 6, 6 + len(values)))
+    base = added(rows, effects, values)
+    for joint in range(6):
+        softer = rows.compliance.copy()
+        softer[joint] *= np.exp(STEP)
+        result[:, :, joint] = (added(rows.with_compliance(softer), effects, values) - base) / STEP
+    place = 6
+    for one, own in zip(effects, split(values, effects), strict=True):
+        for k, size in enumerate(one.effect.typical(rows, one.joint)):
+            step = np.zeros(len(own))
+            step[k] = STEP * size
+            ahead, behind = one.contribution(rows, own + step), one.contribution(rows, own - step)
+            result[:, :, place] = (ahead - behind) / (2 * step[k])
+            place += 1
+    return result
+
+
+def turned(side: Array) -> NDArray[np.bool_]:
+    """True (n,) where an effect rests at another end of its play (side: -1 or 1, 0 in between) than it last did."""
+    known = np.flatnonzero(side)
+    changed = np.zeros(len(side), dtype=bool)
+    changed[known[1:]] = side[known[1:]] != side[known[:-1]]
+    return changed
