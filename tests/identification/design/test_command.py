@@ -11,10 +11,10 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from compstiff.cli.design_reader import design
 
 from compensator.rapid import read_rapid
-from compstiff.cli.commissioning import diagnose
-from compstiff.cli.design_reader import design
+from compstiff.cli.diagnose import diagnose
 from identification.common.findings import CompstiffError
 from identification.design.domain import Domain
 from identification.design.information import instrument
