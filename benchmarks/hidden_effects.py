@@ -7,7 +7,8 @@ four kinds of data: one effect of the dictionary, drawn with joint and size (0.5
 that the dictionary does not know; two effects at once. Poses, stiffnesses and noise are the same for all kinds of one seed; the
 noise is realistic and the cell file states it only nominally. Six further poses, three loads each, are kept for validation.
 
-Before anything is diagnosed, the noise-free truth says what the data could tell (tests/hidden_effects/visible.py). Tables come
+Before anything is diagnosed, the noise-free truth says what the data could tell (tests/runs/hidden_effects/visible.py).
+Tables come
 first over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
 Baselines, on the same data, for single effects, under the stated sigma alone: `t-tests` 5 % each, the strongest is the name;
 `max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated. How many further loads a set of
@@ -41,10 +42,10 @@ from identification.fit.posterior import Posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
-from tests.hidden_effects.cases import KINDS, hidden_in
-from tests.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, label, truth_names
-from tests.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
-from tests.hidden_effects.visible import Visible, visible
+from tests.runs.hidden_effects.cases import KINDS, hidden_in
+from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, label, truth_names
+from tests.runs.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
+from tests.runs.hidden_effects.visible import Visible, visible
 from tests.virtual_cell.cell import Case, simulate
 
 DESIGNS = ("ladder12", "poses20", "paper5")

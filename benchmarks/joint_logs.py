@@ -1,4 +1,4 @@
-"""Effects hidden in simulated joint deflection logs (tests/motion/gear.py): what `diagnose` says of them; coverage of k.
+"""Effects hidden in simulated joint deflection logs: what `diagnose` says of them; coverage of k.
 
     python benchmarks/joint_logs.py [LOGS]
 
@@ -22,7 +22,7 @@ import numpy as np
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_logs
 from identification.motion.stiffness import axis_stiffness
-from tests.motion.gear import FAULTS, STIFFNESS, columns, write
+from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
 
 NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay (torque)"}
 VERDICTS = ("named", "ambiguous, truth in the set", "wrong name", "ambiguous, truth not in it", "unknown", "adequate")

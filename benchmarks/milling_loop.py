@@ -35,7 +35,7 @@ from compensator.correction.settings import Settings
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
-from tests.compensator.milling_job import MillingJob, grown, made_worse, rms, settings
+from tests.runs.milling.milling_job import MillingJob, grown, made_worse, rms, settings
 from tests.virtual_cell.cell import parse
 from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket

@@ -29,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from compensator.modbus.link import Address, Link
 from compensator.modbus.push import push_table
 from compensator.modbus.server import Loopback
-from tests.compensator.cell import kit
-from tests.compensator.cell.faults import network_faults
-from tests.compensator.cell.proxy import Fault, Proxy
+from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus.faults import network_faults
+from tests.compensator.modbus.proxy import Fault, Proxy
 
 BARE_SERVER = """
 import asyncio

@@ -25,9 +25,9 @@ from identification.diagnosis.procedure import Diagnosis, diagnose
 from identification.fit.fitted_model import response
 from identification.measurements import read_measurements
 from identification.model.cell import Cell, read_cell
-from tests.hidden_effects.cases import hidden_in
-from tests.hidden_effects.judge import label, truth_names
-from tests.hidden_effects.more_rows import measured_further
+from tests.runs.hidden_effects.cases import hidden_in
+from tests.runs.hidden_effects.judge import label, truth_names
+from tests.runs.hidden_effects.more_rows import measured_further
 from tests.support import random_poses
 from tests.virtual_cell.cell import Case, simulate
 

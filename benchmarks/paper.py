@@ -504,7 +504,7 @@ def section_model() -> list[str]:
              f"{100 * (apart(nature, rod) / size).max():.0f} % at worst"]]),
         *text("""
             Eq. 2 turns each frame by Δθ_i after its shift d_i along the same axis. The two commute: it is eq. 1 at θ~_i +
-            Δθ_i. Written once more as 4x4 matrices in tests/identification/test_paper.py."""),
+            Δθ_i. Written once more as 4x4 matrices in tests/identification/fit/test_laws_paper.py."""),
     ]
 
 

@@ -31,9 +31,9 @@ from identification.design.request import measured_place
 from identification.diagnosis.procedure import Diagnosis
 from identification.model.cell import Cell
 from identification.model.kinematics import forward
-from tests.hidden_effects.cases import hidden_in
-from tests.hidden_effects.judge import truth_names
-from tests.hidden_effects.more_rows import measured_further
+from tests.runs.hidden_effects.cases import hidden_in
+from tests.runs.hidden_effects.judge import truth_names
+from tests.runs.hidden_effects.more_rows import measured_further
 from tests.virtual_cell.cell import Case, simulate
 
 POLICIES = ("settling", "D-optimal", "random")

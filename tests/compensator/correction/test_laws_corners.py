@@ -1,0 +1,95 @@
+"""What zones cut off corners: against a parabola drawn point by point, and what --tighten-zones writes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.correction.corners import corner_misses
+from compensator.rapid import read_rapid
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import Path3
+from tests.runs.command_line.user_files import Job
+
+
+def distance_of_the_parabola(before: np.ndarray, corner: np.ndarray, after: np.ndarray, radius: float) -> float:
+    """A quadratic curve tangent to both legs at the zone's edge, and its least distance from the corner."""
+    legs = [(end - corner) / np.linalg.norm(end - corner) for end in (before, after)]
+    start, stop = corner + radius * legs[0], corner + radius * legs[1]
+    t = np.linspace(0, 1, 4001)[:, None]
+    curve = (1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * stop
+    return float(np.linalg.norm(curve - corner, axis=1).min())
+
+
+@pytest.mark.parametrize("turn", [5.0, 45.0, 90.0, 135.0])
+@pytest.mark.parametrize("zone", ["z1", "z10", "z50"])
+def test_the_miss_is_that_of_a_parabola_in_a_zone_of_at_most_half_the_way(turn: float, zone: str) -> None:
+    angle = np.radians(turn)
+    points = np.array([[0, 0, 0], [30, 0, 0], [30 + 12 * np.cos(angle), 12 * np.sin(angle), 0]])
+    moves = [f"MoveL [[{x},{y},{z}],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,{zone},tool0;" for x, y, z in points]
+    path = read_rapid(kit.module(moves, []).encode()).toolpath
+    miss, _ = corner_misses(path, path.position)
+    radius = min(float(zone[1:]), 6.0)
+    expected = distance_of_the_parabola(*points, radius)
+    assert 1e3 * miss[1] == pytest.approx(expected, rel=1e-3)
+    assert miss[0] == miss[2] == 0
+
+
+def test_a_tangent_arc_is_no_corner_and_a_fine_point_misses_nothing() -> None:
+    data = ["[0,0,0]", "[10,0,0]", "[15,5,0]", "[10,10,0]", "[0,10,0]", "[0,0,0]"]
+    target = [f"[{p},[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]" for p in data]
+    moves = [f"MoveL {target[0]},v50,z1,tool0;", f"MoveL {target[1]},v50,z1,tool0;",
+             f"MoveC {target[2]},{target[3]},v50,z1,tool0;", f"MoveL {target[4]},v50,fine,tool0;",
+             f"MoveL {target[5]},v50,z1,tool0;"]
+    path = read_rapid(kit.module(moves, []).encode()).toolpath
+    miss, _ = corner_misses(path, path.position)
+    np.testing.assert_allclose(miss, 0, atol=1e-9)
+
+
+SQUARE = np.array([[0, 0, 0], [20, 0, 0], [20, 20, 0], [0, 20, 0], [0, 0, 0]], dtype=float)
+FORCES = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},50,100,-40\n" for i in range(5))
+
+
+def test_corners_are_said_and_tightened(tmp_path: Path) -> None:
+    path = Path3(SQUARE)
+    moves = [kit.move(path.text[0]), kit.move(path.text[1]), kit.move(path.text[2], zone="z5\\Z:=3"),
+             kit.move(path.text[3], zone="fine"), kit.move(path.text[4])]
+    job = Job(tmp_path, program=kit.module(moves), forces=FORCES)
+    said = job.correct("--json")
+    assert said.code == 0
+    message = next(f["message"] for f in said.json["findings"] if f["code"] == "CS4320")
+    assert "at 2 targets" in message
+    assert "1061 um" in message, "half of 3 mm times the sine of 45 degrees"
+    before = job.out.read_text()
+    done = job.correct("--json", "--force", "--tighten-zones")
+    assert done.code == 0
+    assert {"CS4321"} == kit.codes(done) & {"CS4320", "CS4321", "CS4322"}
+    after = job.out.read_text()
+    assert re.sub(r"\\Z:=[\d.]+", "", after) == re.sub(r"\\Z:=[\d.]+", "", before), "nothing but zones changed"
+    assert re.findall(r",(\w+(?:\\Z:=[\d.]+)?),tMill", after) == ["z1", "z1\\Z:=0.014", "z5\\Z:=0.014", "fine", "z1"]
+    assert job.correct("--json", "--force", "--tighten-zones", "--tolerance", "2000").code == 0
+    assert job.out.read_text() == before
+
+
+def test_the_corner_at_which_the_cut_ends_keeps_its_zone(tmp_path: Path) -> None:
+    path = Path3(SQUARE)
+    moves = [kit.move(path.text[0]), kit.move(path.text[1]), kit.move(path.text[2], zone="z5\\Z:=3"),
+             kit.move(path.text[3]), kit.move(path.text[4])]
+    forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},{50 * (i < 3)},{100 * (i < 3)},0\n" for i in range(5))
+    job = Job(tmp_path, program=kit.module(moves), forces=forces)
+    message = next(f["message"] for f in job.correct("--json").json["findings"] if f["code"] == "CS4320")
+    assert "at 1 target in the cut" in message
+    assert job.correct("--force", "--tighten-zones").code == 0
+    assert re.findall(r",(\w+(?:\\Z:=[\d.]+)?),tMill", job.out.read_text()) == ["z1", "z1\\Z:=0.014", "z5\\Z:=3", "z1", "z1"]
+
+
+def test_a_zone_of_a_move_that_is_not_touched_is_said(tmp_path: Path) -> None:
+    path = Path3(SQUARE)
+    moves = [kit.move(text) for text in path.text]
+    moves[1] = moves[1].replace("v50", "v50\\T:=2")
+    result = Job(tmp_path, program=kit.module(moves), forces=FORCES).correct("--json", "--tighten-zones")
+    assert result.code == 0
+    assert {"CS4320", "CS4321", "CS4322"} <= kit.codes(result)

@@ -1,0 +1,150 @@
+"""Force follows the cut: a log taken with a yielding tool, a corrected pass in material that pushes back as it is cut."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import Path3, line
+from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
+
+CUTTING = 400.0         # N/mm of depth
+COUNT = 60
+
+
+def straight() -> Path3:
+    return line(COUNT, 2)
+
+
+def nominal() -> np.ndarray:
+    """Force (COUNT, 3) [N] at the planned depth, base frame: varies along the path."""
+    s = np.linspace(0, 1, COUNT)
+    return np.column_stack([60 + 0 * s, 180 + 80 * np.sin(5 * s), -90 - 40 * s])
+
+
+def milled(path: Path3, shift: np.ndarray, cutting: float = CUTTING) -> tuple[np.ndarray, np.ndarray]:
+    """The pass in which the tool is commanded `shift` (COUNT, 3) [m] off the plan: force [N] and where the loaded tool stands
+    off the plan [m], base frame. The equilibrium of arm and material, by bisection free iteration of the independent arm."""
+    points = np.array([(kit.work_object() @ frame).p for frame in path.frames])
+    feed = np.gradient(points, axis=0)
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    base = nominal()
+    across = base - np.einsum("ni,ni->n", base, feed)[:, None] * feed
+    size = np.linalg.norm(across, axis=1)
+    force, stood = base.copy(), shift.copy()
+    for _ in range(40):
+        deviation = np.array([kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
+                              for q, f in zip(path.q, force, strict=True)])
+        stood = shift + deviation
+        away = np.einsum("ni,ni->n", stood, across / size[:, None])
+        new = base * (1 - 1e3 * cutting * away / size)[:, None]
+        if np.abs(new - force).max() < 1e-9:
+            break
+        force = new
+    return force, stood
+
+
+def text(force: np.ndarray) -> str:
+    rows = [",".join([str(i), *(f"{x:.9f}" for x in f)]) for i, f in enumerate(force)]
+    return "\n".join(["target,fx_n,fy_n,fz_n", *rows]) + "\n"
+
+
+def commanded(job: Job) -> np.ndarray:
+    """Offsets (COUNT, 3) [m], base frame, from the written program."""
+    plan, out = kit.targets_of(str(job.program)), kit.targets_of(job.out.read_text())
+    return np.array([kit.work_object().r.apply(b.p - a.p) for a, b in zip(plan, out, strict=True)])
+
+
+@pytest.fixture(scope="module")
+def path() -> Path3:
+    return straight()
+
+
+def largest(values: np.ndarray) -> float:
+    return float(np.linalg.norm(values, axis=1).max())
+
+
+def test_with_the_cutting_stiffness_one_correction_lands(tmp_path: Path, path: Path3) -> None:
+    force, before = milled(path, np.zeros((COUNT, 3)))
+    job = Job(tmp_path, program=path.program(), forces=text(force))
+    assert job.correct().code == 0
+    _, as_logged = milled(path, commanded(job))
+    result = job.correct("--force", "--json", "--cutting-stiffness", f"{CUTTING}")
+    assert result.code == 0
+    assert "CS4120" in kit.codes(result)
+    assert result.json["result"]["left_at_10_n_per_mm_um"] is None
+    _, coupled = milled(path, commanded(job))
+    assert largest(as_logged) > 0.05 * largest(before), "the case is one in which the force matters"
+    assert largest(coupled) < 2e-3 * largest(before)
+
+
+def test_what_an_unknown_cutting_stiffness_leaves_is_said(tmp_path: Path, path: Path3) -> None:
+    force, _ = milled(path, np.zeros((COUNT, 3)), cutting=10)
+    job = Job(tmp_path, program=path.program(), forces=text(force))
+    result = job.correct("--json")
+    stated = result.json["result"]["left_at_10_n_per_mm_um"]
+    _, left = milled(path, commanded(job), cutting=10)
+    assert stated["largest"] == pytest.approx(1e6 * largest(left), rel=0.02)
+    assert stated["rms"] == pytest.approx(1e6 * np.sqrt((left**2).sum(axis=1).mean()), rel=0.02)
+
+
+def test_the_stiffness_is_found_from_two_passes(tmp_path: Path, path: Path3) -> None:
+    first, before = milled(path, np.zeros((COUNT, 3)))
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct().code == 0
+    second, _ = milled(path, commanded(job))
+    (tmp_path / "first.csv").write_text(text(first))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(second)
+    result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv",
+                         "--first-forces", tmp_path / "first.csv")
+    assert result.code == 0
+    said = next(f["message"] for f in result.json["findings"] if f["code"] == "CS4124")
+    assert float(said.split(": ")[1].split(" ")[0]) == pytest.approx(CUTTING, rel=0.01)
+    assert largest(milled(path, commanded(job))[1]) < 5e-3 * largest(before)
+
+
+def test_a_log_of_the_corrected_pass_is_not_corrected_for_depth_twice(tmp_path: Path, path: Path3) -> None:
+    """The second log was taken nearly on the plan: next to nothing is added to it, unless --logged-with is forgotten."""
+    first, before = milled(path, np.zeros((COUNT, 3)))
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct("--cutting-stiffness", f"{CUTTING}").code == 0
+    second, _ = milled(path, commanded(job))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(second)
+    assert job.correct("--force", "--cutting-stiffness", f"{CUTTING}", "--logged-with", tmp_path / "applied.csv").code == 0
+    assert largest(milled(path, commanded(job))[1]) < 2e-3 * largest(before)
+    assert job.correct("--force", "--cutting-stiffness", f"{CUTTING}").code == 0
+    assert largest(milled(path, commanded(job))[1]) > 0.05 * largest(before)
+
+
+def test_refusals(tmp_path: Path, path: Path3) -> None:
+    first, _ = milled(path, np.zeros((COUNT, 3)))
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    result = job.correct("--cutting-stiffness", "400000")
+    assert (result.code, "CS4123" in result.err) == (1, True)
+    assert job.correct("--cutting-stiffness", "-3").code == 2
+    assert job.correct("--first-forces", tmp_path / "forces.csv").code == 2
+    (tmp_path / "other.csv").write_text("target,ox_mm,oy_mm,oz_mm\n0,0,0,0\n")
+    result = job.correct("--cutting-stiffness", "40", "--logged-with", tmp_path / "other.csv")
+    assert (result.code, "CS4121" in result.err, "1 row" in result.err) == (1, True, True)
+    none = "target,ox_mm,oy_mm,oz_mm\n" + "".join(f"{i},0,0,0\n" for i in range(COUNT))
+    (tmp_path / "none.csv").write_text(none)
+    result = job.correct("--logged-with", tmp_path / "none.csv", "--first-forces", tmp_path / "forces.csv")
+    assert (result.code, "CS4122" in result.err) == (1, True), "two equal passes tell nothing"
+
+
+def test_the_scale_of_a_measured_pass(tmp_path: Path, path: Path3) -> None:
+    force = nominal()
+    job = Job(tmp_path, program=path.program(), forces=text(force))
+    assert job.correct().code == 0
+    plain = kit.column(job.offsets(), "dx_um", "dy_um", "dz_um", "sx_um", "sy_um", "sz_um")
+    assert job.correct("--force", "--scale", "1.2:0.06").code == 0
+    scaled = kit.column(job.offsets(), "dx_um", "dy_um", "dz_um", "sx_um", "sy_um", "sz_um")
+    np.testing.assert_allclose(scaled[:, :3], 1.2 * plain[:, :3], rtol=5e-3, atol=0.5)
+    expected = (1.2 * plain[:, 3:]) ** 2 + (0.05 * scaled[:, :3]) ** 2
+    np.testing.assert_allclose(scaled[:, 3:] ** 2, expected, rtol=0.02, atol=0.01)
+    assert job.correct("--force", "--scale", "0").code == 2

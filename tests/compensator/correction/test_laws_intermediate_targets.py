@@ -1,0 +1,235 @@
+"""Intermediate targets: the tool stays on the plan between the targets too, and the text is that of the program given."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import Path3
+from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
+
+ENTRY, EXIT = 20.0, 135.0        # mm of path: where the cut begins and ends
+
+
+def force(s: np.ndarray) -> np.ndarray:
+    """Force (n, 3) [N] at path lengths [mm], base frame: none in air, varying in the cut."""
+    s = np.asarray(s, dtype=float)
+    cut = (s > ENTRY) & (s < EXIT)
+    return np.where(cut[:, None], np.column_stack([50 + 0 * s, 150 + 100 * np.sin(s / 25), -80 + 0 * s]), 0.0)
+
+
+def log(end: float, step: float = 0.1) -> str:
+    s = np.arange(0, end, step)
+    return "path_mm,fx_n,fy_n,fz_n\n" + "".join(f"{a:.3f},{f[0]:.5f},{f[1]:.5f},{f[2]:.5f}\n"
+                                               for a, f in zip(s, force(s), strict=True))
+
+
+def between(start: Frame, end: Frame, share: float) -> Frame:
+    turn = (end.r * start.r.inv()).as_rotvec()
+    return Frame(start.p + share * (end.p - start.p), Rotation.from_rotvec(share * turn) * start.r)
+
+
+def off_plan(command: Frame, q: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the loaded tool of a commanded pose stands, in the work object [m], and the joint angles."""
+    q = kit.solve(IRB6660, kit.work_object() @ command @ TOOL.inv(), q)
+    rest = kit.tcp_pose(IRB6660, kit.loaded(IRB6660, q, TOOL.p, wrench, K), TOOL)
+    return (kit.work_object().inv() @ rest).p, q
+
+
+def distance_from_line(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> tuple[float, float]:
+    """Distance from a line, and how far along it [m]."""
+    along = (end - start) / np.linalg.norm(end - start)
+    offset = point - start
+    return float(np.linalg.norm(offset - (offset @ along) * along)), float(offset @ along)
+
+
+LINES = np.array([[0, 0, 0], [60, 0, 0], [120, 0, 0], [120, 40, 0]], dtype=float)
+
+
+def worst_off_the_line(job: Job, path: Path3) -> float:
+    """Over the straight run of LINES, away from entry and exit, driving the written program with the true forces [m]."""
+    written = kit.targets_of(job.out.read_text())
+    start, end = path.frames[0].p, path.frames[2].p
+    worst, q = 0.0, path.q[0]
+    for first, last in itertools.pairwise(written):
+        for share in (0.0, 0.25, 0.5, 0.75):
+            command = between(first, last, share)
+            s = 1e3 * distance_from_line(command.p, start, end)[1]
+            if ENTRY + 5 < s < 115:
+                point, q = off_plan(command, q, np.r_[force(np.array([s]))[0], 0, 0, 0])
+                worst = max(worst, distance_from_line(point, start, end)[0])
+    return worst
+
+
+def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None:
+    path = Path3(LINES)
+    job = Job(tmp_path, program=path.program(), forces=log(160))
+    result = job.correct("--json")
+    assert result.code == 0
+    assert "CS4330" in kit.codes(result)
+    assert worst_off_the_line(job, path) < 10e-6
+    added = result.json["result"]["added_targets"]
+    assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
+    assert len(job.offsets()) == 4, "one row a target of the program given"
+    coarse = job.correct("--json", "--force", "--tolerance", "40").json["result"]["added_targets"]
+    assert coarse < added / 2
+    assert job.correct("--force", "--keep-targets").code == 0
+    assert len(kit.targets_of(job.out.read_text())) == 4
+    assert worst_off_the_line(job, path) > 60e-6
+
+
+def test_air_on_a_long_move_is_not_moved(tmp_path: Path) -> None:
+    path = Path3(LINES)
+    job = Job(tmp_path, program=path.program(), forces=log(160))
+    assert job.correct().code == 0
+    for frame in kit.targets_of(job.out.read_text()):
+        off, along = distance_from_line(frame.p, path.frames[0].p, path.frames[2].p)
+        if off < 1e-3 and 1e3 * along < ENTRY - 3:
+            assert off < 1e-7
+
+
+def test_the_tare_names_targets_of_the_program_given(tmp_path: Path) -> None:
+    """The sensor's bias is taken from the air behind a cut that begins at once, with intermediate targets in between."""
+    path, written = Path3(LINES), []
+    for bias in (0.0, 60.0):
+        s = np.arange(0, 160, 0.1)
+        values = force(s + ENTRY) + bias
+        text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
+            f"{a:.3f},{f[0]:.5f},{f[1]:.5f},{f[2]:.5f}\n" for a, f in zip(s, values, strict=True))
+        (folder := tmp_path / f"{bias:g}").mkdir()
+        job = Job(folder, program=path.program(), forces=text)
+        result = job.correct("--json", *(["--tare", "3:3"] if bias else []))
+        assert result.code == 0
+        assert result.json["result"]["added_targets"] > 5
+        written.append(np.array([frame.p for frame in kit.targets_of(job.out.read_text())]))
+    assert written[0].shape == written[1].shape
+    np.testing.assert_allclose(written[1], written[0], rtol=0, atol=2e-7)
+
+
+def test_a_force_that_stays_needs_no_targets(tmp_path: Path) -> None:
+    path = Path3(LINES)
+    text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(f"{s:.1f},20,90,-30\n" for s in np.arange(0, 160, 0.1))
+    result = (job := Job(tmp_path, program=path.program(), forces=text)).correct("--json")
+    assert result.code == 0
+    assert result.json["result"]["added_targets"] == 0
+    assert len(kit.targets_of(job.out.read_text())) == 4
+
+
+def test_targets_named_in_the_log_posture_alone_asks_for_more(tmp_path: Path) -> None:
+    """Half a metre under one force: the arm is not equally soft along it."""
+    path = Path3(np.array([[0, 0, 0], [250, 100, -250]], dtype=float))
+    job = Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n0,100,250,-100\n1,100,250,-100\n")
+    wrench, worst = np.array([100, 250, -100, 0, 0, 0.0]), []
+    for option in ("--tolerance=0.3", "--keep-targets"):
+        assert job.correct("--force", option).code == 0
+        written, q, largest = kit.targets_of(job.out.read_text()), path.q[0], 0.0
+        for first, last in itertools.pairwise(written):
+            for share in (0.0, 0.5):
+                point, q = off_plan(between(first, last, share), q, wrench)
+                largest = max(largest, distance_from_line(point, path.frames[0].p, path.frames[1].p)[0])
+        worst.append(largest)
+    assert worst[0] < 0.4e-6 < 0.7e-6 < worst[1]
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r\r\n"])
+def test_the_text_given_stays_and_the_added_lines_look_like_it(tmp_path: Path, newline: str) -> None:
+    path = Path3(LINES)
+    moves = [kit.move(path.text[0]), "    ! into the cut", kit.move(path.text[1]).replace(",z1,", ",fine\\Inpos:=inpos50,"),
+             "\tMoveL p3, v50 , z1 ,tMill\\WObj:=wPart; ! out", "    SetDO doDone,1;", kit.move(path.text[3])]
+    data = [kit.tooldata(), kit.wobjdata(), f"CONST robtarget p3:={path.text[2]};"]
+    program = kit.module(moves, data).replace("\n", newline)
+    job = Job(tmp_path, program=program.encode(), forces=log(160))
+    assert job.correct().code == 0
+    lines = job.out.read_bytes().decode().split(newline)
+    own = program.split(newline)
+
+    def bare(line: str) -> str:
+        return re.sub(r"-?\d+\.\d+", "#", line)
+
+    kept = [bare(line) for line in lines if bare(line) in {bare(one) for one in own} or "p3" in line]
+    assert [line for line in kept if "z0" not in line and "! into" not in line][:3] == [bare(line) for line in own[:3]]
+    assert sum("! into the cut" in line for line in lines) == sum("! out" in line for line in lines) == 1
+    into = [line for line in lines if ",z0," in line]
+    assert into, "further targets of a move that stops are fly-by points"
+    assert all(line.startswith("    MoveL [[") and "Inpos" not in line for line in into)
+    assert sum("fine\\Inpos:=inpos50" in line for line in lines) == 1
+    tabbed = [line for line in lines if line.startswith("\tMoveL [[")]
+    assert tabbed
+    assert all(line.endswith(", v50 , z1 ,tMill\\WObj:=wPart;") for line in tabbed)
+    last = next(i for i, line in enumerate(lines) if "SetDO" in line)
+    assert lines[last + 1].lstrip().startswith("MoveL"), "nothing comes between an instruction and the move behind it"
+    assert "[9E9" in lines[last + 1]
+
+
+@pytest.mark.parametrize("change", [
+    ("    MoveL", "    IF go MoveL"), (",v50,z1", ",v50\\T:=2,z1"), ("    MoveL", "    Retract;\n    MoveL"),
+    ("    MoveL", "    MoveL\\Conc,"),
+], ids=["compact IF", "a time", "a call before", "Conc"])
+def test_moves_that_do_not_stand_by_themselves_are_left_whole(tmp_path: Path, change: tuple[str, str]) -> None:
+    path = Path3(LINES[:2])
+    moves = [kit.move(path.text[0]), kit.move(path.text[1]).replace(*change)]
+    result = (job := Job(tmp_path, program=kit.module(moves), forces=log(60))).correct("--json")
+    if result.code == 0:
+        assert result.json["result"]["added_targets"] == 0
+        assert len(kit.targets_of(job.out.read_text())) == 2
+    else:
+        assert result.code == 1
+        job.nothing_written()
+
+
+RADIUS = 30.0
+ARC = np.array([[0, 0, 0], [10, 0, 0], [10 + RADIUS, RADIUS, 0], [10, 2 * RADIUS, 0], [0, 2 * RADIUS, 0]])
+
+
+def arc_force(s: np.ndarray, wave: float) -> np.ndarray:
+    return np.column_stack([50 + 0 * s, 150 + 100 * np.sin(s / wave), -80 + 0 * s])
+
+
+def on_arc(a: np.ndarray, b: np.ndarray, c: np.ndarray, share: float) -> np.ndarray:
+    """The point at a share of the arc from a over b to c, by the perpendicular bisectors."""
+    u, v = b - a, c - a
+    w = np.cross(u, v)
+    centre = a + np.cross(w, u * (v @ v) - v * (u @ u)) / (2 * (w @ w))
+    axis = w / np.linalg.norm(w)
+    sweep = np.mod(np.arctan2(axis @ np.cross(a - centre, c - centre), (a - centre) @ (c - centre)), 2 * np.pi)
+    return centre + Rotation.from_rotvec(share * sweep * axis).apply(a - centre)
+
+
+@pytest.mark.parametrize(("wave", "cut"), [(25.0, True), (1e9, False)], ids=["varies", "stays"])
+def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: float, cut: bool) -> None:
+    path = Path3(ARC)
+    moves = [kit.move(path.text[0]), kit.move(path.text[1]),
+             f"    MoveC {path.text[2]},{path.text[3]},v50,z1,tMill\\WObj:=wPart;", kit.move(path.text[4])]
+    s = np.arange(0, 20 + np.pi * RADIUS, 0.05)
+    text = "path_mm,fx_n,fy_n,fz_n\n" + "".join(
+        f"{a:.2f},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for a, f in zip(s, arc_force(s, wave), strict=True))
+    job = Job(tmp_path, program=kit.module(moves), forces=text)
+    result = job.correct("--json")
+    assert result.code == 0
+    assert ("CS4331" in kit.codes(result)) == cut
+    out = job.out.read_text()
+    assert out.count("MoveC") == (4 if cut else 1)
+    written, centre = kit.targets_of(out), path.at(ARC[1] + [0, RADIUS, 0])[0] / 1e3
+    normal = np.cross(path.frames[1].p - centre, path.frames[2].p - centre)
+    normal /= np.linalg.norm(normal)
+    worst, q = 0.0, path.q[1]
+    for i in range(1, len(written) - 2, 2):
+        a, b, c = written[i:i + 3]
+        for share in (0.25, 0.5, 0.75):
+            command = Frame(on_arc(a.p, b.p, c.p, share), a.r)
+            radius = path.frames[1].p - centre
+            here = command.p - centre
+            turned = np.arctan2(normal @ np.cross(radius, here), radius @ here)
+            wrench = np.r_[arc_force(np.array([10 + RADIUS * turned]), wave)[0], 0, 0, 0]
+            point, q = off_plan(command, q, wrench)
+            height = (point - centre) @ normal
+            worst = max(worst, float(np.hypot(np.linalg.norm(point - centre - height * normal) - RADIUS / 1e3, height)))
+    assert worst < (25e-6 if cut else 12e-6)
+    if cut:
+        assert job.correct("--force", "--keep-targets").code == 0
+        assert job.out.read_text().count("MoveC") == 1

@@ -1,0 +1,158 @@
+"""Corrections that are held back: what is promised of them, by chance experiments and by the definition."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compensator.correction.job import Corrected
+from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
+from identification.model.compliance import loaded_pose
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.user_files import Job
+
+DEVIATION = np.array([30.0, -10.0, 5.0])
+SPREAD = np.array([[400.0, 90, 0], [90, 250, -30], [0, -30, 100]])
+
+
+def farther(share: float, deviation: np.ndarray, spread: np.ndarray, draws: int = 200_000) -> float:
+    """How often the true deviation, corrected by a share of the expected one, is farther from zero than uncorrected."""
+    true = np.random.default_rng(3).multivariate_normal(deviation, spread, draws)
+    return float(np.mean(np.linalg.norm(true - share * deviation, axis=1) > np.linalg.norm(true, axis=1)))
+
+
+@pytest.mark.parametrize("confidence", [0.6, 0.69, 0.75, 0.8])
+def test_the_share_is_the_largest_that_keeps_the_promise(confidence: float) -> None:
+    deviation = 0.6 * DEVIATION
+    share = float(confident_share(deviation[None], SPREAD[None], confidence)[0])
+    assert 0 < share <= 1
+    assert farther(share, deviation, SPREAD) <= 1 - confidence + 0.004
+    if share < 1:
+        assert farther(min(share + 0.05, 1.0), deviation, SPREAD) > 1 - confidence
+
+
+def test_a_correction_of_its_own_sigma_is_made_in_full_and_of_half_of_it_left_out() -> None:
+    """What the default of --confidence is said to mean."""
+    one = np.array([[10.0, 0, 0]])
+    sigma = np.array([8.0, 10.0, 15.0, 20.1])
+    share = [float(confident_share(one, (s * np.eye(3))[None] ** 2, 0.69)[0]) for s in sigma]
+    np.testing.assert_allclose(share, [1, 1, 2 - 1.5 * 0.99, 0], atol=0.02)
+
+
+def test_the_stated_chance_of_harm_is_how_often_it_happens() -> None:
+    for share in (0.3, 1.0):
+        stated = chance_of_harm(DEVIATION[None], 3 * SPREAD[None], -share * DEVIATION[None])[0]
+        assert stated == pytest.approx(farther(share, DEVIATION, 3 * SPREAD), abs=0.004)
+    assert chance_of_harm(DEVIATION[None], SPREAD[None], np.zeros((1, 3)))[0] == 0
+
+
+def test_expected_worse_is_the_mean_over_robots_of_the_posterior(sample: Corrected) -> None:
+    """Counted over robots drawn from the posterior; the stated figure holds the scatter of the forces too, so it is larger."""
+    predicted, correction = sample.predicted, sample.correction
+    plan, model, targets = predicted.plan, predicted.model, correction.targets
+    tool, wrench = predicted.cell.flange_from_tcp, predicted.forces.wrench[targets]
+    rng, worse = np.random.default_rng(8), []
+    for _ in range(20):
+        compliance = np.exp(rng.multivariate_normal(model.mean, model.covariance))
+        goal = plan.base_from_tcp.position[targets]
+        at = [np.linalg.norm(loaded_pose(model.robot, theta, tool, wrench, compliance).position - goal, axis=1)
+              for theta in (plan.theta[targets], correction.theta)]
+        worse.append(int((at[1] > at[0]).sum()))
+    assert np.mean(worse) <= correction.harm.sum() + 1
+    assert correction.harm.sum() < 0.01 * len(targets)
+
+
+places = st.lists(st.floats(0.0, 50.0), min_size=2, max_size=12)
+
+
+@given(places, st.integers(0, 2**32 - 1), st.floats(0.01, 2.0))
+def test_steps_keep_the_limit_air_stays_and_what_kept_it_is_untouched(steps: list[float], seed: int, slope: float) -> None:
+    rng = np.random.default_rng(seed)
+    length = 1e-3 * np.cumsum(steps)
+    offset = 1e-3 * rng.normal(size=(len(steps), 3))
+    air = rng.random(len(steps)) < 0.3
+    offset[air] = 0.0
+    limited = limited_steps(offset, length, air, slope)
+    apart = np.abs(length[:, None] - length)
+    assert np.all(np.abs(limited[:, None] - limited) <= slope * apart[:, :, None] + 1e-8)
+    assert np.all(limited[air] == 0)
+    gentle = np.abs(offset[:, None] - offset) <= 0.5 * slope * apart[:, :, None]
+    if gentle.all():
+        np.testing.assert_allclose(limited, offset, atol=1e-12)
+
+
+def test_the_limited_offset_is_the_largest_with_that_slope() -> None:
+    """By the definition, all pairs, the places where a coordinate changes its sign among them; and nothing is moved farther."""
+    rng = np.random.default_rng(1)
+    length, offset = np.sort(rng.uniform(0, 1, 40)), 1e-3 * rng.normal(size=(40, 3))
+    slope = 5e-3
+    limited = limited_steps(offset, length, np.zeros(40, bool), slope)
+    for values, found in zip(offset.T, limited.T, strict=True):
+        zeros = [np.interp(0.0, *zip(*sorted([(values[i], length[i]), (values[i + 1], length[i + 1])]), strict=True))
+                 for i in range(39) if values[i] * values[i + 1] < 0]
+        places, sizes = np.r_[length, zeros], np.r_[np.abs(values), np.zeros(len(zeros))]
+        expected = np.array([np.sign(value) * np.min(sizes + slope * np.abs(places - here))
+                             for value, here in zip(values, length, strict=True)])
+        np.testing.assert_allclose(found, expected, atol=2e-9)
+    assert np.all(np.abs(limited) <= np.abs(offset))
+
+
+def test_a_spike_does_not_move_its_neighbours() -> None:
+    length, offset = 1e-3 * np.arange(9.0), np.zeros((9, 3))
+    offset[:, 1] = 1e-5
+    offset[4, 1] = 1e-3
+    limited = limited_steps(offset, length, np.zeros(9, bool), 0.1)
+    np.testing.assert_allclose(limited[:, 1], [1e-5] * 4 + [1.1e-4] + [1e-5] * 4, atol=1e-12)
+
+
+STEP = ([0.0] * 10, [200.0] * 20, [0.0] * 10)
+
+
+def stepped(key: str) -> str:
+    """Force along y that jumps to 200 N and back on 40 targets, 0.2 mm apart."""
+    levels = [level for part in STEP for level in part]
+    rows = [f"{i if key == 'target' else 0.2 * i:.1f},0,{level},0" for i, level in enumerate(levels)]
+    return "\n".join([f"{key},fx_n,fy_n,fz_n", *rows]) + "\n"
+
+
+def test_a_step_of_the_force_is_blended_where_the_log_could_be_off_its_place(tmp_path: Path) -> None:
+    path = line(40, 0.2)
+    job = Job(tmp_path, program=path.program(), forces=stepped("path_mm"))
+    result = job.correct("--json", "--max-slope", "300")
+    assert result.code == 0
+    assert "CS4113" in kit.codes(result)
+    offset = 1e3 * kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm")
+    assert np.all(np.abs(np.diff(offset, axis=0)) <= 300 * 0.2 + 0.1)
+    assert np.all(offset[:10] == 0)
+    assert np.all(offset[30:] == 0)
+    deviation = kit.column(job.offsets(), "dx_um", "dy_um", "dz_um")
+    assert abs(np.linalg.norm(offset[20]) - np.linalg.norm(deviation[20])) < 0.5, "the middle of the cut is corrected in full"
+    assert result.json["result"]["held_back"] > 0
+
+
+def test_target_numbers_place_a_step_exactly(tmp_path: Path) -> None:
+    job = Job(tmp_path, program=line(40, 0.2).program(), forces=stepped("target"))
+    result = job.correct("--json")
+    assert result.code == 0
+    assert "CS4113" not in kit.codes(result)
+    assert result.json["result"]["held_back"] == 0
+
+
+def test_confidence_from_the_command_line(tmp_path: Path) -> None:
+    """Stiffnesses known to a factor: a demanding user gets less of the correction, `--confidence 0.5` all of it."""
+    job = Job(tmp_path, program=line(6, 5).program(), stiffness=kit.stiffness_text(relative=0.9),
+              forces="target,fx_n,fy_n,fz_n\n" + "".join(f"{i},0,200,0\n" for i in range(6)))
+    sizes = []
+    for number, confidence in enumerate(("0.5", "0.8")):
+        result = job.correct("--json", "--force", "--confidence", confidence)
+        assert result.code == 0
+        sizes.append(np.linalg.norm(kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm"), axis=1))
+        assert ("CS4112" in kit.codes(result)) == bool(number)
+        assert result.json["result"]["expected_worse"] > 0
+    assert np.all(sizes[1] < 0.9 * sizes[0])
+    assert "0.5" in job.correct("--force", "--confidence", "0.3").err

@@ -1,0 +1,128 @@
+"""Saturation, stuck channels and lost samples are found where they are, and nowhere else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from compensator.forces.log import ForceLog, read_force_log
+from identification.common import number_blocks
+from identification.model.cell import ForceLogFile
+from tests.compensator.forces.test_contract_placement import place
+
+RATE, COUNT = 2000.0, 6000
+FAULTS = {"CS3023", "CS3024", "CS3025", "CS3026", "CS3036"}
+
+
+def noisy(seed: int = 0, step: float = 1 / 32) -> np.ndarray:
+    """A cut between two air moves, as a sensor reports it, in steps of 1/32 N."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(COUNT) / RATE
+    cut = np.interp(t, [0.5, 0.55, 2.4, 2.5], [0, 1, 1, 0])[:, None] * [150.0, -90, 60] * (1 + 0.4 * np.sin(900 * t))[:, None]
+    bias = np.array([3.0, -4, 2])
+    return step * np.round((cut + bias + rng.normal(0, 1.5, (COUNT, 3))) / step)
+
+
+def read(path: Path, force: np.ndarray, rows: np.ndarray | None = None, form: ForceLogFile | None = None, **extra) -> ForceLog:
+    data = {"time_s": np.arange(COUNT) / RATE, "target": np.arange(COUNT) // 2000} | extra
+    frame = pd.DataFrame(data | {f"f{axis}_n": force[:, k] for k, axis in enumerate("xyz")})
+    (frame if rows is None else frame.iloc[rows]).to_csv(path / "a.csv", index=False)
+    return read_force_log(path / "a.csv", form or ForceLogFile())
+
+
+def faults(log: ForceLog) -> list[tuple[str, int | None]]:
+    return [(finding.code, finding.line) for finding in log.findings if finding.code in FAULTS]
+
+
+@pytest.fixture(params=[1 << 22, 5000], ids=["whole", "in blocks"])
+def blocks(request, monkeypatch) -> None:
+    monkeypatch.setattr(number_blocks, "BLOCK_BYTES", request.param)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_sound_log_is_left_in_peace(tmp_path, seed: int) -> None:
+    log = read(tmp_path, noisy(seed))
+    assert not faults(log)
+    assert not log.saturated.any()
+
+
+@pytest.mark.parametrize("kind", ["constant", "pieces", "zero", "plateau", "one axis"])
+def test_a_simulation_without_noise_is_left_in_peace(tmp_path, kind: str) -> None:
+    t = np.arange(COUNT) / RATE
+    force = {"constant": np.tile([10.0, 20, 30], (COUNT, 1)),
+             "pieces": np.repeat([[0.0, 0, 0], [100, -50, 20], [0, 0, 0]], COUNT // 3, axis=0),
+             "zero": np.zeros((COUNT, 3)),
+             "plateau": np.outer(np.interp(t, [0, 1, 2, 3], [0, 200, 200, 0]), [1, 2, -1]),
+             "one axis": np.column_stack([100 + 50 * np.sin(40 * t), 0 * t, np.where(t < 1, 0.0, 30.0)])}[kind]
+    log = read(tmp_path, force)
+    assert [finding for finding in log.findings if finding.code in FAULTS and finding.level == "warning"] == []
+
+
+@pytest.mark.usefixtures("blocks")
+def test_clipped_peaks(tmp_path) -> None:
+    force = noisy()
+    clipped = np.minimum(force, [180, 1e9, 1e9])
+    runs = np.flatnonzero(np.convolve(force[:, 0] >= 180, np.ones(3), mode="valid") == 3)
+    log = read(tmp_path, clipped)
+    assert faults(log) == [("CS3023", int(runs[0]) + 2)]
+    within = np.zeros(COUNT, dtype=bool)
+    for first in runs:
+        within[first:first + 3] = True
+    # A run over the border of two blocks, 4 MB each but here of 5 kB, may lose a sample or two.
+    assert not np.any(log.saturated & ~within)
+    assert log.saturated.sum() > 0.9 * within.sum()
+    assert f"fx_n: {log.saturated.sum()} samples in runs of exactly 180" in str(log.findings)
+    stated = read(tmp_path, clipped, form=ForceLogFile(saturation_n=180))
+    assert np.array_equal(stated.saturated, clipped[:, 0] >= 180)
+
+
+def test_targets_that_depend_on_saturated_samples_are_warned_about(tmp_path) -> None:
+    force = np.minimum(noisy(), [180, 1e9, 1e9])
+    rows = "\n".join(f"{k // 2000},{x},{y},{z}" for k, (x, y, z) in enumerate(force))
+    found = [f for f in place(tmp_path, "target,fx_n,fy_n,fz_n\n" + rows + "\n").findings if f.code == "CS3026"]
+    hit = {k // 2000 for k in range(COUNT) if force[k, 0] >= 180}
+    assert len(found) == 1
+    assert f"of {len(hit)} target" in found[0].message
+    assert found[0].target == min(hit)
+
+
+@pytest.mark.usefixtures("blocks")
+def test_a_channel_that_sticks(tmp_path) -> None:
+    force = noisy()
+    force[3000:3200, 1] = force[3000, 1]
+    log = read(tmp_path, force)
+    assert faults(log) == [("CS3024", 3002)]
+    assert "fy_n stood still while others moved: 200 samples" in str(log.findings)
+
+
+def test_a_channel_that_is_dead(tmp_path) -> None:
+    force = noisy()
+    force[:, 2] = 4.5
+    found = [f for f in read(tmp_path, force).findings if f.code == "CS3024"]
+    assert [(f.level, f.message) for f in found] == [("warning", "fz_n is 4.5 in all 6000 samples")]
+    force[:, 2] = 0
+    assert [f.level for f in read(tmp_path, force).findings if f.code == "CS3024"] == ["note"]
+
+
+@pytest.mark.usefixtures("blocks")
+@pytest.mark.parametrize("told", ["time", "sequence"])
+def test_lost_samples(tmp_path, told: str) -> None:
+    rows = np.delete(np.arange(COUNT), [700, *range(2500, 2540)])
+    extra = {"sequence": np.arange(COUNT) + 17}
+    if told == "sequence":
+        extra["time_s"] = np.round(np.arange(COUNT) / RATE, 2)      # too coarse to tell
+    log = read(tmp_path, noisy(), rows, **(extra if told == "sequence" else {}))
+    found = [finding for finding in log.findings if finding.code == "CS3025"]
+    assert len(found) == 1
+    assert found[0].line == 702
+    assert "41 samples of 6000 lost in 2 gaps" in found[0].message
+    assert ("CS3036" in {finding.code for finding in log.findings}) == (told == "sequence")
+
+
+def test_time_that_runs_back(tmp_path) -> None:
+    time = np.arange(COUNT) / RATE
+    time[4000:] -= 1.0
+    assert faults(read(tmp_path, noisy(), time_s=time)) == [("CS3025", 4002)]

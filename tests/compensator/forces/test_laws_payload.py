@@ -1,0 +1,266 @@
+"""Bias and weight of what hangs on the sensor: found from still readings, and taken off at each orientation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from numpy.testing import assert_allclose
+
+from compensator.forces.payload import estimate_payload, interval_factor, turns
+from compensator.forces.placement import place_forces, read_force_log
+from compensator.path.plan import Plan, plan_path
+from compensator.rapid import read_rapid
+from compstiff.cli.main import compstiff
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.user_files import IRB6660
+
+MASS, CENTRE = 12.4, np.array([0.012, -0.008, 0.143])       # flange frame [m]
+SENSOR_PLACE, SENSOR_TURN = np.array([0.0, 0.004, 0.03]), kit.Rotation.from_euler("zyx", [40, 3, -2], degrees=True)
+BIAS = np.array([14.0, -31.0, 55.0, 0.6, -1.4, 0.25])
+SENSOR = (f"{{frame: sensor, sensor_position_mm: {(1e3 * SENSOR_PLACE).tolist()}, "
+          f"sensor_quaternion: {kit.quaternion(SENSOR_TURN).tolist()}, %s}}")
+CELL = "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\nforce_log: "
+WRIST = np.array([[0, 0], [60, 90], [60, -90], [-60, 30], [-60, 180], [90, 45], [90, -60], [-90, 0]])
+
+
+def reading(rotation: kit.Rotation) -> np.ndarray:
+    """Force and moment (6,) the sensor shows with the flange turned so in the world: weight by statics, and its bias."""
+    sensor = rotation * SENSOR_TURN
+    force = sensor.inv().apply([0, 0, -MASS * 9.80665])
+    arm = SENSOR_TURN.inv().apply(CENTRE - SENSOR_PLACE)
+    return BIAS + np.concatenate([force, np.cross(arm, force)])
+
+
+def still_log(folder: Path, rng: np.random.Generator, wrist: np.ndarray = WRIST, samples: int = 30, sign: float = 1.0) -> Path:
+    """The robot still at several wrist angles, with samples on the way between them."""
+    rows = []
+    for k, (q5, q6) in enumerate(wrist):
+        q = np.array([10.0, 10, 5, 0, q5, q6])
+        pose = kit.tcp_pose(IRB6660, np.radians(q), kit.IDENTITY).r
+        noise = rng.normal(0, 1, (samples, 6)) * [1.5, 1.5, 1.5, 0.05, 0.05, 0.05]
+        rows += [[*q, *(sign * (reading(pose) + e))] for e in noise]
+        if k + 1 < len(wrist):
+            rows += [[*(q + np.array([0, 0, 0, 0, 2 + step, 3 * step])), *rng.normal(0, 300, 6)] for step in range(2)]
+    header = ",".join([*(f"q{k}_deg" for k in range(1, 7)), "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"])
+    path = folder / "still.csv"
+    path.write_text(header + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
+    return path
+
+
+def tare(folder: Path, still: Path, cell: str) -> tuple[int, dict]:
+    (folder / "cell.yaml").write_text(cell)
+    run = CliRunner().invoke(compstiff, ["tare", str(folder / "cell.yaml"), str(still), "-o", str(folder / "payload.yaml"),
+                                         "--force", "--json"])
+    return run.exit_code, json.loads(run.stdout)
+
+
+@pytest.mark.parametrize("sign", ["on_tool", "by_tool"])
+def test_the_ten_parameters_come_back(tmp_path, sign: str) -> None:
+    still = still_log(tmp_path, np.random.default_rng(1), sign=1.0 if sign == "on_tool" else -1.0)
+    code, said = tare(tmp_path, still, CELL + SENSOR % f"sign: {sign}")
+    assert code == 0, said
+    found = said["result"]
+    assert found["orientations"] == len(WRIST)
+    bias = BIAS if sign == "on_tool" else -BIAS
+    truth = [MASS, *(1e3 * CENTRE), *bias]
+    estimates = [found["mass_kg"], *found["centre_of_mass_mm"], *found["bias_n"], *found["bias_nm"]]
+    for one, true in zip(estimates, truth, strict=True):
+        assert abs(one["estimate"] - true) < 5 * one["std"]
+        assert one["std"] > 0
+    assert found["mass_kg"]["std"] < 0.05
+    assert {finding["code"] for finding in said["findings"]} >= {"CS3038"}
+    # What it writes is what cell.yaml takes.
+    keys = "\n".join((tmp_path / "payload.yaml").read_text().splitlines()[3:])
+    extra = ", ".join(line.strip() for line in keys.splitlines())
+    (tmp_path / "full.yaml").write_text(CELL + SENSOR % f"sign: {sign}, {extra}")
+    cell = read_cell(tmp_path / "full.yaml").force_log
+    assert cell.mass == pytest.approx(found["mass_kg"]["estimate"], abs=1e-4)
+    assert_allclose(cell.bias, [one["estimate"] for one in (*found["bias_n"], *found["bias_nm"])], atol=1e-4)
+
+
+def test_stated_intervals_cover() -> None:
+    """95 % of the intervals hold the truth, over 400 sensors and sets of orientations; binomial bounds at 4 sigma."""
+    rng = np.random.default_rng(7)
+    inside = []
+    for _ in range(400):
+        fall = kit.Rotation.random(6, random_state=rng).apply([0, 0, -9.80665])
+        mass, arm, bias = rng.uniform(2, 60), rng.uniform(-0.3, 0.3, 3), rng.normal(0, 30, 6)
+        load = np.concatenate([mass * fall, np.cross(arm, mass * fall)], axis=1) + bias
+        load += rng.normal(0, 1, (6, 6)) * [0.5] * 3 + rng.normal(0, 1, (6, 6)) * [0, 0, 0, 0.03, 0.03, 0.03]
+        found = estimate_payload(fall, load, has_moment=True)
+        if found is None or found.centre is None:
+            continue
+        wide, narrow = interval_factor(found.moment_dof), interval_factor(found.force_dof)
+        inside.append([abs(found.mass - mass) < narrow * found.mass_std,
+                       *(np.abs(found.bias - bias) < np.r_[[narrow] * 3, [wide] * 3] * found.bias_std),
+                       *(np.abs(found.centre - arm) < wide * found.centre_std)])
+    share = np.mean(inside, axis=0)
+    assert len(inside) > 350
+    assert np.all(np.abs(share - 0.95) < 4 * np.sqrt(0.95 * 0.05 / len(inside))), share
+
+
+@pytest.mark.parametrize(("wrist", "mass"), [([[0, 0], [0, 90], [2, 0]], False), ([[0, 0], [40, 0], [-40, 0], [60, 0]], True)])
+def test_what_the_orientations_do_not_separate_is_refused(tmp_path, wrist: list, mass: bool) -> None:
+    """Spindle upright in all: no mass. Tilted about one axis alone: the mass, and a centre only where g turns enough."""
+    q = np.radians([[10.0, 10, 5, 0, q5, q6] for q5, q6 in wrist])
+    fall = np.array([(kit.tcp_pose(IRB6660, one, kit.IDENTITY).r * SENSOR_TURN).inv().apply([0, 0, -9.80665]) for one in q])
+    code, said = tare(tmp_path, still_log(tmp_path, np.random.default_rng(2), np.array(wrist)), CELL + SENSOR % "sign: on_tool")
+    if not mass and turns(fall)[0] < 0.1:
+        assert code == 1
+        assert said["findings"][0]["code"] == "CS3034"
+        assert not (tmp_path / "payload.yaml").exists()
+    else:
+        assert code == 0
+        assert said["result"]["mass_kg"]["estimate"] == pytest.approx(MASS, abs=5 * said["result"]["mass_kg"]["std"])
+
+
+def test_one_direction_of_turn_does_not_give_the_centre() -> None:
+    """Small turns about one axis: the arm along g's mean does not show, and neither does the one along the axis of turning."""
+    tilt = np.radians([-20, -10, 0, 10, 20])
+    fall = -9.80665 * np.column_stack([np.sin(tilt), 0 * tilt, np.cos(tilt)])
+    near = fall * [1, 1, 0] + [0, 0, -9.80665]              # one direction exactly
+    load = np.concatenate([MASS * near, np.cross([0.1, 0.2, 0.3], MASS * near)], axis=1)
+    load += np.random.default_rng(0).normal(0, 0.01, load.shape)
+    found = estimate_payload(near, load, has_moment=True)
+    assert found is not None
+    assert found.centre is None
+    assert found.mass == pytest.approx(MASS, rel=0.01)
+
+
+def test_readings_under_load_are_no_still_readings(tmp_path) -> None:
+    """Load tests at joints that stand still: 200 N on and off."""
+    still = still_log(tmp_path, np.random.default_rng(1))
+    head, *rows = still.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    loaded = [[*one[:6], f"{float(one[6]) + 200 * (i % 2):.6f}", *one[7:]] for i, one in enumerate(cells)]
+    still.write_text("\n".join([head, *(",".join(one) for one in loaded)]) + "\n")
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 1
+    assert said["findings"][0]["code"] == "CS3037"
+    assert "100 N" in said["findings"][0]["message"]
+
+
+def test_a_payload_that_is_not_told_from_none_is_not_written(tmp_path) -> None:
+    rng, rows = np.random.default_rng(4), []
+    for q5, q6 in WRIST:
+        rows += [[10.0, 10, 5, 0, q5, q6, *(BIAS + noise)] for noise in rng.normal(0, 1.5, (30, 6))]
+    header = ",".join([*(f"q{k}_deg" for k in range(1, 7)), "fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"])
+    still = tmp_path / "still.csv"
+    still.write_text(header + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 0
+    assert "CS3034" in {finding["code"] for finding in said["findings"]}
+    written = (tmp_path / "payload.yaml").read_text()
+    assert "bias_n" in written
+    assert "payload:" not in written
+
+
+def test_tare_needs_a_sensor_and_joint_angles(tmp_path) -> None:
+    still = still_log(tmp_path, np.random.default_rng(1))
+    assert tare(tmp_path, still, CELL + "{frame: base}")[1]["findings"][0]["code"] == "CS3037"
+    still.write_text("target,fx_n,fy_n,fz_n\n0,1,2,3\n")
+    assert tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]["findings"][0]["code"] == "CS3037"
+
+
+def tilted_plan(folder: Path, cell: str, count: int = 12) -> Plan:
+    """Targets 5 mm apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
+    moves = []
+    for k in range(count):
+        share = k / (count - 1)
+        turn = kit.Rotation.from_euler("yx", [180 - 50 * np.sin(np.pi * share), 60 * share], degrees=True)
+        text = ",".join(f"{v:.9f}" for v in kit.quaternion(turn))
+        moves.append(f"Move{'L' if k else 'J'} [[{1200 + 5 * k},0,900],[{text}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+                     "v50,fine,t1;")
+    (folder / "cell.yaml").write_text(cell)
+    text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+
+
+def pass_log(folder: Path, plan: Plan, cut: np.ndarray, noise: float = 0.0, tool_on: bool = True) -> Path:
+    """What the sensor logs along the plan: cut (N, 6) in the base frame at the TCP, the tool's weight, its bias."""
+    rng, rows = np.random.default_rng(0), []
+    for k, wrench in enumerate(cut):
+        flange = kit.Rotation.from_matrix(plan.base_from_flange.rotation[k])
+        sensor = flange * SENSOR_TURN
+        lever = flange.apply(np.array([0.12, 0, 0.25]) - SENSOR_PLACE)
+        shown = np.concatenate([sensor.inv().apply(wrench[:3]), sensor.inv().apply(wrench[3:] + np.cross(lever, wrench[:3]))])
+        shown = shown + (reading(flange) if tool_on else 0)
+        rows += [[k, *(shown + noise * rng.normal(0, 1, 6) * [1, 1, 1, 0.05, 0.05, 0.05])] for _ in range(40)]
+    path = folder / "forces.csv"
+    path.write_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n" + "\n".join(",".join(f"{x:.9f}" for x in row) for row in rows))
+    return path
+
+
+CUT = np.zeros((12, 6))
+CUT[5:9] = [150, -80, 40, 3, -2, 1]
+STATED = ("bias_n: [14, -31, 55], bias_nm: [0.6, -1.4, 0.25], weight: in_log, "
+          "payload: {mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}")
+
+
+def test_bias_and_weight_are_taken_off_at_every_orientation(tmp_path) -> None:
+    plan = tilted_plan(tmp_path, CELL + SENSOR % STATED)
+    forces = place_forces(read_force_log(pass_log(tmp_path, plan, CUT)), plan, plan.cell)
+    assert_allclose(forces.wrench, CUT, atol=1e-5)
+    assert [finding.level for finding in forces.findings if finding.code == "CS3031"] == ["note"]
+
+
+def test_a_log_without_moments_gets_none_from_bias_or_weight(tmp_path) -> None:
+    plan = tilted_plan(tmp_path, CELL + SENSOR % STATED)
+    path = pass_log(tmp_path, plan, CUT)
+    path.write_text("\n".join(",".join(line.split(",")[:4]) for line in path.read_text().splitlines()))
+    forces = place_forces(read_force_log(path), plan, plan.cell)
+    assert_allclose(forces.wrench[:, :3], CUT[:, :3], atol=1e-5)
+    assert not forces.wrench[:5].any()
+    assert not forces.wrench[9:].any()
+
+
+def test_an_air_stretch_gives_the_bias_beside_the_known_weight(tmp_path) -> None:
+    plan = tilted_plan(tmp_path, CELL + SENSOR % STATED[STATED.index("weight"):])
+    log = read_force_log(pass_log(tmp_path, plan, CUT, noise=1.0))
+    forces = place_forces(log, plan, plan.cell, tare=(0, 2))
+    assert forces.forced.tolist() == (CUT != 0).any(axis=1).tolist()
+    assert_allclose(forces.wrench[5:9, :3], CUT[5:9, :3], atol=1.0)
+    assert_allclose(forces.tare, BIAS, atol=0.5)
+
+
+def test_air_stretches_of_other_orientations_give_mass_and_centre(tmp_path) -> None:
+    """Nothing about the payload in cell.yaml: three air moves, as the spindle tilts, tell it and the bias."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "sign: on_tool")
+    log = read_force_log(pass_log(tmp_path, plan, CUT, noise=0.5))
+    forces = place_forces(log, plan, plan.cell, tare=[(0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (9, 9), (10, 10), (11, 11)])
+    assert "CS3033" in {finding.code for finding in forces.findings}
+    assert forces.forced[5:9].all()
+    assert_allclose(forces.wrench[5:9, :3], CUT[5:9, :3], atol=1.0)
+    assert_allclose(forces.wrench[5:9, 3:], CUT[5:9, 3:], atol=0.6)
+    # One stretch cannot: the weight that tilts away from it is left in the cut.
+    left = place_forces(log, plan, plan.cell, tare=(0, 0)).wrench[5:9, :3] - CUT[5:9, :3]
+    assert np.linalg.norm(left, axis=1).min() > 20
+
+
+def test_a_log_that_holds_no_weight_is_not_made_to_hold_one(tmp_path) -> None:
+    stated = "payload: {mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}"
+    plan = tilted_plan(tmp_path, CELL + SENSOR % stated)
+    log = read_force_log(pass_log(tmp_path, plan, CUT, tool_on=False))
+    with pytest.raises(CompstiffError, match="CS3032.*weighs 122 N.*not in the log"):
+        place_forces(log, plan, plan.cell)
+    plan = tilted_plan(tmp_path, CELL + SENSOR % (stated + ", weight: removed"))
+    assert_allclose(place_forces(log, plan, plan.cell).wrench, CUT, atol=1e-5)
+
+
+def test_a_mass_alone_in_the_cell_is_subtracted_with_a_warning(tmp_path) -> None:
+    """tool.mass_kg, and nothing that says whether the log holds its weight, or where its zero is."""
+    text = CELL.replace("250]}", "250], mass_kg: 12.4, centre_of_mass_mm: [12, -8, 143]}") + SENSOR % "bias_n: [0, 0, 0]"
+    plan = tilted_plan(tmp_path, text.replace(", bias_n: [0, 0, 0]", ""))
+    path = pass_log(tmp_path, plan, CUT)
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows[:, 1:] -= BIAS
+    path.write_text("target,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n" + "\n".join(",".join(f"{x:.9f}" for x in row) for row in rows))
+    forces = place_forces(read_force_log(path), plan, plan.cell)
+    assert_allclose(forces.wrench, CUT, atol=1e-5)
+    assert [finding.level for finding in forces.findings if finding.code == "CS3031"] == ["warning"]

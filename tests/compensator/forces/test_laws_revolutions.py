@@ -1,0 +1,225 @@
+"""Whole revolutions: what repeats each revolution goes, an edge stays, and the spindle's speed is found where it shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from compensator.forces import log as force_log
+from compensator.forces import revolutions
+from compensator.forces.log import ForceLog, read_force_log
+from identification.model.cell import ForceLogFile
+
+RATE = 25600.0
+
+
+def cutting(rpm: float, count: int, rate: float, *, teeth: int = 3, runout: float = 0.15, seed: int = 0) -> np.ndarray:
+    """Forces (count, 3) [N] of interrupted cuts: each tooth a half-sine pulse, one tooth larger; mean 1 by construction.
+
+    A generator that knows nothing of spectra: pulses in the spindle's angle, averaged over the sampling interval.
+    """
+    fine = 16
+    angle = 2 * np.pi * rpm / 60 * (np.arange(count * fine) + 0.5) / (fine * rate) + seed
+    force = np.zeros(count * fine)
+    for tooth in range(teeth):
+        phase = np.mod(angle - 2 * np.pi * tooth / teeth, 2 * np.pi)
+        force += (1 + runout * (tooth == 0)) * np.where(phase < 2.0, np.sin(np.pi * phase / 2.0), 0.0)
+    force = force.reshape(count, fine).mean(axis=1)
+    mean = (teeth + runout) * (2.0 * 2 / np.pi) / (2 * np.pi)
+    return np.outer(force / mean, [120.0, -200.0, 60.0])
+
+
+def written(path: Path, force: np.ndarray, rate: float, columns: dict | None = None) -> Path:
+    import pandas as pd
+
+    data = {"time_s": np.arange(len(force)) / rate, "path_mm": np.arange(len(force)) * 0.4e-3} | (columns or {})
+    pd.DataFrame(data | {f"f{axis}_n": force[:, k] for k, axis in enumerate("xyz")}).to_parquet(path)
+    return path
+
+
+def codes(log: ForceLog) -> set[str]:
+    return {finding.code for finding in log.findings}
+
+
+@pytest.mark.parametrize("window", [7.0, 10.25, 170.667])
+@pytest.mark.parametrize("size", [13, 97, 5000])
+def test_moving_mean_in_blocks_is_the_mean_over_the_window(window: float, size: int) -> None:
+    """Against a mean worked out sample by sample, gaps and ends included."""
+    rng = np.random.default_rng(1)
+    load = rng.normal(0, 1, (1500, 3))
+    gaps = {400, 405, 1000, 1499}
+
+    def blocks():
+        for first in range(0, len(load), size):
+            stop = min(first + size, len(load))
+            yield load[first:stop], np.array([g - first for g in sorted(gaps) if first <= g < stop], dtype=np.intp)
+
+    found = np.concatenate(list(revolutions.averaged(blocks(), window)))
+    expected = np.empty_like(load)
+    for low, high in zip([0, *sorted(gaps)], [*sorted(gaps), len(load)], strict=True):
+        for i in range(low, high):
+            begin = min(max(i + 0.5 - window / 2, low), max(high - window, low))
+            end = min(begin + window, high)
+            share = np.clip(np.minimum(np.arange(low, high) + 1, end) - np.maximum(np.arange(low, high), begin), 0, 1)
+            expected[i] = share @ load[low:high] / share.sum()
+    assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("rpm", [9000.0, 8765.4, 23456.0])
+def test_tooth_passing_and_runout_are_gone_and_the_edge_stays(tmp_path, rpm: float) -> None:
+    """The tool enters the stock half way. Each sample's force is the mean; it rises within one revolution about the edge.
+
+    The bound: a sample stands for the time up to the next, which leaves of a line of amplitude A at m lines a revolution no
+    more than A / (2 n) with n samples a revolution.
+    """
+    count, edge = 40_000, 20_000
+    force = cutting(rpm, count, RATE)
+    force[:edge] = 0.0
+    log = read_force_log(written(tmp_path / "a.parquet", force, RATE), spindle_rpm=rpm)
+    assert "CS3027" in codes(log)
+    turn = RATE * 60 / rpm
+    mean = np.array([120.0, -200.0, 60.0])
+    swing = np.ptp(force[edge:], axis=0) / 2
+    inside = slice(int(edge + turn / 2 + 2), count)
+    assert np.all(np.abs(log.force[inside] - mean).max(axis=0) < swing / (2 * turn))
+    assert np.all(np.abs(force[inside] - mean).max(axis=0) > 0.5 * swing)       # which was there before
+    assert np.all(np.abs(log.force[: int(edge - turn / 2 - 2)]) < 1e-9)
+
+
+def test_a_plain_mean_of_a_stretch_is_off_by_what_the_revolutions_are_not(tmp_path) -> None:
+    """Stretches of 2.5 revolutions: the plain means swing, those of revolutions do not."""
+    rpm, count = 9000.0, 20_000
+    force = cutting(rpm, count, RATE)
+    length = int(2.5 * RATE * 60 / rpm)
+    log = read_force_log(written(tmp_path / "a.parquet", force, RATE), spindle_rpm=rpm)
+    whole = count // length * length
+    plain, turned = (values[:whole].reshape(-1, length, 3).mean(axis=1)[:, 1] + 200 for values in (force, log.force))
+    assert np.abs(plain).max() > 2.0
+    assert np.abs(turned).max() < 0.2
+
+
+@pytest.mark.parametrize(("rpm", "rate", "teeth"), [(9000, 25600.0, 3), (17_432, 25600.0, 2), (5230, 5000.0, 4),
+                                                    (12_000, 2000.0, 1)])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_speed_is_found_in_the_spectrum(tmp_path, rpm: float, rate: float, teeth: int, seed: int) -> None:
+    count = int(4 * rate)
+    rng = np.random.default_rng(seed)
+    force = cutting(rpm, count, rate, teeth=teeth, seed=seed) + rng.normal(0, 10, (count, 3))
+    force[: count // 3] = rng.normal(0, 10, (count // 3, 3))        # air before the cut
+    log = read_force_log(written(tmp_path / "a.parquet", force, rate))
+    assert log.revolution is not None
+    assert 60 / log.revolution == pytest.approx(rpm, rel=1e-3)
+    assert log.rate == pytest.approx(rate, rel=1e-6)
+
+
+def test_without_runout_the_period_is_the_tooth(tmp_path) -> None:
+    """Nothing repeats more slowly then: averaging over a tooth takes the same away."""
+    force = cutting(9000, 50_000, RATE, runout=0.0) + np.random.default_rng(0).normal(0, 5, (50_000, 3))
+    log = read_force_log(written(tmp_path / "a.parquet", force, RATE))
+    assert log.revolution == pytest.approx(60 / 9000 / 3, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["noise", "ramps", "chatter", "steps"])
+def test_no_speed_where_there_is_none(tmp_path, kind: str) -> None:
+    """Plain means then, the very samples; and it is said."""
+    rng = np.random.default_rng(3)
+    count = 40_000
+    t = np.arange(count) / RATE
+    force = {"noise": rng.normal(0, 20, (count, 3)),
+             "ramps": np.outer(np.interp(t, [0, 0.4, 0.9, 1.6], [0, 300, 300, -50]), [1, 0.5, 0]),
+             "chatter": np.column_stack([30 * np.sin(2 * np.pi * f * t) for f in (743, 1159, 3931)])
+             + rng.normal(0, 5, (count, 3)),
+             "steps": np.repeat(rng.normal(0, 100, (80, 3)), 500, axis=0)}[kind]
+    log = read_force_log(written(tmp_path / "a.parquet", force, RATE))
+    assert log.revolution is None
+    assert "CS3028" in codes(log)
+    assert np.array_equal(log.force, force)
+
+
+def test_a_wrong_stated_speed_is_said_and_a_slip_is_taken_up(tmp_path) -> None:
+    force = cutting(8960, 60_000, RATE) + np.random.default_rng(0).normal(0, 5, (60_000, 3))
+    path = written(tmp_path / "a.parquet", force, RATE)
+    slipped = read_force_log(path, ForceLogFile(spindle_rpm=9000))
+    assert slipped.revolution == pytest.approx(60 / 8960, rel=2e-4)
+    assert "CS3035" not in codes(slipped)
+    wrong = read_force_log(path, spindle_rpm=7700)
+    assert wrong.revolution == pytest.approx(60 / 7700)
+    assert "CS3035" in codes(wrong)
+
+
+def test_a_stated_speed_without_a_rate_is_not_used_and_said(tmp_path) -> None:
+    (tmp_path / "a.csv").write_text("target,fx_n,fy_n,fz_n\n0,1,2,3\n0,2,3,4\n")
+    log = read_force_log(tmp_path / "a.csv", spindle_rpm=9000)
+    assert log.revolution is None
+    assert "CS3028" in codes(log)
+
+
+@pytest.mark.parametrize("key", ["target", "path_mm", "position"])
+def test_a_long_log_kept_as_means_gives_the_same_means(tmp_path, monkeypatch, key: str) -> None:
+    """Rows of up to 20 samples; those of a target or a stretch of path never reach over its end."""
+    rng = np.random.default_rng(2)
+    count = 30_000
+    along = np.cumsum(rng.uniform(0, 2e-3, count))
+    border = np.linspace(0, along[-1], 41)[1:-1]
+    target = np.searchsorted(border, along)
+    columns = {"target": {"target": target}, "path_mm": {"path_mm": along},
+               "position": {"x_mm": along, "y_mm": 0 * along, "z_mm": 0 * along}}[key]
+    force = rng.normal(50, 30, (count, 3))
+    import pandas as pd
+
+    pd.DataFrame(columns | {f"f{axis}_n": force[:, k] for k, axis in enumerate("xyz")}).to_parquet(tmp_path / "a.parquet")
+    monkeypatch.setattr(force_log, "ROWS", 1500)
+    log = read_force_log(tmp_path / "a.parquet", borders=1e-3 * border if key == "path_mm" else None)
+    assert len(log.weight) < 1700
+    assert log.weight.sum() == count
+    assert "CS3030" in codes(log)
+    if key == "position":
+        assert_allclose(np.average(log.place[:, 0], weights=log.weight), 1e-3 * along.mean(), rtol=1e-12)
+        return
+    index = log.place.astype(int) if key == "target" else np.searchsorted(1e-3 * border, log.place)
+    means = np.array([np.average(log.force[index == k], axis=0, weights=log.weight[index == k]) for k in range(40)])
+    assert_allclose(means, [force[target == k].mean(axis=0) for k in range(40)], atol=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0.6, 1.5, 3.0, 12.0])
+def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: float) -> None:
+    """Steady force and white noise, averaged over revolutions of 40 samples: over 150 targets the means scatter as stated."""
+    from compensator.forces.placement import place_forces
+    from tests.compensator.forces.test_contract_placement import plan
+
+    rng, here = np.random.default_rng(4), plan(tmp_path)
+    scatter, stated = [], []
+    for _ in range(30):
+        count = int(5 * turns * 40)
+        path = tmp_path / "forces.csv"
+        rows = np.column_stack([np.arange(count) * 5 // count, 200 + rng.normal(0, 8, (count, 3))])
+        path.write_text("target,fx_n,fy_n,fz_n\n" + "\n".join(",".join(f"{x:.6g}" for x in row) for row in rows))
+        forces = place_forces(read_force_log(path, ForceLogFile(rate_hz=4000), spindle_rpm=6000), here,
+                              here.cell)
+        assert forces.samples.sum() == count
+        scatter.append(forces.wrench[1:4, :3] - 200)
+        stated.append(forces.standard_error[1:4])
+    ratio = np.sqrt(np.mean(np.square(scatter)) / np.mean(np.square(stated)))
+    assert 0.8 < ratio < 1.25
+
+
+@pytest.mark.parametrize("tare", [None, (0, 0)])
+def test_a_target_beside_the_cut_stays_without_force(tmp_path, tare) -> None:
+    """The cut begins exactly where the second target's stretch does: no mean over a revolution carries force into the first."""
+    from compensator.forces.placement import place_forces
+    from tests.compensator.forces.test_contract_placement import plan
+
+    force = cutting(6000, 5 * 400, 4000.0)
+    force[:800] = 0
+    force += np.random.default_rng(1).normal(0, 0.5, force.shape)
+    path = written(tmp_path / "a.parquet", force, 4000.0, {"target": np.arange(2000) // 400})
+    here = plan(tmp_path)
+    forces = place_forces(read_force_log(path, spindle_rpm=6000), here, here.cell, tare=tare)
+    assert forces.forced.tolist() == [False, False, True, True, True]
+    assert not forces.wrench[:2].any()
+    # Half a revolution of a ramp lies on the other side of the edge: an eighth of a revolution's worth of force.
+    lost = 0.125 * 40 / 400
+    assert_allclose(forces.wrench[2:, 1], [-200 * (1 - lost), -200, -200], atol=1.0)

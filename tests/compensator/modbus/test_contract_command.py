@@ -1,0 +1,265 @@
+"""`push` and `cell` as a user calls them: what they print, write and answer, exit code by exit code."""
+
+import json
+import socket
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from compensator.modbus.server import Loopback
+from compstiff.cli.push import push
+from tests.compensator.modbus import tables_and_cells as kit
+from tests.support import compstiff
+
+LIMITS = "limits: {max_offset_mm: 2.0}"
+
+
+def offsets_csv(folder: Path, rows: list[list[object]], header: str = "target,ox_mm,oy_mm,oz_mm") -> Path:
+    file = folder / "offsets.csv"
+    file.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows), ""]))
+    return file
+
+
+def cell_yaml(folder: Path, port: int, more: str = LIMITS) -> Path:
+    file = folder / "cell.yaml"
+    file.write_text(f"robot: {kit.ROBOT}\ntool: {{position_mm: [120, 0, 250]}}\nmodbus: {{port: {port}}}\n{more}\n")
+    return file
+
+
+def rows_mm(one) -> list[list[object]]:
+    return [[target, *(f"{um / 1000:.3f}" for um in row)] for target, row in enumerate(kit.offsets_of(one))]
+
+
+def call(*arguments: object) -> tuple[int, dict]:
+    done = CliRunner().invoke(push, [*map(str, arguments), "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+@pytest.fixture
+def listener():
+    """A port on which somebody listens and counts."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.2)
+        yield server
+
+
+def test_dry_run_then_apply_then_again(tmp_path):
+    cell = kit.machine(tmp_path / "state")
+    (tmp_path / "state").mkdir()
+    one = kit.table(1)
+    file = offsets_csv(tmp_path, rows_mm(one))
+    with Loopback(cell) as server:
+        described = cell_yaml(tmp_path, server.port)
+        shown = CliRunner().invoke(push, [str(described), str(file)])
+        assert shown.exit_code == 0
+        largest = np.linalg.norm(np.array(kit.offsets_of(one)), axis=1)
+        for text in (f"127.0.0.1:{server.port}", "90", f"{largest.max() / 1000:.4f} mm at target {largest.argmax()}",
+                     "limit 2 mm", "active table: none", "dry run"):
+            assert text in shown.stdout
+        assert (cell.active, list((tmp_path / "state").iterdir())) == (None, [])
+        assert not (tmp_path / "push-log.jsonl").exists()
+
+        code, document = call(described, file, "--apply")
+        assert (code, document["result"]["results"]) == (0, ["committed"])
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+
+        code, document = call(described, file, "--apply")
+        assert (code, document["result"]["results"]) == (0, ["already active"])
+
+        changed = rows_mm(one)
+        changed[4][2] = "0.001"
+        code, document = call(described, offsets_csv(tmp_path, changed))
+        assert document["result"]["difference"] == {
+            "same": False, "rows_in_both": 90, "rows_changed": 1, "rows_only_new": 0, "rows_only_active": 0,
+            "largest_change_mm": abs(kit.offsets_of(one)[4][1] - 1) / 1000}
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+    log = [json.loads(line) for line in (tmp_path / "push-log.jsonl").read_text().splitlines()]
+    assert [line["result"] for line in log] == ["started", "committed", "started", "already active"]
+    assert all(line["sha256"] and line["user"] and line["time"] and line["tables"] == [one.header.name] for line in log)
+
+
+@pytest.mark.parametrize(("row", "code", "exit_code"), [
+    ([0, 1.5, 1.5, 0], "CS5003", 3), ([0, 2.001, 0, 0], "CS5003", 3), ([0, "nan", 0, 0], "CS0203", 1),
+    ([0, "inf", 0, 0], "CS0203", 1),
+    ([0, 1, "", 0], "CS5006", 1), ([1.5, 0, 0, 0], "CS5001", 1),
+])
+def test_bad_offsets_are_refused_before_a_connection_is_opened(tmp_path, listener, row, code, exit_code):
+    described, file = cell_yaml(tmp_path, listener.getsockname()[1]), offsets_csv(tmp_path, [row])
+    answered, document = call(described, file, "--apply")
+    assert (answered, document["findings"][0]["code"]) == (exit_code, code)
+    assert document["findings"][0]["line"] == 2
+    with pytest.raises(TimeoutError):
+        listener.accept()
+
+
+@pytest.mark.parametrize(("mm", "exit_code"), [(32.766, 4), (-32.766, 4), (32.767, 3), (-32.767, 3), (-32.768, 3), (40, 3)])
+def test_what_does_not_fit_into_16_bits_is_refused(tmp_path, listener, mm, exit_code):
+    """32.766 mm is the last that fits: it goes on to a cell that does not answer."""
+    described = cell_yaml(tmp_path, listener.getsockname()[1], "limits: {max_offset_mm: 100}")
+    file = offsets_csv(tmp_path, [[0, 0, mm, 0]])
+    answered, document = call(described, file, "--apply", "--timeout", "0.05", "--retries", "0")
+    assert (answered, document["findings"][0]["code"]) == (exit_code, "CS5004" if exit_code == 3 else "CS5012")
+
+
+def test_exactly_the_limit_passes(tmp_path):
+    cell = kit.machine()
+    with Loopback(cell) as server:
+        file = offsets_csv(tmp_path, [[0, 1.2, -1.6, 0], [1, 2, 0, 0], [2, 0, 0, -2.0], [3, 1.154700, 1.154700, 1.154700]])
+        assert call(cell_yaml(tmp_path, server.port), file, "--apply")[0] == 0
+    sent = (cell.active.words.astype(int) - 32768).tolist()
+    assert sent == [[1200, -1600, 0], [2000, 0, 0], [0, 0, -2000], [1155, 1155, 1155]]
+
+
+def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
+    cell = kit.machine()
+    with Loopback(cell) as server:
+        file = offsets_csv(tmp_path, [[7, "", "", "", 0, 0, 0], [8, 0.1, 0, 0, 0.03, 0, 0.04]],
+                           "target,ox_mm,oy_mm,oz_mm,orx_deg,ory_deg,orz_deg")
+        code, document = call(cell_yaml(tmp_path, server.port), file, "--apply", "--reach", "20")
+    assert code == 0
+    assert cell.active.header.first == 7
+    assert (cell.active.words.astype(int) - 32768).tolist() == [[0, 0, 0], [100, 0, 0]]
+    said = {finding["code"]: finding["message"] for finding in document["findings"]}
+    assert "1 target without an offset" in said["CS5002"]
+    # 0.05 degrees at 20 mm: 17.45 um.
+    assert "0.0500 deg (target 8)" in said["CS5005"]
+    assert "20 mm from it up to 17.5 um" in said["CS5005"]
+
+
+def test_the_receiver_is_written_by_the_dry_run_and_not_in_the_way_of_the_same_call_with_apply(tmp_path):
+    cell, module = kit.machine(), tmp_path / "receiver.mod"
+    with Loopback(cell) as server:
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(1)))
+        assert call(described, file, "--receiver", module)[0] == 0
+        assert f"nCsIdLo:={kit.table(1).header.id & 65535};" in module.read_text()
+        assert call(described, file, "--receiver", module, "--apply")[0] == 0
+        other = offsets_csv(tmp_path, rows_mm(kit.table(2)))
+        code, document = call(described, other, "--receiver", module, "--apply")
+        assert (code, document["findings"][0]["code"], cell.active.header) == (1, "CS0003", kit.table(1).header)
+        assert call(described, other, "--receiver", module, "--apply", "--force")[0] == 0
+
+
+def test_gaps_in_the_targets_are_an_error_with_their_line(tmp_path):
+    file = offsets_csv(tmp_path, [[0, 0, 0, 0], [1, 0, 0, 0], [3, 0, 0, 0]])
+    code, document = call(cell_yaml(tmp_path, 1), file)
+    assert (code, document["findings"][0]["code"], document["findings"][0]["line"]) == (1, "CS5001", 4)
+    assert call(cell_yaml(tmp_path, 1), offsets_csv(tmp_path, []))[0] == 1
+
+
+def test_without_a_cell(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    described, file = cell_yaml(tmp_path, port), offsets_csv(tmp_path, [[0, 0, 0, 0]])
+    code, document = call(described, file)
+    assert (code, document["status"], document["result"]["difference"]) == (0, "ok", None)
+    assert "CS5015" in [finding["code"] for finding in document["findings"]]
+    code, document = call(described, file, "--apply", "--retries", "1")
+    assert (code, document["findings"][0]["code"]) == (4, "CS5012")
+    assert "state unknown" in document["findings"][0]["message"]
+
+
+def test_a_wrong_device_and_another_robots_cell_are_refused(tmp_path):
+    from pyModbusTCP.server import ModbusServer
+
+    file = offsets_csv(tmp_path, [[0, 0, 0, 0]])
+    other = ModbusServer("127.0.0.1", _free_port(), no_block=True)
+    other.start()
+    try:
+        code, document = call(cell_yaml(tmp_path, other.port), file, "--apply")
+    finally:
+        other.stop()
+    assert (code, document["findings"][0]["code"]) == (3, "CS5010")
+    cell = kit.machine()
+    cell.robot_id ^= 1
+    with Loopback(cell) as server:
+        code, document = call(cell_yaml(tmp_path, server.port), file, "--apply")
+    assert (code, document["findings"][0]["code"], cell.active) == (3, "CS5010", None)
+
+
+def test_a_cell_with_a_lower_limit_refuses_too(tmp_path):
+    cell = kit.machine()
+    cell.limit_um = 500
+    with Loopback(cell) as server:
+        code, document = call(cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, [[0, 0, 0.6, 0]]), "--apply")
+        assert (code, document["findings"][0]["code"]) == (3, "CS5011")
+        # and one that only says so when the page comes
+        words = kit.to_words(np.array([[0, 600, 0]]))
+        ending = kit.push(server.port, kit.Table(kit.Header.of(words, 0, 1, 1, 1), words))
+    assert (ending.code, cell.active) == (3, None)
+    assert "an offset over its limit; old table active (read back)" in ending.text
+
+
+def test_a_log_that_cannot_be_written_stops_the_push(tmp_path):
+    cell = kit.machine()
+    with Loopback(cell) as server:
+        code, document = call(cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, [[0, 0, 0, 0]]), "--apply", "--log",
+                              tmp_path / "no" / "log")
+    assert (code, document["findings"][0]["code"], cell.active) == (1, "CS0004", None)
+
+
+def test_the_cell_command_says_what_is_wrong(tmp_path, listener):
+    described = cell_yaml(tmp_path, listener.getsockname()[1])
+    busy = compstiff("cell", described)
+    assert busy.returncode == 1
+    assert "CS5103: cannot listen on 127.0.0.1" in busy.stderr
+    assert compstiff("cell", described, "--tls-key", described).returncode == 2
+    wrong = compstiff("cell", described, "--tls-key", described, "--tls-ca", described, "--tls-cert", described)
+    assert wrong.returncode == 1
+    assert "CS5105" in wrong.stderr
+
+
+def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
+    import signal
+    import subprocess
+
+    described = cell_yaml(tmp_path, 1)
+    for sent, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0)):
+        process = subprocess.Popen([sys.executable, "-m", "compstiff", "cell", str(described), "--port", "0", "--json"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stderr
+        assert process.stderr.readline().startswith("listening on 127.0.0.1:")
+        process.send_signal(sent)
+        stdout, _ = process.communicate(timeout=20)
+        document = json.loads(stdout)
+        assert (process.returncode, document["exit_code"]) == (code, code)
+        assert [finding["code"] for finding in document["findings"]] == ["CS5106"]
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
+    import signal
+    import subprocess
+    import time
+
+    cell, old = kit.machine(lease_s=60.0), kit.table(1)
+    kit.load(cell, old)
+    with Loopback(cell) as server:
+        cell.write(96, [1, *kit.table(3).header.words()])
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(2)))
+        process = subprocess.Popen([sys.executable, "-m", "compstiff", "push", str(described), str(file), "--apply",
+                                    "--patience", "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        until = time.monotonic() + 20
+        while cell.result != 7 and time.monotonic() < until:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "CS5018: interrupted; old table active (read back)" in stderr
+    assert json.loads((tmp_path / "push-log.jsonl").read_text().splitlines()[-1])["result"] == "interrupted"
+
+
+@pytest.mark.parametrize("unit", [0, 255])
+def test_any_unit(tmp_path, unit):
+    cell = kit.machine()
+    with Loopback(cell, unit=unit) as server:
+        file = offsets_csv(tmp_path, [[0, 0.5, 0, 0]])
+        assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", unit)[0] == 0
+        if unit:
+            assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", 3, "--retries", 0)[0] == 4

@@ -1,0 +1,28 @@
+"""A share of the fault points of a transfer; benchmarks/modbus.py tries them all."""
+
+import pytest
+
+from compensator.modbus.server import Loopback
+from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus.faults import network_faults
+from tests.compensator.modbus.proxy import Proxy
+
+
+@pytest.mark.parametrize("phase", ["connect", "page", "CRC", "commit", "reply", "read-back"])
+def test_after_a_fault_the_table_is_whole_the_answer_true_and_a_second_push_completes(phase, tmp_path):
+    faults = network_faults()[phase]
+    share = faults[::max(1, len(faults) // 8)]
+    cell, old, new = kit.machine(tmp_path), kit.table(1), kit.table(2)
+    kit.load(cell, old)
+    fired = 0
+    with Loopback(cell) as server, Proxy(server.port, 1.5 * kit.TIMEOUT_S) as proxy:
+        for fault in share:
+            proxy.arm(fault)
+            ending = kit.push(proxy.port, new)
+            kit.check_honest(ending, kit.rows_on_disk(tmp_path), old, new)
+            fired += proxy.fired
+            again = kit.push(server.port, new, timeout_s=2.0)
+            assert again.code == 0, (fault, again)
+            assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)
+            old, new = new, old
+    assert fired == len(share)

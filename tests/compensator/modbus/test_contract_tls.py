@@ -1,0 +1,58 @@
+"""Modbus/TCP Security: certificates on both sides, and nobody else."""
+
+import ssl
+
+import pytest
+import trustme
+
+from compensator.modbus.server import Loopback
+from compensator.modbus.tls import TlsFiles
+from identification.common.findings import CompstiffError
+from tests.compensator.modbus import tables_and_cells as kit
+
+
+@pytest.fixture
+def certificates(tmp_path):
+    """By name: files of the cell's and the client's side, and of a client that another authority vouches for."""
+    made = {}
+    for authority, names in (("ours", ("127.0.0.1", "client")), ("theirs", ("stranger",))):
+        ca = trustme.CA()
+        ca.cert_pem.write_to_path(str(tmp_path / f"{authority}.pem"))
+        for name in names:
+            own = ca.issue_cert(name)
+            own.cert_chain_pems[0].write_to_path(str(tmp_path / f"{name}.pem"))
+            own.private_key_pem.write_to_path(str(tmp_path / f"{name}.key"))
+            made[name] = TlsFiles(tmp_path / "ours.pem", tmp_path / f"{name}.pem", tmp_path / f"{name}.key")
+    return made
+
+
+def test_a_push_over_tls(tmp_path, certificates):
+    (tmp_path / "state").mkdir()
+    one = kit.table(1, rows=500)
+    with Loopback(kit.machine(tmp_path / "state"), tls=certificates["127.0.0.1"].context("server")) as server:
+        ending = kit.push(server.port, one, timeout_s=3.0, tls=certificates["client"].context("client"))
+        assert (ending.code, ending.text) == (0, "committed")
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+        # Without TLS, without a certificate, with another authority's: nothing.
+        bare = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        bare.load_verify_locations(certificates["client"].ca)
+        for context in (None, bare, certificates["stranger"].context("client")):
+            assert kit.push(server.port, kit.table(2), timeout_s=0.5, retries=0, tls=context).code == 4
+    assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+
+
+def test_a_client_refuses_a_cell_it_cannot_trust(certificates):
+    """A certificate of the same authority, but for another host."""
+    cell = kit.machine()
+    with Loopback(cell, tls=certificates["client"].context("server")) as server:
+        ending = kit.push(server.port, kit.table(1), timeout_s=0.5, retries=0, tls=certificates["client"].context("client"))
+    assert (ending.code, cell.active) == (4, None)
+    assert "certificate verify failed" in ending.text.lower()
+
+
+def test_files_that_are_no_certificates(tmp_path, certificates):
+    good = certificates["client"]
+    for wrong in (TlsFiles(good.key, good.certificate, good.key),
+                  TlsFiles(good.ca, good.certificate, certificates["stranger"].key)):
+        with pytest.raises(CompstiffError, match="CS5105"):
+            wrong.context("client")

@@ -1,0 +1,221 @@
+"""What is read from an APT file, against an interpreter of its own and against geometry."""
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from compensator.posting.apt import read_apt
+from compensator.toolpath import Move
+from tests.compensator.posting.apt.interpreter import visited
+
+HEAD = "UNITS/MM\nFEDRAT/600,MMPM\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_text(text: str, name: str = "part.apt"):
+        (tmp_path / name).write_text(text)
+        return read_apt(tmp_path / name)
+
+    return from_text
+
+
+def codes(path) -> list[str]:
+    return [finding.code for finding in path.findings]
+
+
+coordinate = st.floats(-500, 500).map(lambda x: round(x, 4))
+step = st.one_of(
+    st.tuples(coordinate, coordinate, coordinate).map(lambda p: "GOTO/{:.4f},{:.4f},{:.4f}".format(*p)),
+    st.tuples(coordinate, coordinate, coordinate).map(lambda p: "GOTO / {:.4f}, {:.4f},$\n {:.4f} $$ c".format(*p)),
+    st.tuples(coordinate, st.floats(-0.9, 0.9)).map(
+        lambda p: f"GOTO/{p[0]:.4f},0,1,{np.sin(p[1]):.9f},0.000000000,{np.cos(p[1]):.9f}"),
+    st.tuples(coordinate, coordinate).map(lambda p: "GODLTA/{:.3f},0.,{:.3f}".format(*p)),
+    st.just("RAPID"),
+    st.floats(1, 9999).map(lambda f: f"FEDRAT/{f:.3f},MMPM"),
+    st.floats(1, 99).map(lambda f: f"FEDRAT/IPM,{f:.3f}"),
+    st.floats(1, 99).map(lambda f: f"FEDRAT/{f:.3f}"),
+    st.sampled_from(["PAINT/COLOR,31", "$$ GOTO/1,2,3", "PPRINT GOTO/9,9,9", "COOLNT/ON", "", "INTOL/0.01"]))
+
+
+@given(st.lists(step, max_size=30), st.sampled_from(["MM", "INCHES"]))
+@settings(deadline=None, max_examples=60)
+def test_straight_moves_are_those_of_another_interpreter(tmp_path_factory, lines, unit):
+    text = "\n".join([f"UNITS / {unit}", "FEDRAT/100,MMPM", "GOTO/1,2,3", *lines]) + "\n"
+    file = tmp_path_factory.mktemp("apt") / "a.cls"
+    file.write_text(text)
+    path = read_apt(file)
+    want = visited(text)
+    assert len(path) == len(want)
+    np.testing.assert_allclose(1e3 * path.position, [p for p, _, _ in want], atol=1e-9)
+    np.testing.assert_allclose(path.axis, [a for _, a, _ in want], atol=1e-8)
+    np.testing.assert_allclose(1e3 * path.feed, [np.nan if f is None else f for _, _, f in want], rtol=1e-12)
+    assert path.rapid.tolist() == [f is None for _, _, f in want]
+
+
+def test_units_come_from_the_file_the_feed_or_are_said_to_be_assumed(read):
+    assert read("UNITS/INCHES\nFEDRAT/60\nGOTO/1,0,0\n").position[0, 0] == pytest.approx(0.0254)
+    inch = read("RAPID\nGOTO/1,0,0\nFEDRAT/IPM,60\nGOTO/1,0,0\n")
+    assert inch.position[0, 0] == pytest.approx(0.0254)
+    assert inch.feed[1] == pytest.approx(0.0254)
+    assert "CS2106" in codes(inch)
+    metric = read("FEDRAT/MMPM,60\nGOTO/1,0,0\n")
+    assert metric.position[0, 0] == pytest.approx(1e-3)
+    assert "CS2106" in codes(metric)
+    bare = read("SPINDL/6000,RPM\nFEDRAT/0.1,PERREV\nGOTO/1,0,0\n")
+    assert [(one.level, one.code) for one in bare.findings if one.code == "CS2106"] == [("warning", "CS2106")]
+    assert codes(read(HEAD + "GOTO/1,0,0\n")) == []
+
+
+def test_feed_per_turn_takes_the_spindle(read):
+    path = read("UNITS/MM\nSPINDL/RPM,6000,CLW\nFEDRAT/0.2,MMPR\nGOTO/1,0,0\nSPINDL/3000,RPM,CLW\nGOTO/2,0,0\n")
+    np.testing.assert_allclose(path.feed, [0.02, 0.01], rtol=1e-12)
+
+
+def test_rapid_holds_for_the_next_motion_only(read):
+    path = read(HEAD + "RAPID\nPAINT/COLOR,186\nGOTO/0,0,50\nGOTO/0,0,0\n")
+    assert path.rapid.tolist() == [True, False]
+
+
+def test_the_tool_axis_holds_until_another_is_given_and_multax_off_sets_it_upright(read):
+    path = read(HEAD + "MULTAX/ON\nGOTO/0,0,0,0.6,0,0.8\nGOTO/1,0,0\nMULTAX/OFF\nGOTO/2,0,0\nTLAXIS/0,0,1\nGOTO/3,0,0,0,0,1\n")
+    np.testing.assert_allclose(path.axis, [[0.6, 0, 0.8], [0.6, 0, 0.8], [0, 0, 1], [0, 0, 1]], atol=1e-12)
+
+
+def on_circle(path, centre, radius, rows=slice(1, None)):
+    out = 1e3 * path.position[rows, :2] - centre
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), radius, atol=1e-6)
+    return np.unwrap(np.arctan2(out[:, 1], out[:, 0]))
+
+
+def total(path, centre, radius) -> float:
+    """Signed angle [deg] the tool turns by about the z axis, from the points alone."""
+    return float(np.degrees(np.ptp(angles) * np.sign(angles[-1] - angles[0]))) if len(
+        angles := on_circle(path, centre, radius, slice(0, None))) else 0.0
+
+
+START = HEAD + "GOTO/30,20,5\n"         # on the circle of radius 10 about (20, 20), east of its centre
+
+
+@pytest.mark.parametrize(("text", "turned"), [
+    # Creo: right-hand rule, so +z is counter-clockwise; to the north
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,30,5\n", 90),
+    ("CIRCLE/20,20,5,0,0,-1,10\nGOTO/20,30,5\n", -270),
+    # NX: the vector of a clockwise motion
+    ("CIRCLE/20,20,5,0,0,1,10,0.06,0.5,10,0\nGOTO/20,10,5\n", -90),
+    ("CIRCLE/20,20,5,0,0,-1,10,0.06,0.5,10,0\nGOTO/20,10,5\n", 270),
+    # Autodesk
+    ("MOVARC/20,20,5,0,0,1,10,ANGLE,180\nGOTO/10,20,5\n", 180),
+    # CATIA: starts along INDIRV, stops on the line from the centre
+    ("INDIRV/0,1,0\nTLON,GOFWD/ (CIRCLE/ 20,20,5,$\n10),ON,(LINE/20,20,5,20,30,5)\n", 90),
+    ("AUTOPS\nINDIRV/0,-1,0\nTLON,GOFWD/ (CIRCLE/ 20,20,5,$\n10),ON,2,INTOF,$\n (LINE/20,20,5,20,30,5)\n", -270),
+    ("INDIRV/0,1,0\nCIRCLE/20,20,5,0,0,-1,10\nGOTO/20,30,5\n", 90),
+    # a full circle
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/30,20,5\n", 360),
+    # points on the arc beside its end
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/20,30,5,$\n10,20,5,20,10,5\n", 270),
+])
+def test_arcs_turn_the_way_their_system_means(read, text, turned):
+    path = read(START + text)
+    assert total(path, [20, 20], 10) == pytest.approx(turned, abs=1e-6)
+    assert set(path.move[1:].tolist()) == {Move.ARC_VIA, Move.ARC_END}
+    np.testing.assert_allclose(path.position[:, 2], 5e-3)
+    steps = np.abs(np.diff(on_circle(path, [20, 20], 10, slice(0, None))))
+    np.testing.assert_allclose(steps, steps[0])             # the circle point is in the middle
+    assert np.degrees(2 * steps[0]) <= 120 + 1e-9           # of one MoveC
+
+
+def test_an_arc_in_an_inclined_plane_keeps_to_its_plane_and_radius(read):
+    normal = np.array([0.0, 0.6, 0.8])
+    u, v = np.array([1.0, 0, 0]), np.cross(normal, [1.0, 0, 0])
+    centre = np.array([1.0, 2, 3])
+    start, end = centre + 7 * u, centre - 7 * v
+    text = "".join([HEAD, "GOTO/{:.6f},{:.6f},{:.6f}\n".format(*start), "CIRCLE/1,2,3,0,0.6,0.8,7\n",
+                    "GOTO/{:.6f},{:.6f},{:.6f}\n".format(*end)])
+    out = 1e3 * read(text).position - centre
+    np.testing.assert_allclose(out @ normal, 0, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), 7, atol=1e-5)
+    assert np.degrees(np.ptp(np.unwrap(np.arctan2(out @ v, out @ u)))) == pytest.approx(270, abs=1e-4)
+
+
+@pytest.mark.parametrize(("text", "turned", "end"), [
+    ("CIRCLE/20,20,5,0,0,1,10\nGOTO/30,20,3\n", 360, 3),                                    # Creo: one orbit of a helix
+    ("CIRCLE/20,20,5,0,0,-1,10,0.06,0.5,1,0,TIMES,3\nGOTO/30,20,2\n", 1080, 2),             # NX
+])
+def test_a_helix_becomes_chords_within_two_micrometres(read, text, turned, end):
+    path = read(START + text)
+    assert set(path.move[1:].tolist()) == {Move.LINEAR}
+    angle = on_circle(path, [20, 20], 10, slice(0, None))
+    assert np.degrees(angle[-1]) == pytest.approx(turned)
+    height = 1e3 * path.position[:, 2]
+    np.testing.assert_allclose(height, 5 + (end - 5) * angle / angle[-1], atol=1e-9)
+    sagitta = 10 * (1 - np.cos(np.diff(angle).max() / 2))
+    assert sagitta <= 2.001e-3
+    assert "CS2115" in codes(path)
+
+
+def test_an_arc_with_a_turning_tool_axis_becomes_chords(read):
+    path = read(HEAD + "MULTAX/ON\nGOTO/30,20,5,0,0,1\nCIRCLE/20,20,5,0,0,1,10\nGOTO/20,30,5,0.6,0,0.8\n")
+    assert set(path.move.tolist()) == {Move.LINEAR}
+    tilt = np.degrees(np.arccos(path.axis[:, 2]))
+    assert np.all(np.diff(tilt) > 0)
+    assert tilt[-1] == pytest.approx(np.degrees(np.arccos(0.8)))
+
+
+def test_an_arc_too_small_for_the_controller_is_a_chord(read):
+    path = read(HEAD + "GOTO/20.05,20,5\nCIRCLE/20,20,5,0,0,1,0.05\nGOTO/20,20.05,5\n")
+    assert set(path.move.tolist()) == {Move.LINEAR}
+    np.testing.assert_allclose(path.position[-1], [0.02, 0.02005, 0.005])
+
+
+def test_an_arc_that_turns_back_is_noticed(read):
+    forward = "GOTO/0,0,0\nGOTO/10,0,0\nCIRCLE/10,10,0,0,0,1,10\nGOTO/20,10,0\n"
+    back = "GOTO/0,0,0\nGOTO/10,0,0\nCIRCLE/10,10,0,0,0,-1,10\nGOTO/20,10,0\n"
+    assert "CS2109" not in codes(read(HEAD + forward))
+    assert "CS2109" in codes(read(HEAD + forward + back))
+    with pytest.raises(ValueError, match="CS2109: 2 of 2 arcs"):
+        read(HEAD + back + back)
+
+
+def test_what_the_machine_should_do_becomes_comments_and_unknown_words_are_counted(read):
+    path = read("PARTNO BRACKET $ 1\n" + HEAD + "SPINDL/9000,RPM,CLW\nGOTO/0,0,0\n$$ OPERATION NAME : Finish.1\nFOO/1\nFOO/2\n"
+                "COOLNT/OFF\nFINI\nGOTO/9,9,9\n")
+    assert path.remarks == {0: ("BRACKET $ 1", "SPINDL/9000,RPM,CLW"), 1: ("OPERATION NAME : Finish.1", "COOLNT/OFF")}
+    found = {finding.code: finding for finding in path.findings}
+    assert found["CS2104"].count == 2
+    assert found["CS2104"].line == 7
+    assert found["CS2111"].line == 4
+    assert "1 statement behind FINI" in found["CS2114"].message
+    assert len(path) == 1
+
+
+def test_home_is_where_from_said(read):
+    path = read(HEAD + "FROM/0,0,100\nRAPID\nGOTO/1,2,3\nGOHOME\n")
+    np.testing.assert_allclose(1e3 * path.position, [[1, 2, 3], [0, 0, 100]])
+    assert path.rapid.tolist() == [True, True]
+    assert "CS2114" in codes(read(HEAD + "GOTO/1,2,3\nGOHOME\n"))
+    assert read(HEAD + "GOTO/1,2,3\nGOHOME/5,5,50\n").position[1, 2] == pytest.approx(0.05)
+
+
+def test_line_ends_encoding_and_sequence_numbers(read, tmp_path):
+    text = "PPRINT ÄÖ\r\nunits/mm\r\nN10 fedrat/600,mmpm\r\n0020  GOTO/1.,+2.0,-.5E1\r\n"
+    (tmp_path / "b.cl").write_bytes(text.encode("latin-1"))
+    path = read_apt(tmp_path / "b.cl")
+    np.testing.assert_allclose(1e3 * path.position, [[1, 2, -5]])
+    assert path.line.tolist() == [4]
+
+
+def test_time_grows_with_the_length_only(read):
+    def seconds(count: int) -> float:
+        text = HEAD + "".join(f"GOTO/{x:.4f},{x % 7:.4f},0.0000,0.0000000,0.0000000,1.0000000\n" for x in range(count))
+        begin = time.process_time()
+        assert len(read(text)) == count
+        return time.process_time() - begin
+
+    seconds(1000)
+    short, long = seconds(10_000), seconds(40_000)
+    assert long < 12 * short
+    assert long < 6

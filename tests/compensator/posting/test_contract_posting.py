@@ -1,0 +1,272 @@
+"""APT and CSV posted as RAPID: the numbers come back, the robot holds one configuration, an independent grammar accepts it."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from compensator.correction.job import read_toolpath
+from compensator.correction.settings import DEFAULTS, Settings
+from compensator.path.configurations import hold, tool_frames
+from compensator.path.plan import plan_path
+from compensator.posting.apt import read_apt
+from compensator.posting.post import module_name, post, read_cam_path
+from compensator.posting.settings import PostingSettings
+from compensator.rapid import read_rapid
+from compensator.toolpath import Move
+from identification.common.findings import CompstiffError, Refused
+from identification.model.cell import read_cell
+from identification.model.inverse import wrist_distance
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame, quaternion_to_matrix
+from tests.compensator.rapid.test_contract_checker import CONFIGURATION
+from tests.support import compstiff, write_cell
+
+CELL = """\
+robot: irb6660-205-1.90
+tool: {position_mm: [120, 0, 250], mass_kg: 80, centre_of_mass_mm: [0, 0, 120]}
+base_frame: {position_mm: [10, 20, 30], quaternion: [0.9238795325112867, 0, 0, 0.3826834323650898]}
+workobject: {position_mm: [1010, 990, 700], quaternion: [0.96592583, 0, 0, 0.25881905]}
+"""
+APT = """\
+PARTNO SHELL "1" ! quoted
+UNITS/MM
+MULTAX/ON
+LOADTL/7
+SPINDL/9000,RPM,CLW
+RAPID
+GOTO/-60,-20,80,0,0,1
+RAPID
+GOTO/-60,-20,5,0.0871557427,0,0.9961946981
+FEDRAT/1234.5,MMPM
+""" + "".join(
+    f"GOTO/{x},{-20 + 0.013 * x:.4f},{0.001 * x * x:.4f},{np.sin(0.1 + 0.004 * x):.9f},0.0,{np.cos(0.1 + 0.004 * x):.9f}\n"
+    for x in range(-60, 61, 3)) + """\
+MULTAX/OFF
+FEDRAT/35.7,IPM
+GOTO/50,0,2
+CIRCLE/40,0,2,0,0,1,10
+GOTO/40,-10,2
+RAPID
+GOTO/40,-10,80
+FINI
+"""
+
+
+def planned(path, cell, settings=DEFAULTS):
+    return read_toolpath(path, cell, settings)[0]
+
+
+@pytest.fixture
+def cell(tmp_path):
+    return read_cell(write_cell(tmp_path, CELL))
+
+
+@pytest.fixture
+def posted(tmp_path, cell):
+    (tmp_path / "shell.apt").write_text(APT)
+    return post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod")
+
+
+def test_what_is_posted_reads_back(tmp_path, posted, cell):
+    path, read = read_apt(tmp_path / "shell.apt"), read_rapid(posted.content).toolpath
+    assert np.abs(1e3 * (read.position - path.position)).max() <= 0.5001e-4
+    z = quaternion_to_matrix(read.quaternion)[:, :, 2]
+    assert np.abs(z + path.axis).max() < 3e-8                          # the tool's z looks out of the spindle, into the part
+    np.testing.assert_allclose(read.feed, np.where(path.rapid, 0.2, path.feed), rtol=1e-11)
+    assert set(np.round(1e3 * 60 * read.feed[~path.rapid], 9)) == {1234.5, round(35.7 * 25.4, 9)}
+    assert read.move.tolist() == [Move.JOINT, *path.move[1:].tolist()]
+    assert (read.move == Move.ARC_END).sum() == 3                       # 270 degrees
+    assert read.zone.tolist() == [0.0, *([0.3e-3] * (len(path) - 2)), 0.0]
+    tool, part = read.tools[0], read.workobjects[0]
+    np.testing.assert_allclose(tool.position, cell.flange_from_tcp.position)
+    np.testing.assert_allclose(Frame.from_quaternion(part.position, part.quaternion).rotation, cell.world_from_object.rotation,
+                               atol=1e-8)
+    assert read.findings == ()
+
+
+def test_the_robot_holds_one_configuration_all_along(posted, cell):
+    plan = plan_path(posted.program.toolpath, cell)
+    assert plan.findings == ()                                          # the confdata lead where the path leads
+    assert plan.reached.all()
+    assert np.abs(np.diff(plan.theta, axis=0)).max() < np.radians(25)
+    assert (cell.robot.limit_excess(plan.theta) == 0).all()
+    assert wrist_distance(cell.robot, plan.theta).min() > np.radians(20)
+    back = forward(cell.robot, plan.theta, cell.flange_from_tcp)
+    np.testing.assert_allclose(back.position, plan.base_from_tcp.position, atol=1e-9)
+
+
+def test_each_speed_is_declared_once_and_exactly(posted):
+    declared = re.findall(rb"CONST speeddata (\w+):=\[([^,]+),", posted.content)
+    assert len({name for name, _ in declared}) == len(declared) == 3
+    assert sorted(speed for _, speed in declared) == [b"15.113", b"20.575", b"200.0"]      # 35.7 in/min, 1234.5 mm/min
+
+
+def test_the_choices_are_said(posted):
+    codes = {finding.code for finding in posted.program.toolpath.findings}
+    assert {"CS4300", "CS4302", "CS2111"} <= codes
+    assert posted.assumed["smallest_reserve_deg"] > 20
+    assert np.linalg.norm(posted.assumed["tool_x_towards"]) == pytest.approx(1)
+    assert b'! SHELL "1" ! quoted' in posted.content
+    assert b"! SPINDL/9000,RPM,CLW" in posted.content
+
+
+def test_the_tools_x_follows_the_stated_direction(tmp_path, posted, cell):
+    path = read_apt(tmp_path / "shell.apt")
+    want = np.array([0.5, -1, 0]) / np.sqrt(1.25)
+    turned = post(path, cell, PostingSettings(tool_x=(0.5, -1, 0)), "shell.mod").program.toolpath
+    x = quaternion_to_matrix(turned.quaternion)[:, :, 0]
+    # Of all turns about the tool axis the one whose x is nearest: x lies in the plane of the axis and the direction.
+    np.testing.assert_allclose(np.einsum("ni,ni->n", x, np.cross(path.axis, want)), 0, atol=1e-7)
+    assert (x @ want > 0.9).all()
+    with pytest.raises(CompstiffError, match=r"CS4304: .* 0\.0 degrees"):
+        post(path, cell, PostingSettings(tool_x=(0, 0, 1)), "shell.mod")
+
+
+def test_a_chosen_direction_leaves_at_least_the_reserve_of_every_other(tmp_path, posted, cell):
+    path = read_apt(tmp_path / "shell.apt")
+    for angle in np.radians(np.arange(0, 360, 45)):
+        try:
+            other = post(path, cell, PostingSettings(tool_x=(np.cos(angle), np.sin(angle), 0.0)), "shell.mod")
+        except CompstiffError:
+            continue
+        assert other.assumed["smallest_reserve_deg"] <= posted.assumed["smallest_reserve_deg"] + 1e-3
+
+
+def test_out_of_reach_is_refused_with_the_line(tmp_path, cell):
+    (tmp_path / "far.apt").write_text("UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/5000,0,0\n")
+    with pytest.raises(Refused, match="CS4303") as caught:
+        planned(tmp_path / "far.apt", cell)
+    assert caught.value.findings[0].line == 4
+
+
+def table(tmp_path, cell, **extra):
+    """A straight cut as a table; extra columns of 20 values."""
+    x = np.linspace(-30, 30, 20)
+    axis = np.tile([np.sin(0.2), 0, np.cos(0.2)], (20, 1))
+    quaternion = tool_frames(axis, np.array([-1.0, 0, 0]))
+    columns = {"x_mm": x, "y_mm": np.zeros(20), "z_mm": np.zeros(20), **dict(zip(("q1", "q2", "q3", "q4"), quaternion.T,
+                                                                                 strict=True)),
+               **extra}
+    lines = [",".join(columns), *(",".join(f"{value:.10g}" for value in row) for row in zip(*columns.values(), strict=True))]
+    (tmp_path / "cut.csv").write_text("\n".join(lines) + "\n")
+    return tmp_path / "cut.csv"
+
+
+def reference(cell, branch_of_zero=True):
+    """Joint angles along `table` by the program's own inverse, for a file that carries them."""
+    axis = np.tile([np.sin(0.2), 0, np.cos(0.2)], (20, 1))
+    object_from_tcp = Frame.from_quaternion(np.column_stack([np.linspace(-30, 30, 20) / 1e3, np.zeros((20, 2))]),
+                                            tool_frames(axis, np.array([-1.0, 0, 0])))
+    flange = cell.world_from_base.inverse() @ cell.world_from_object @ object_from_tcp @ cell.flange_from_tcp.inverse()
+    branches = np.zeros(8, dtype=bool)
+    branches[1] = True                                                  # axis 5 negative: not what is chosen without being told
+    return hold(cell.robot, flange, branches=branches).theta
+
+
+def test_a_table_with_its_feeds(tmp_path, cell):
+    feed = np.linspace(10, 25, 20)
+    rapid = np.zeros(20)
+    rapid[[0, 19]] = 1
+    read = planned(table(tmp_path, cell, feed_mm_s=feed, rapid=rapid), cell).toolpath
+    np.testing.assert_allclose(1e3 * read.feed, [200, *feed[1:-1], 200], rtol=1e-8)
+    np.testing.assert_allclose(1e3 * read.position[:, 0], np.linspace(-30, 30, 20), atol=0.5001e-4)
+    assert plan_path(read, cell).reached.all()
+
+
+def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
+    read = planned(table(tmp_path, cell), cell, Settings.of(feed_mm_s=12.5)).toolpath
+    assert set(read.feed) == {0.0125}
+    assert "12.5 mm/s" in next(finding.message for finding in read.findings if finding.code == "CS2150")
+
+
+def test_joint_angles_of_a_table_give_the_configuration(tmp_path, cell):
+    theta = reference(cell)
+    free = plan_path(planned(table(tmp_path, cell), cell).toolpath, cell)
+    told = plan_path(planned(table(tmp_path, cell, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(6)}),
+                                   cell).toolpath,
+                     cell)
+    np.testing.assert_allclose(told.theta, theta, atol=1e-6)
+    assert np.abs(free.theta - theta).max() > 0.5
+    off = np.degrees(theta[:, 0]) + 0.2
+    with pytest.raises(CompstiffError, match=r"CS2153: .* mm and 0\.200 degrees"):
+        planned(table(tmp_path, cell, q1_deg=off, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(1, 6)}),
+                      cell)
+
+
+def test_confdata_of_a_table_are_kept(tmp_path, cell):
+    theta = reference(cell)
+    quadrants = np.floor(theta[:, [0, 3, 5]] / (np.pi / 2))
+    read = planned(table(tmp_path, cell, **dict(zip(("cf1", "cf4", "cf6"), quadrants.T, strict=True)), cfx=np.ones(20)),
+                         cell).toolpath
+    np.testing.assert_array_equal(read.confdata, np.column_stack([quadrants, np.ones(20)]))
+    np.testing.assert_allclose(plan_path(read, cell).theta, theta, atol=1e-6)
+
+
+@pytest.mark.parametrize(("column", "value", "code", "where"), [
+    ("q1", 0.9, "CS2151", 4), ("feed_mm_s", -1, "CS2150", 8), ("cf4", 0.5, "CS2152", 10), ("cfx", -1, "CS2152", 12),
+    ("rapid", 2, "CS2152", 13), ("x_mm", np.nan, "CS0203", 1),
+])
+def test_wrong_cells_of_a_table(tmp_path, cell, column, value, code, where):
+    extra = {"feed_mm_s": np.full(20, 5.0), "cf1": np.zeros(20), "cf4": np.zeros(20), "cf6": np.zeros(20), "cfx": np.zeros(20),
+             "rapid": np.zeros(20)}
+    path = table(tmp_path, cell, **extra)
+    lines = path.read_text().splitlines()
+    cells = lines[5].split(",")
+    cells[lines[0].split(",").index(column)] = f"{value}"
+    lines[5] = ",".join(cells)
+    path.write_text("\n".join(lines))
+    with pytest.raises(CompstiffError, match=code) as caught:
+        read_cam_path(path, DEFAULTS.posting)
+    found = caught.value.findings[0]
+    assert (found.line, found.column) == (6, lines[0].split(",").index(column) + 1)
+
+
+def test_a_tool_without_load_is_said(tmp_path):
+    cell = read_cell(write_cell(tmp_path, CELL.replace(", mass_kg: 80, centre_of_mass_mm: [0, 0, 120]", "")))
+    read = planned(table(tmp_path, cell), cell).toolpath
+    assert "CS4301" in {finding.code for finding in read.findings}
+
+
+@pytest.mark.parametrize(("stem", "name"), [("Part 1-b", "Part_1_b"), ("12", "M12"), ("main", "main_part"),
+                                            ("x" * 40, "x" * 32), ("Test", "Test_part"), ("Größe", "Gr__e")])
+def test_the_modules_name_is_one_the_controller_takes(stem, name):
+    assert module_name(stem) == name
+
+
+def accepted(folder, content: bytes) -> bool:
+    (folder / "rapidchecker.toml").write_text(CONFIGURATION)
+    file = folder / "checked.sys"
+    # rapidchecker's grammar begins at MODULE: the block of RobotWare 5 and 6 above it is no RAPID.
+    file.write_bytes(content.split(b"%%%\n")[-1].lstrip())
+    return subprocess.run([sys.executable, "-m", "rapidchecker", str(file)], cwd=folder, capture_output=True).returncode == 0
+
+
+def test_an_independent_grammar_accepts_it(tmp_path, posted):
+    assert accepted(tmp_path, posted.content)
+    assert not accepted(tmp_path, posted.content.replace(b"vAir,fine", b"vAir fine", 1))
+
+
+def test_the_command_writes_program_and_record_and_parts(tmp_path):
+    cell_file = write_cell(tmp_path, CELL)
+    (tmp_path / "shell.apt").write_text(APT)
+    run = compstiff("post", cell_file, tmp_path / "shell.apt", "-o", tmp_path / "shell.mod", "--json")
+    assert run.returncode == 0, run.stderr
+    result = json.loads(run.stdout)["result"]
+    record = json.loads((tmp_path / "shell.mod.json").read_text())
+    assert record["summary"] == result
+    assert record["format"] == "compstiff-post"
+    assert result["in_the_air"] == 3
+    again = compstiff("post", cell_file, tmp_path / "shell.apt", "-o", tmp_path / "shell.mod")
+    assert again.returncode == 1
+    assert "CS0003" in again.stderr
+    parts = compstiff("post", cell_file, tmp_path / "shell.apt", "-o", tmp_path / "many.mod", "--split", "20", "--split-load")
+    assert parts.returncode == 0, parts.stderr
+    assert "CS4311" in parts.stderr
+    assert sorted(path.name for path in tmp_path.glob("many*")) == ["many.mod", "many.mod.json", "many_001.mod", "many_002.mod"]
+    for name in ("many.mod", "many_001.mod", "many_002.mod"):
+        assert accepted(tmp_path, (tmp_path / name).read_bytes()), name
+    assert compstiff("post", cell_file, tmp_path / "shell.mod", "-o", tmp_path / "b.mod").returncode == 1

@@ -1,0 +1,126 @@
+"""Tools and work objects of the moves."""
+
+import numpy as np
+import pytest
+
+from tests.compensator.rapid.small_programs import found, path, target
+
+MOVE = f"MoveL {target(1)},v100,z1"
+LOAD = "[1,[0,0,1],[1,0,0,0],0,0,0]"
+TOOL = f"PERS tooldata mill:=[TRUE,[[120,-0.5,250],[0.5,0.5,0.5,0.5]],{LOAD}];"
+
+
+def test_tool0_and_wobj0_are_predefined():
+    toolpath = path(f"{MOVE},tool0;{MOVE},Tool0\\WObj:=WObj0;")
+    assert toolpath.tool.tolist() == toolpath.workobject.tolist() == [0, 0]
+    for frame in (toolpath.tools[0], toolpath.workobjects[0]):
+        assert frame.position.tolist() == [0, 0, 0]
+        assert frame.quaternion.tolist() == [1, 0, 0, 0]
+        assert (frame.problem, frame.line) == ("", None)
+
+
+def test_a_declared_tool():
+    toolpath = path(f"{MOVE},mill;{MOVE},MILL;", TOOL)
+    tool, = toolpath.tools
+    assert tool.position.tolist() == [0.12, -0.0005, 0.25]
+    assert tool.quaternion.tolist() == [0.5, 0.5, 0.5, 0.5]
+    assert (tool.name, tool.line, tool.problem) == ("mill", 2, "")
+
+
+def test_the_user_frame_carries_the_object_frame():
+    # The user frame is turned by 90 deg about z, so the object frame's x = 10 mm is world y.
+    table = 'PERS wobjdata table:=[FALSE,TRUE,"",[[1000,200,0],[0.7071067812,0,0,0.7071067812]],[[10,0,5],[0,1,0,0]]];'
+    toolpath = path(f"{MOVE},tool0\\WObj:=table;{MOVE},tool0,\\WObj:=table;{MOVE},tool0;", table)
+    assert toolpath.workobject.tolist() == [0, 0, 1]
+    assert [item.name for item in toolpath.workobjects] == ["table", "wobj0"]
+    np.testing.assert_allclose(toolpath.workobjects[0].position, [1.0, 0.21, 0.005], atol=1e-12)
+    root = np.sqrt(0.5)                                 # (c + c k) i = c i + c j
+    np.testing.assert_allclose(toolpath.workobjects[0].quaternion, [0, root, root, 0], atol=1e-12)
+
+
+def test_one_frame_for_each_declared_data_not_for_each_move():
+    toolpath = path(f"{MOVE},mill;", f"{TOOL}\nPROC a()\nPERS tooldata mill:=[TRUE,[[1,0,0],[1,0,0,0]],{LOAD}];\n"
+                    f"{MOVE},mill;{MOVE},mill;\nENDPROC\nPROC b()\n{MOVE},mill;\nENDPROC")
+    assert toolpath.tool.tolist() == [0, 0, 1, 1]
+    assert [float(tool.position[0]) for tool in toolpath.tools] == [0.001, 0.12]
+
+
+def test_frames_written_with_symbols():
+    toolpath = path(f"{MOVE},mill;", f"CONST pose frame1:=[[1,2,3],turn];\nCONST orient turn:=[0,0,0,1];\n"
+                    f"CONST loaddata heavy:={LOAD};\nPERS tooldata mill:=[TRUE,frame1,heavy];")
+    assert toolpath.tools[0].position.tolist() == [0.001, 0.002, 0.003]
+    assert toolpath.tools[0].quaternion.tolist() == [0, 0, 0, 1]
+
+
+def test_a_tool_from_an_array():
+    toolpath = path(f"{MOVE},rack{{2}};{MOVE},rack{{n}};",
+                    f"PERS tooldata rack{{2}}:=[[TRUE,[[0,0,1],[1,0,0,0]],{LOAD}],[TRUE,[[0,0,2],[1,0,0,0]],{LOAD}]];")
+    assert toolpath.tools[0].position.tolist() == [0, 0, 0.002]
+    assert "run time" in toolpath.tools[1].problem
+
+
+@pytest.mark.parametrize("declarations", ["", "PERS tooldata mill;\nPERS wobjdata part;"])
+def test_frames_without_numbers_come_from_the_cell(declarations):
+    toolpath = path(f"{MOVE},mill\\WObj:=part;{MOVE},mill\\WObj:=part;", declarations)
+    assert toolpath.block.tolist() == ["", ""]
+    for frame, code in ((toolpath.tools[0], "CS2020"), (toolpath.workobjects[0], "CS2021")):
+        assert frame.position is None
+        assert frame.quaternion is None
+        assert frame.problem == ""
+        finding, = found(toolpath, code)
+        assert (finding.level, finding.count, finding.target) == ("note", 2, 0)
+        assert frame.name in finding.message
+
+
+@pytest.mark.parametrize(("tool", "body", "why"), [
+    (TOOL, "mill.tframe := other;", "assigned at run time"),
+    (TOOL, "mill.tframe.trans.z := 5;", "assigned at run time"),
+    (TOOL, "Mill:=other;", "assigned at run time"),
+    (f"PERS tooldata mill:=[FALSE,[[0,0,1],[1,0,0,0]],{LOAD}];", "", "stationary"),
+    (f"PERS tooldata mill:=[TRUE,[[0,0,1],[0,0,0,0]],{LOAD}];", "", "quaternion"),
+    (f"PERS tooldata mill:=[TRUE,[[0,0,len],[1,0,0,0]],{LOAD}];", "", "len"),
+])
+def test_tools_that_cannot_be_corrected_with(tool, body, why):
+    toolpath = path(f"{MOVE},mill;{body}", tool)
+    assert why in toolpath.tools[0].problem
+    finding, = found(toolpath, "CS2022")
+    assert (finding.level, finding.line) == ("warning", 4)
+    assert toolpath.block[0] == ""
+
+
+def test_the_load_of_a_tool_does_not_matter():
+    assert path(f"mill.tload.mass := 4;{MOVE},mill;", TOOL).tools[0].problem == ""
+
+
+def test_a_tool_handed_to_a_routine_that_changes_it():
+    body = f"calibrate mill;{MOVE},mill;"
+    assert path(body, TOOL).tools[0].problem == ""       # a routine elsewhere: taken to use it
+    changing = "PROC calibrate(PERS tooldata t)\nt.tframe.trans.z:=3;\nENDPROC"
+    assert "assigned at run time" in path(body, f"{TOOL}\n{changing}").tools[0].problem
+
+
+def test_a_tool_that_is_a_parameter():
+    toolpath = path("", f"PROC cut(PERS tooldata t, \\PERS wobjdata w)\n{MOVE},t\\WObj?w;\nENDPROC")
+    assert "parameter" in toolpath.tools[0].problem
+    assert "parameter" in toolpath.workobjects[0].problem
+
+
+@pytest.mark.parametrize(("part", "body", "why"), [
+    ('[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "robot holds it"),
+    ('[FALSE,FALSE,"STN1",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "mechanical unit"),
+    ('[FALSE,TRUE,"",[[0,0,0],[0,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "quaternion of uframe"),
+    ('[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[2,0,0,0]]]', "", "quaternion of oframe"),
+    ('[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "part.uframe:=DefFrame(a,b,c);", "assigned at run time"),
+    ('[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "part := other;", "assigned at run time"),
+])
+def test_work_objects_that_cannot_be_corrected_in(part, body, why):
+    toolpath = path(f"{MOVE},tool0\\WObj:=part;{body}", f"PERS wobjdata part:={part};")
+    assert why in toolpath.workobjects[0].problem
+    assert found(toolpath, "CS2023")
+
+
+def test_a_slightly_unnormalised_frame_is_normalised():
+    toolpath = path(f"{MOVE},mill;", f"PERS tooldata mill:=[TRUE,[[0,0,1],[0.707,0,0.707,0]],{LOAD}];")
+    np.testing.assert_allclose(toolpath.tools[0].quaternion, [np.sqrt(0.5), 0, np.sqrt(0.5), 0], atol=1e-15)
+    finding, = found(toolpath, "CS2013")
+    assert (finding.line, finding.level) == (2, "note")

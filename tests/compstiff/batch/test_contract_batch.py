@@ -1,0 +1,169 @@
+"""`correct` on many programs: each as if alone, one JSON line each, the exit code of the worst."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.compstiff.batch.programs import HARMLESS, Shop, shop
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Shop:
+    return shop(tmp_path)
+
+
+def test_each_program_comes_out_as_if_alone(place: Shop) -> None:
+    place.put("a", "b")
+    place.put("c", log=False)
+    out = place.folder / "out"
+    done = place.correct(place.source / "a.mod", place.source / "b.mod", place.source / "c.mod", "-o", f"{out}/", "--json")
+    assert done.exit_code == 0, done.output
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [Path(line["program"]).name for line in lines] == ["a.mod", "b.mod", "c.mod"]
+    assert [line["status"] for line in lines] == ["ok", "ok", "left"]
+    assert lines[2]["output"] is None
+    assert lines[2]["findings"][0]["code"] == "CS6000"
+    alone = place.alone()
+    assert alone != place.part.read_bytes()
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes() == alone
+    assert sorted(path.name for path in out.iterdir()) == ["a.mod", "a.mod.json", "b.mod", "b.mod.json"]
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["input"]["file"], record["forces"]["file"]) == ("b.mod", "b.forces.csv")
+
+
+def test_one_that_fails_does_not_stop_the_others_and_the_worst_counts(place: Shop) -> None:
+    a, b, c = place.put("a", "b", "c")
+    (place.source / "a.forces.csv").write_text("target,fx_n\n1,2\n")
+    out = place.folder / "out"
+    done = place.correct(a, b, c, "-o", out)
+    assert done.exit_code == 1
+    assert "CS0202" in done.stderr
+    assert "3 programs: 1 failed, 2 corrected" in done.stdout
+    assert (out / "b.mod").exists()
+    assert not (out / "a.mod").exists()
+    # What this very call wrote is refused as input, whatever its name: 3, and with a failure beside it 1.
+    shutil.copy(out / "b.mod", place.source / "again.mod")
+    shutil.copy(place.log, place.source / "again.forces.csv")
+    refused = place.correct(place.source / "again.mod", *place.put("d"), "-o", out, "--json")
+    assert refused.exit_code == 3
+    assert [json.loads(line)["exit_code"] for line in refused.stdout.splitlines()] == [3, 0]
+    assert place.correct(a, place.source / "again.mod", *place.put("e"), "-o", out).exit_code == 1
+
+
+def test_a_folder_with_logs_elsewhere_in_two_processes(place: Shop) -> None:
+    place.put("a", "b")
+    (place.source / "notes.txt").write_text("no program")
+    logs, out = place.folder / "logs", place.folder / "out"
+    logs.mkdir()
+    for name in ("a", "b"):
+        shutil.move(place.source / f"{name}.forces.csv", logs)
+    done = place.correct(place.source, "--forces", logs, "-o", out, "--offsets", out, "--report", place.folder / "r",
+                         "--jobs", 2, "--json")
+    assert done.exit_code == 0, done.output
+    assert [Path(json.loads(line)["program"]).name for line in done.stdout.splitlines()] == ["a.mod", "b.mod"]
+    assert (out / "a.mod").read_bytes() == (out / "b.mod").read_bytes() == place.alone()
+    assert {path.name for path in out.iterdir()} == {f"{n}{s}" for n in "ab" for s in (".mod", ".mod.json", ".offsets.csv")}
+    assert {path.name for path in (place.folder / "r").iterdir()} == {"a.html", "b.html"}
+
+
+def test_the_options_of_correct_count_for_every_program(place: Shop) -> None:
+    programs = place.put("a", "b")
+    out = place.folder / "out"
+    tared = place.correct(place.part, "--forces", place.log, "-o", place.folder / "tared.mod", "--tare", "1:3")
+    assert tared.exit_code == 0, tared.output
+    assert place.correct(*programs, "-o", out, "--tare", "1:3").exit_code == 0
+    assert (out / "b.mod").read_bytes() == (place.folder / "tared.mod").read_bytes() != place.alone()
+
+
+def test_what_does_not_pair_is_refused(place: Shop) -> None:
+    a, b = place.put("a", "b")
+    shutil.copy(a, place.source / "a.prg")
+    (place.source / "b.forces.parquet").write_bytes(b"")
+    (place.source / "empty").mkdir()
+    out = place.folder / "out"
+    done = place.correct(a, place.source / "a.prg", b, *place.put("c"), "-o", out, "--json")
+    assert done.exit_code == 1
+    codes = [[finding["code"] for finding in json.loads(line)["findings"]] for line in done.stdout.splitlines()]
+    assert codes[:3] == [["CS6002"], ["CS6002"], ["CS6001"]]
+    assert [path.name for path in sorted(out.iterdir())] == ["c.mod", "c.mod.json"]
+    empty = place.correct(place.source / "empty", "-o", out, "--json")
+    assert empty.exit_code == 1
+    assert json.loads(empty.stdout)["findings"][0]["code"] == "CS6003"
+    # Into the folder of the programs themselves: never over an input, not even with --force.
+    before = a.read_bytes()
+    assert place.correct(a, "-o", f"{place.source}/", "--force").exit_code == 1
+    assert a.read_bytes() == before
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
+    names = [f"p{number:02}" for number in range(40)]
+    place.put(*names)
+    out = place.folder / "out"
+    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs",
+             processes]
+    # A process group of its own, as a terminal gives: Ctrl-C reaches the workers too.
+    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert running.stdout is not None
+    assert running.stderr is not None
+    first = running.stdout.readline()
+    os.killpg(running.pid, signal.SIGINT)
+    stdout = running.stdout.read()
+    assert running.stderr.read() == ""
+    with running:
+        assert running.wait(timeout=60) == 130
+    reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
+    assert {line["status"] for line in reported} == {"ok"}
+    assert len(reported) < len(names)
+    # Every program that was written was reported, and the other way round.
+    assert {Path(line["output"]).name for line in reported} == {path.name for path in out.glob("*.mod")}
+    assert not list(out.glob(".*"))
+
+
+def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
+    """One worker is killed, as the kernel does where memory runs out: what it worked on is a defect, the rest is corrected."""
+    names = [f"p{number:02}" for number in range(40)]
+    place.put(*names)
+    out = place.folder / "out"
+    words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", 2]
+    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE, text=True)
+    assert running.stdout is not None
+    first = running.stdout.readline()
+    children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+    workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    os.kill(workers[0], signal.SIGKILL)
+    with running:
+        stdout = running.stdout.read()
+    lines = [json.loads(line) for line in [first, *stdout.splitlines()]]
+    lost = [line for line in lines if line["status"] == "defect"]
+    assert len(lost) <= 2
+    assert running.returncode == (70 if lost else 0)
+    # None where the worker was between two programs.
+    assert {finding["code"] for line in lost for finding in line["findings"]} <= {"CS6010"}
+    assert [Path(line["program"]).stem for line in lines] == names
+    assert {line["status"] for line in lines} <= {"ok", "defect"}
+
+
+def test_a_single_program_is_as_ever(place: Shop) -> None:
+    missing = place.correct(place.part, "-o", place.folder / "x.mod")
+    assert missing.exit_code == 2
+    assert "Missing option '--forces'" in missing.stderr
+    assert place.correct(place.part, "--forces", place.folder, "-o", place.folder / "x.mod").exit_code == 2
+    one = (place.part, "--forces", place.log, "-o", place.folder / "x.mod")
+    assert place.correct(*one, "--report", place.source).exit_code == 2
+    document = json.loads(place.correct(*one, "--json").stdout)
+    assert (document["format"], document["status"], "program" in document) == ("compstiff-correct", "ok", False)
+    # One program and a folder that is not there yet: the stroke says that it is one.
+    (place.source / "e.mod").write_text(HARMLESS)
+    assert place.correct(*place.put("a"), "-o", f"{place.folder / 'new'}/").exit_code == 0
+    assert (place.folder / "new" / "a.mod").is_file()
+    assert place.correct(*place.put("a", "b"), "-o", place.folder / "x.mod").exit_code == 2

@@ -1,0 +1,164 @@
+"""What every command promises: exit codes, one JSON document, no traceback, nothing half written."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from compstiff.cli import console
+from compstiff.cli.main import compstiff as group
+from compstiff.outcome import Outcome, Session
+from identification.common.catalogue import catalogue
+from identification.common.files import check_writable, write_whole
+from identification.common.findings import CompstiffError, Finding, Refused, error, fold
+from tests.support import compstiff
+
+ROOT = Path(__file__).parents[3]
+
+
+def run(body, *arguments: str) -> tuple[int, str, str]:
+    result = CliRunner().invoke(console.command("try", writes=True)(body), list(arguments))
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.mark.parametrize(("raised", "code", "status"), [
+    (error("CS0203", "text", file="a.csv", line=3, column=7, hint="mend it"), 1, "failed"),
+    (Refused(Finding("CS4107", "error", "too large")), 3, "refused"),
+    (KeyboardInterrupt(), 130, "interrupted"),
+    (RuntimeError("oops"), 70, "defect"),
+])
+def test_exit_codes_and_json(raised: BaseException, code: int, status: str) -> None:
+    def body(session: Session) -> Outcome:
+        raise raised
+
+    assert run(body)[0] == code
+    exit_code, stdout, stderr = run(body, "--json")
+    document = json.loads(stdout)
+    assert (exit_code, document["exit_code"], document["status"]) == (code, code, status)
+    assert document["result"] is None
+    assert document["findings"]
+    assert stderr == ""
+
+
+def test_messages_follow_the_contract() -> None:
+    def body(session: Session) -> Outcome:
+        raise error("CS0203", "found 'x', expected a number", file="a.csv", line=3, column=7, hint="mend it")
+
+    _, stdout, stderr = run(body)
+    assert stdout == ""
+    assert stderr == "a.csv:3:7: error CS0203: found 'x', expected a number\nhint: mend it\n"
+
+
+def test_a_defect_leaves_a_log_and_no_traceback() -> None:
+    def body(session: Session) -> Outcome:
+        raise ZeroDivisionError("somewhere deep")
+
+    _, _, stderr = run(body)
+    assert "Traceback" not in stderr
+    log = re.search(r"log file (\S+)", stderr)
+    assert log
+    assert "ZeroDivisionError: somewhere deep" in Path(log[1]).read_text()
+    Path(log[1]).unlink()
+
+
+def test_findings_fold_and_quiet_keeps_errors() -> None:
+    notes = tuple(Finding("CS3011", "note", "same", file="a", line=i) for i in (4, 5, 6))
+    assert fold(notes) == (Finding("CS3011", "note", "same", file="a", line=4, count=3),)
+
+    def body(session: Session) -> Outcome:
+        return Outcome({"x": 1}, notes, ["done"], "the next step")
+
+    assert run(body) == (0, "done\n", "a:4: note CS3011: same (and 2 more like it)\nnext: the next step\n")
+    assert run(body, "-q") == (0, "done\n", "")
+    assert len(json.loads(run(body, "--json", "-v")[1])["findings"]) == 3
+
+
+def test_wrong_calls_exit_2_with_json_too() -> None:
+    assert compstiff("identify", "--nonsense").returncode == 2
+    missing = compstiff("identify", "no.yaml", "no.csv", "-o", "x.json", "--json")
+    assert missing.returncode == 2
+    assert json.loads(missing.stdout)["findings"][0]["code"] == "CS0002"
+    assert compstiff("nonsense").returncode == 2
+
+
+def test_help_and_version() -> None:
+    for arguments in (["-h"], ["--help"], ["correct", "-h"], ["--version"]):
+        done = compstiff(*arguments)
+        assert done.returncode == 0
+        assert done.stdout
+
+
+def test_help_starts_fast() -> None:
+    """What costs time (numpy, pandas, scipy, plotly, pymodbus, toppra, pydantic) stays out of the start-up path."""
+    slow = ["numpy", "pandas", "scipy", "plotly", "pymodbus", "toppra", "pydantic", "yaml", "jinja2", "pyarrow"]
+    code = f"import sys, compstiff.cli.main; print([m for m in {slow!r} if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_a_reader_that_goes_away_is_no_defect() -> None:
+    done = subprocess.run(["bash", "-c", f"{sys.executable} -m compstiff explain --json | head -c 10"], capture_output=True,
+                          text=True, timeout=60)
+    assert done.stdout == '{\n "format'
+    assert done.stderr == ""
+
+
+def test_ctrl_c_exits_130(tmp_path) -> None:
+    code = ("import sys, time\nfrom compstiff.cli import console\n"
+            "def body(session):\n    print('ready', flush=True)\n    time.sleep(30)\n"
+            "console.command('wait')(body)(standalone_mode=False)")
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE)
+    assert process.stdout
+    process.stdout.readline()
+    time.sleep(0.2)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "Traceback" not in stderr
+
+
+def test_files_are_written_whole_or_not_at_all(tmp_path) -> None:
+    first, second = tmp_path / "a.txt", tmp_path / "missing" / "b.txt"
+    first.write_text("old")
+    with pytest.raises(CompstiffError, match="CS0004"):
+        write_whole({first: b"new", second: b"new"})
+    assert first.read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt"]
+    write_whole({first: b"new"})
+    assert first.read_text() == "new"
+    with pytest.raises(CompstiffError, match="CS0003.*not overwritten"):
+        check_writable([first], overwrite=False)
+
+
+def test_every_code_has_its_page_and_every_page_its_code() -> None:
+    used = set()
+    for package in ("identification", "compensator", "compstiff"):
+        for path in (ROOT / package).rglob("*.py"):
+            used |= set(re.findall(r"\"(CS\d{4})\"", path.read_text()))
+    assert used == set(catalogue())
+    for page in catalogue().values():
+        assert set(page) == {"title", "cause", "effect", "remedy"}
+        assert all(page.values())
+
+
+def test_explain_and_robots() -> None:
+    shown = compstiff("explain", "cs1010")
+    assert shown.returncode == 0
+    assert "Negative compliances" in shown.stdout
+    assert compstiff("explain", "CS9999").returncode == 1
+    listed = json.loads(compstiff("robots", "--json").stdout)["result"]["robots"]
+    assert {"irb6660-205-1.90", "irb6640-235-2.55", "irb6700-200-2.60", "irb4400-60"} <= {robot["name"] for robot in listed}
+    assert {"drive", "serial"} == {robot["load_path"] for robot in listed}
+
+
+def test_readme_and_help_name_the_same_commands() -> None:
+    assert isinstance(group, click.Group)
+    readme = (ROOT / "README.md").read_text()
+    for name in group.commands:
+        assert f"compstiff {name}" in readme

@@ -1,0 +1,146 @@
+"""Runs after an ambiguous diagnosis: what they promise, measured in a cell that shares no code with the package."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from identification.common.findings import CompstiffError
+from identification.design.criteria import d_criterion
+from identification.design.discrimination import fitted_rivals, read_diagnosis, settling_runs
+from identification.design.domain import Domain, random_pool
+from identification.design.exchange import free_demand, many_exchanges
+from identification.design.information import instrument
+from identification.design.loads import slot
+from identification.design.procedure import Task
+from identification.design.request import measured_place
+from identification.diagnosis.discrimination import candidate_rows, separation, settling
+from identification.diagnosis.procedure import diagnose
+from identification.diagnosis.record import record
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.kinematics import forward
+from tests.runs.hidden_effects.cases import hidden_in
+from tests.runs.hidden_effects.more_rows import measured_further
+from tests.support import random_poses
+from tests.virtual_cell.cell import simulate
+
+SEEDS = (700090, 700174)
+
+
+def diagnosed(case, folder):
+    cell_file, rows_file = case.write(folder)
+    cell = read_cell(cell_file)
+    rows = read_measurements(rows_file, cell.robot)
+    return cell, rows, diagnose(cell, rows)
+
+
+def probability(case, found):
+    truth = case.truth[0]
+    return sum(one.probability for one in (*found.alternatives, *found.causes)
+               if (one.effect.name, one.joint) == (truth["effect"], truth["joint"])) * (found.verdict in ("named", "ambiguous"))
+
+
+@pytest.fixture(scope="module")
+def hard(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hard")
+    case = simulate(SEEDS[0], "poses20", hidden_in(SEEDS[0], "single"))
+    cell, rows, found = diagnosed(case, folder)
+    (folder / "diagnosis.json").write_text(json.dumps(record(cell, rows, found)))
+    return folder, cell, rows, found
+
+
+def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):
+    folder, cell, rows, found = hard
+    told = read_diagnosis(folder / "diagnosis.json", cell)
+    assert told.verdict == "ambiguous"
+    assert set(told.names) == {(one.effect.name, one.joint) for one in found.alternatives}
+    rivals = fitted_rivals(cell, rows, told)
+    assert len(rivals) >= 2
+    labels = {one.label for one in found.alternatives}
+    assert all(set(name.split(" + ")) <= labels for name in rivals)
+    shares = [share for _, share in rivals.values()]
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
+    """The closed form, which adds runs up, against the covariance of all their readings at once."""
+    folder, cell, rows, _ = hard
+    rivals = fitted_rivals(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
+    rng = np.random.default_rng(0)
+    trial = candidate_rows(random_poses(cell.robot, 4, rng, 0.6), np.array([0, 1, 2, 0]), 300.0)
+    models = [model for model, _ in rivals.values()]
+    found = separation(cell, trial, rivals, models[0])
+    chosen = np.array([0, 2, 3])
+    fewer = found.squared(found.of(chosen[:2]))
+    assert (found.squared(found.of(chosen)) >= fewer * (1 - 1e-9)).all()
+    from identification.fit.fitted_model import response
+    from identification.fit.noise import noise_model
+
+    noise = noise_model(cell, trial, np.exp(models[0].map[:6]))
+    kept = np.isin(trial.visit, chosen)
+    size = int(kept.sum())
+    unit = np.eye(3 * len(trial)).reshape(len(trial), 3, -1)
+    precision = noise.weights(models[0].size).inner(noise.rotation @ unit, noise.rotation @ unit)
+    mine = np.repeat(kept, 3)
+    covariance = np.linalg.inv(precision[np.ix_(mine, mine)])
+    for k, (a, b) in enumerate(combinations(range(len(models)), 2)):
+        (one, by_one), (other, by_other) = (response(cell, trial, models[i].map, models[i].terms) for i in (a, b))
+        off = (one - other)[kept].ravel()
+        spread = sum(slope[kept].reshape(3 * size, -1) @ models[i].covariance @ slope[kept].reshape(3 * size, -1).T
+                     for i, slope in ((a, by_one), (b, by_other))) / 2
+        expected = off @ np.linalg.solve(covariance + spread, off)
+        assert found.squared(found.of(chosen))[k] == pytest.approx(expected, rel=1e-3, abs=1e-6)
+
+
+def test_chosen_together_they_beat_any_pair_drawn(hard):
+    folder, cell, rows, _ = hard
+    rivals = fitted_rivals(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
+    rng = np.random.default_rng(1)
+    poses = random_poses(cell.robot, 20, rng, 0.6)
+    found = separation(cell, candidate_rows(poses, np.arange(20) % 3, 300.0), rivals, next(iter(rivals.values()))[0])
+    best = float(found.mistaken(found.of(np.array(settling(found, 2, np.arange(20))))))
+    every = [float(found.mistaken(found.of(np.array(pair)))) for pair in combinations(range(20), 2)]
+    assert best <= np.quantile(every, 0.02)
+
+
+def test_planned_runs_settle_what_d_optimal_runs_leave_open(tmp_path):
+    """One further run in cases the plain answer leaves open: the truth is likelier after it than after the D-optimal run."""
+    gained = []
+    for seed in SEEDS:
+        case = simulate(seed, "poses20", hidden_in(seed, "single"))
+        cell, rows, found = diagnosed(case, tmp_path)
+        model = found.plain
+        slots = tuple(slot(axis, "cycle", 300.0) for axis in "xyz")
+        tcp = forward(cell.robot, rows.theta, cell.flange_from_tcp).position
+        domain = Domain(instrument(cell, np.exp(model.mean[:6])), slots, *measured_place(tcp))
+        task = Task(domain, d_criterion(), np.linalg.inv(model.covariance[:6, :6]), free_demand(3, 1))
+        rng = np.random.default_rng([seed, 8])
+        pool = random_pool(domain, 600, rng)
+        (tmp_path / "diagnosis.json").write_text(json.dumps(record(cell, rows, found)))
+        rivals = fitted_rivals(cell, rows, read_diagnosis(tmp_path / "diagnosis.json", cell))
+        plans = [settling_runs(task, rivals, pool, rng)[0],
+                 pool.take(many_exchanges(pool, task.criterion, task.prior, task.demand, rng, 4)[0][0])]
+        after = []
+        for plan in plans:
+            loads = slots[plan.slot[0]].forces
+            further = measured_further(case, plan.theta[0], loads, np.random.default_rng(seed), (5.0, 20.0))
+            after.append(probability(case, diagnosed(further, tmp_path)[2]))
+        gained.append(after)
+    settled, plain = np.mean(np.array(gained), axis=0)
+    assert settled > plain + 0.1
+
+
+def test_files_that_are_no_diagnosis_of_this_cell(hard, tmp_path):
+    folder, cell, _, _ = hard
+    wrong = tmp_path / "wrong.json"
+    content = json.loads((folder / "diagnosis.json").read_text())
+    strange = content["alternatives"] + [{"effect": "gremlins", "joint": None, "probability": 0.1}]
+    for text in ("{", "[]", json.dumps(content | {"format": "other"}), json.dumps(content | {"robot": "other"}),
+                 json.dumps(content | {"alternatives": strange})):
+        wrong.write_text(text)
+        with pytest.raises(CompstiffError, match="CS1650"):
+            read_diagnosis(wrong, cell)

@@ -1,0 +1,96 @@
+"""The registry of effects, and the worked example of docs/effects.md."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.common.findings import CompstiffError
+from identification.model import effects as package
+from identification.model.effects import Effect, effects
+from identification.model.load_state import situation
+from identification.model.rotations import Frame
+from tests.support import random_poses, robot
+
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "effects.md").read_text()
+CONTRACT = [
+    "backlash", "soft_zone", "hysteresis", "bearing_tilt", "link_bending", "base_rocking", "base_shift",
+    "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "wrist_coupling", "force_gain",
+    "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
+    "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step"]
+
+
+def test_the_dictionary_is_the_contract_s() -> None:
+    assert sorted(effects()) == sorted(CONTRACT)
+    for effect in effects().values():
+        assert effect.sentence.format(joint=1)
+        assert effect.settles
+        for parameter in effect.parameters:
+            assert parameter.low <= parameter.typical <= parameter.high
+    for name in CONTRACT:
+        assert f"`{name}`" in DOCUMENT
+
+
+@pytest.fixture
+def with_entry(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    source = re.search(r"```python\n(.*?)```", DOCUMENT, re.S)
+    assert source
+    (tmp_path / "riser_twist.py").write_text(source.group(1))
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = re.search(r'riser_twist = "(riser_twist:RiserTwist)"', DOCUMENT)
+    assert entry
+    found = [EntryPoint("riser_twist", entry.group(1), package.ENTRY_POINTS)]
+    monkeypatch.setattr(package, "entry_points", lambda group: found if group == package.ENTRY_POINTS else [])
+    effects.cache_clear()
+    yield
+    effects.cache_clear()
+
+
+def test_the_documented_example_works(with_entry: None) -> None:
+    """It joins the dictionary, and turns the TCP about flange z as it says."""
+    twist = effects()["riser_twist"]
+    model = robot()
+    rng = np.random.default_rng(0)
+    theta = random_poses(model, 5, rng)
+    wrench = np.concatenate([rng.uniform(-300, 300, (5, 3)), np.zeros((5, 3))], axis=1)
+    tool = Frame(np.eye(3), np.array([0.12, 0.0, 0.25]))
+    rows = situation(model, tool, theta, wrench, 1 / model.prior.stiffness)
+    moved = twist.contribution(rows, None, np.array([1e-6]))
+    axis = rows.flange[:, :, 2]
+    moment = np.einsum("ni,ni->n", axis, np.cross(rows.tcp - rows.origins[:, 5], wrench[:, :3]))
+    np.testing.assert_allclose(moved[:, 3:], 1e-6 * moment[:, None] * axis, atol=1e-15)
+    np.testing.assert_allclose(moved[:, :3], np.cross(moved[:, 3:], rows.tcp - rows.origins[:, 5]), atol=1e-15)
+    assert len(twist.signatures(rows, None)) == 1
+
+
+def test_an_entry_that_is_no_effect_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for value, words in (("pathlib:Path", "expected an Effect"),
+                         ("identification.model.effects.drift:Drift", "exists already")):
+        monkeypatch.setattr(package, "entry_points", lambda group, value=value: [EntryPoint("x", value, group)])
+        effects.cache_clear()
+        with pytest.raises(CompstiffError, match=words):
+            effects()
+    effects.cache_clear()
+
+
+def test_zero_size_changes_nothing() -> None:
+    model = robot()
+    theta = random_poses(model, 4, np.random.default_rng(1))
+    wrench = np.full((4, 6), 50.0)
+    rows = situation(model, Frame(np.eye(3), np.array([0.12, 0.0, 0.25])), theta, wrench, 1 / model.prior.stiffness)
+    for effect in effects().values():
+        for joint in effect.places:
+            values = effect.neutral(rows)
+            shaped = np.array([parameter.typical if parameter.shape else value
+                               for parameter, value in zip(effect.parameters, values, strict=True)])
+            assert not effect.contribution(rows, joint, shaped).any(), effect.name
+
+
+def test_effects_are_documented_classes() -> None:
+    for effect in effects().values():
+        assert isinstance(effect, Effect)
+        assert type(effect).__doc__

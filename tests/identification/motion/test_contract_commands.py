@@ -1,0 +1,94 @@
+"""`identify` and `diagnose` on joint deflection logs, through the command line's own functions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from compstiff.cli.main import compstiff
+from identification.model.cell import read_cell
+from identification.model.stiffness_file import read_stiffness
+from tests.identification.motion.simulated_joint import columns, write
+
+ROBOT = "name: bench\nprior:\n  stiffness_nm_per_rad: [4.0e6, 4.0e6, 4.0e6, 0.5e6, 0.5e6, 0.3e6]\n  relative_std: 2.0\n"
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    (tmp_path / "robot.yaml").write_text(ROBOT)
+    (tmp_path / "cell.yaml").write_text("robot: robot.yaml\ntool: {position_mm: [0, 0, 0]}\n")
+    return tmp_path / "cell.yaml"
+
+
+def run(*arguments: object) -> tuple[int, dict[str, Any]]:
+    result = CliRunner().invoke(compstiff, [*map(str, arguments), "--json"])
+    return result.exit_code, json.loads(result.stdout) if result.stdout.startswith("{") else {}
+
+
+def test_identify(tmp_path: Path, cell: Path) -> None:
+    log = write(tmp_path / "a.csv", columns(0, {"channel_delay": 1.0, "joint_friction": 1.0}))
+    code, document = run("identify", cell, log, "-o", tmp_path / "s.json", "--report", tmp_path / "s.html")
+    assert code == 0
+    content = json.loads((tmp_path / "s.json").read_text())
+    parameters = {one["name"]: one for one in content["parameters"]}
+    low, high = parameters["k2"]["interval_95"]
+    assert low < 5e6 < high
+    assert parameters["k2"]["grade"] == "reliable"
+    assert parameters["k1"]["grade"] == "not identifiable"
+    assert parameters["k1"]["estimate"] == pytest.approx(4e6)
+    assert "CS1504" in [finding["code"] for finding in document["findings"]]
+    model = read_stiffness(tmp_path / "s.json", read_cell(cell, geometry=False))
+    assert model.stiffness[1] == pytest.approx(parameters["k2"]["estimate"])
+
+
+def test_two_logs_that_disagree(tmp_path: Path, cell: Path) -> None:
+    logs = [write(tmp_path / f"{k}.csv", columns(k, {}, stiffness=k * 1e6)) for k in (5, 8)]
+    code, document = run("identify", cell, logs[0], "--also", logs[1], "-o", tmp_path / "s.json")
+    assert code == 0
+    assert "CS1503" in [finding["code"] for finding in document["findings"]]
+
+
+def test_diagnose(tmp_path: Path, cell: Path) -> None:
+    fault = {"hysteresis": 1.0}
+    logs = [write(tmp_path / f"{k}.csv", columns(k, fault)) for k in (1, 2)]
+    code, document = run("diagnose", cell, logs[0], "--validate", logs[1], "-o", tmp_path / "d.json", "--extended",
+                         tmp_path / "e.json", "--report", tmp_path / "d.html")
+    assert code == 0
+    content = json.loads((tmp_path / "d.json").read_text())
+    assert content == document["result"]
+    assert content["verdict"] == "named"
+    assert [(cause["effect"], cause["joint"]) for cause in content["causes"]] == [("hysteresis", 2)]
+    assert content["gain"]["rms_after_urad"] < content["gain"]["rms_before_urad"]
+    assert content["gain"]["held_out"].startswith("validate")
+    model = read_stiffness(tmp_path / "e.json", read_cell(cell, geometry=False))
+    assert [one.label for one in model.effects] == ["hysteresis[2]"]
+    assert "offline" not in (tmp_path / "d.html").read_text()[:10]
+
+
+def test_one_log_is_held_out_in_blocks(tmp_path: Path, cell: Path) -> None:
+    log = write(tmp_path / "a.csv", columns(0, {"channel_delay": 1.0}))
+    code, document = run("diagnose", cell, log, "-o", tmp_path / "d.json")
+    assert code == 0
+    assert document["result"]["causes"][0] | {"parameters": None, "sentence": None, "probability": None} == {
+        "effect": "channel_delay", "joint": None, "channel": "link", "probability": None, "family": "force measurement",
+        "of_robot": False, "sentence": None, "parameters": None}
+    assert "blocks of time" in document["result"]["gain"]["held_out"]
+
+
+def test_geometry_is_asked_for_where_it_is_needed(tmp_path: Path, cell: Path) -> None:
+    (tmp_path / "m.csv").write_text("q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um\n"
+                                    "0,0,0,0,30,0,100,0,0,10,0,0\n")
+    code, document = run("identify", cell, tmp_path / "m.csv", "-o", tmp_path / "s.json")
+    assert code == 1
+    assert document["findings"][0]["code"] == "CS0105"
+
+
+def test_options_that_do_not_fit(tmp_path: Path, cell: Path) -> None:
+    log = write(tmp_path / "a.csv", columns(0, {}, seconds=5))
+    assert run("identify", cell, log, "-o", tmp_path / "s.json", "--profile")[0] == 2
+    (tmp_path / "m.csv").write_text("q1_deg\n1\n")
+    assert run("diagnose", cell, tmp_path / "m.csv", "--validate", log, "-o", tmp_path / "d.json")[0] == 2

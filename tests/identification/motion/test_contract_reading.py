@@ -1,0 +1,93 @@
+"""Joint deflection logs as files: what is read, and what is said of a file that cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from identification.common.findings import CompstiffError
+from identification.motion.log_file import is_motion_log, read_motion_log
+from tests.identification.motion.simulated_joint import columns, write
+
+
+def failure(path: Path) -> str:
+    with pytest.raises(CompstiffError) as caught:
+        read_motion_log(path)
+    return str(caught.value)
+
+
+def test_csv_and_parquet_are_the_same(tmp_path: Path) -> None:
+    values = columns(0, {}, seconds=5)
+    text = read_motion_log(write(tmp_path / "a.csv", values))
+    pd.DataFrame(values).to_parquet(tmp_path / "a.parquet")
+    table = read_motion_log(tmp_path / "a.parquet")
+    assert is_motion_log(tmp_path / "a.csv")
+    assert is_motion_log(tmp_path / "a.parquet")
+    assert list(text.joints) == list(table.joints) == [2]
+    assert text.joints[2].deflection == pytest.approx(table.joints[2].deflection, abs=1e-9)
+    assert text.rate == pytest.approx(250)
+
+
+def test_measurements_of_the_tcp_are_no_log(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("q1_deg,fx_n\n1,2\n")
+    assert not is_motion_log(tmp_path / "m.csv")
+
+
+def test_a_joint_needs_both_encoders_and_torque(tmp_path: Path) -> None:
+    values = columns(0, {}, seconds=5)
+    del values["q2_torque_nm"]
+    assert "CS0202" in failure(write(tmp_path / "a.csv", values))
+    assert "CS1501" in failure(write(tmp_path / "b.csv", {"time_s": np.arange(9.0)}))
+
+
+def test_text_has_line_and_column(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", columns(0, {}, seconds=5))
+    lines = path.read_text().splitlines()
+    lines[41] = lines[41].replace(",", ",x", 1)
+    path.write_text("\n".join(lines))
+    assert f"{path}:42:2: error CS0203" in failure(path)
+
+
+def test_a_gap_in_time_has_its_line(tmp_path: Path) -> None:
+    values = {name: np.delete(column, slice(100, 110)) for name, column in columns(0, {}, seconds=5).items()}
+    assert ":102: error CS1501: time_s steps by 0.044 s" in failure(write(tmp_path / "a.csv", values))
+
+
+def test_too_short(tmp_path: Path) -> None:
+    assert "expected 3 s" in failure(write(tmp_path / "a.csv", columns(0, {}, seconds=1)))
+
+
+def test_a_speed_channel_that_lags_is_said(tmp_path: Path) -> None:
+    values = columns(0, {}, seconds=5)
+    values["q2_speed_deg_s"] = np.roll(values["q2_speed_deg_s"], 2)
+    log = read_motion_log(write(tmp_path / "a.csv", values))
+    assert any(finding.code == "CS1506" and "8.0 ms behind" in finding.message for finding in log.findings)
+
+
+def kuka(path: Path, **changes: object) -> Path:
+    values = columns(0, {}, seconds=5)
+    motor, link, torque, speed = (np.zeros((6, 1250)) for _ in range(4))
+    motor[1], link[1] = values["q2_motor_deg"], values["q2_link_deg"]
+    torque[1], speed[1] = values["q2_torque_nm"] / 267.4, values["q2_speed_deg_s"]
+    rec = {"time_cont": values["time_s"], "act_pos_mot_deg": motor, "act_pos_se_deg": link, "act_vel_mot_deg_per_s": speed,
+           "act_torque_abs_nm": torque} | changes
+    scipy.io.savemat(path, {"rec": rec, "para": {"u": np.array([256.9, 267.4, 252.3, 221.0, 239.6, 154.3])}})
+    return path
+
+
+def test_public_record_has_its_torque_on_the_gear_side(tmp_path: Path) -> None:
+    log = read_motion_log(kuka(tmp_path / "a.mat"))
+    assert list(log.joints) == [2]
+    assert log.joints[2].torque == pytest.approx(columns(0, {}, seconds=5)["q2_torque_nm"], rel=1e-9)
+
+
+def test_other_matlab_files_are_refused(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"x": 1})
+    assert "has no rec.time_cont" in failure(tmp_path / "a.mat")
+    (tmp_path / "b.mat").write_text("no")
+    assert "CS0201" in failure(tmp_path / "b.mat")
+    assert "has shape (6, 3)" in failure(kuka(tmp_path / "c.mat", act_torque_abs_nm=np.zeros((6, 3))))

@@ -1,0 +1,115 @@
+"""An effect is hidden in simulated logs (gear.py): it is named, or a set with it in, and never another alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.motion.log_file import read_motion_log
+from identification.motion.procedure import AxisDiagnosis, diagnose_logs
+from identification.motion.stiffness import axis_stiffness
+from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
+
+NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay (torque)"}
+IN_MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
+
+
+def diagnosed(folder: Path, seed: int, faults: dict[str, float]) -> AxisDiagnosis:
+    fitted = read_motion_log(write(folder / "fitted.csv", columns(seed, faults)))
+    other = read_motion_log(write(folder / "other.csv", columns(1000 + seed, faults)))
+    return diagnose_logs([fitted], other).axes[0]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_one_effect(tmp_path: Path, fault: str, seed: int) -> None:
+    found = diagnosed(tmp_path, seed, {fault: 1.0})
+    truth = NAMES.get(fault, fault)
+    named = [cause.shape.name for cause in found.causes]
+    if found.verdict == "named":
+        assert named == [truth]
+        assert found.gain is not None
+        assert found.gain.ratio > 1.1
+    else:
+        assert found.verdict == "ambiguous"
+        assert truth in [cause.shape.name for cause in found.alternatives]
+
+
+def test_backlash_is_not_called_a_soft_zone_alone(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, 5, {"backlash": 1.0})
+    assert [cause.shape.name for cause in found.causes] in ([], ["backlash"])
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_several_effects_of_motion_together(tmp_path: Path, seed: int) -> None:
+    found = diagnosed(tmp_path, seed, IN_MOTION)
+    assert found.verdict == "named"
+    assert {cause.shape.name for cause in found.causes} == {"channel_delay (link)", "joint_friction", "motor_inertia"}
+    inertia = next(cause for cause in found.causes if cause.shape.name == "motor_inertia")
+    assert inertia.values[0] == pytest.approx(700, rel=0.06)
+
+
+def test_sizes_are_recovered(tmp_path: Path) -> None:
+    delay = diagnosed(tmp_path, 0, {"channel_delay": 1.0}).causes[0]
+    assert abs(delay.values[0] - 3e-3) < 4 * delay.std[0]
+    friction = diagnosed(tmp_path, 0, {"joint_friction": 1.0}).causes[0]
+    assert friction.values == pytest.approx([300, 900], rel=0.15)
+
+
+def test_a_torque_that_advances_is_not_friction(tmp_path: Path) -> None:
+    # Deflection that grows with speed against the sign of friction: only a delay makes it.
+    found = diagnosed(tmp_path, 4, {"channel_delay": 1.0})
+    assert "joint_friction" not in [cause.shape.name for cause in found.causes]
+
+
+def test_plain_spring_is_adequate(tmp_path: Path) -> None:
+    verdicts = [diagnosed(tmp_path, seed, {}).verdict for seed in range(20, 30)]
+    assert verdicts.count("adequate") >= 8
+    assert "named" not in verdicts
+
+
+def test_an_error_that_follows_the_angle_is_outside_the_dictionary(tmp_path: Path) -> None:
+    alone = diagnosed(tmp_path, 0, {"angle_error": 1.0})
+    assert alone.verdict == "unknown"
+    beside = diagnosed(tmp_path, 0, {"angle_error": 1.0, "channel_delay": 1.0})
+    assert [cause.shape.name for cause in beside.causes] == ["channel_delay (link)"]
+    assert {name: p for name, _, p in beside.left.follows}["the joint's angle"] < 0.005
+
+
+def test_intervals_of_the_stiffness_hold(tmp_path: Path) -> None:
+    """With coloured noise and everything that motion brings, 95 % intervals cover, and are not idle."""
+    hit, width = 0, []
+    for seed in range(40):
+        values = columns(100 + seed, IN_MOTION, seconds=10, noise=2e-5)
+        one = axis_stiffness(2, [read_motion_log(write(tmp_path / "log.csv", values))])
+        low, high = one.interval_95
+        hit += low <= STIFFNESS <= high
+        width.append((high - low) / STIFFNESS)
+    assert hit >= 35
+    assert np.median(width) < 0.25
+
+
+def test_white_noise_would_be_the_wrong_assumption(tmp_path: Path) -> None:
+    one = axis_stiffness(2, [read_motion_log(write(tmp_path / "log.csv", columns(1, {})))])
+    assert one.worth < 0.02 * one.samples
+
+
+def test_records_that_disagree_are_said_to(tmp_path: Path) -> None:
+    logs = [read_motion_log(write(tmp_path / f"{k}.csv", columns(k, {}, stiffness=k * 1e6))) for k in (5, 8)]
+    one = axis_stiffness(2, logs)
+    assert one.apart > 5
+    assert one.grade == "tentative" or one.refused
+    low, high = one.interval_95
+    assert low < 5.2e6
+    assert high > 7.8e6
+
+
+def test_torque_that_only_accelerates_is_refused(tmp_path: Path) -> None:
+    values = columns(3, {})
+    speed = np.gradient(np.radians(values["q2_motor_deg"]), values["time_s"])
+    values["q2_torque_nm"] = 4000 * speed + 900 * np.gradient(speed, values["time_s"])
+    one = axis_stiffness(2, [read_motion_log(write(tmp_path / "log.csv", values))])
+    assert one.refused
+    assert "torque follows speed" in one.reason

@@ -1,0 +1,92 @@
+"""demo, robots, explain: what a new user types first."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.runs.command_line import user_files as kit
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, kit.Run]:
+    folder = tmp_path_factory.mktemp("demo") / "out"
+    return folder, kit.spawn("demo", folder)
+
+
+def test_demo(demo: tuple[Path, kit.Run]) -> None:
+    folder, result = demo
+    assert result.code == 0, result
+    assert re.search(r"k1 .*k6 ", result.out, re.S), "stiffnesses with their uncertainty"
+    assert "predicted deviation" in result.out
+    assert "residual" in result.out or "left after correction" in result.out
+    assert (folder / "stiffness.json").exists()
+    assert list(folder.glob("*corrected*.mod")) or list(folder.glob("*.mod"))
+
+
+def test_demo_does_not_overwrite(demo: tuple[Path, kit.Run]) -> None:
+    folder, _ = demo
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    again = kit.run("demo", folder)
+    assert again.code == 1, again
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_the_demo_s_program_lands(demo: tuple[Path, kit.Run]) -> None:
+    """Some targets of the shipped program, by the independent arm, with the stiffnesses identify found."""
+    import json
+
+    import numpy as np
+
+    folder, _ = demo
+    k = np.array([p["estimate"] for p in json.loads((folder / "stiffness.json").read_text())["parameters"]])
+    source = next(p for p in folder.glob("*.mod") if "correct" not in p.name)
+    corrected = next(p for p in folder.glob("*.mod") if "correct" in p.name)
+    before, after = kit.targets_of(source.read_text()), kit.targets_of(corrected.read_text())
+    assert len(before) == len(after) > 1000
+    offsets = kit.table(next(folder.glob("*offsets*.csv")))
+    assert len(offsets) == len(before)
+    number = 0
+    obj = kit.Frame.mm([1050.0, -70.0, 620.0], [0.99965732, 0, 0, 0.02617695])
+    tool = kit.Frame.mm([120.0, 0.0, 250.0])
+    q = np.radians([0.0, 20, 40, 0, 40, 0])
+    for i in range(0, len(before), 97):
+        shift = (after[i].p - before[i].p) * 1e3
+        np.testing.assert_allclose(kit.column([offsets[i]], "ox_mm", "oy_mm", "oz_mm")[0], shift, atol=1.1e-4)
+        if not shift.any():
+            continue
+        number += 1
+        # the deviation of the planned pose is opposite to the correction to first order
+        base = obj.r.apply(shift) * 1e3
+        deviation = kit.column([offsets[i]], "dx_um", "dy_um", "dz_um")[0]
+        assert np.linalg.norm(base + deviation) < 0.02 * np.linalg.norm(deviation) + 0.2
+    assert number > 5
+    assert k.shape == q.shape
+    assert tool.p[2] == 0.25
+
+
+def test_robots(tmp_path: Path) -> None:
+    result = kit.run("robots", "--json")
+    names = [r["name"] for r in result.json["result"]["robots"]]
+    assert "irb6660-205-1.90" in names
+    assert len(names) >= 3
+    assert "serial" in {r["load_path"] for r in result.json["result"]["robots"]}
+    told = kit.run("robots")
+    assert all(n in told.out for n in names)
+
+
+def test_explain() -> None:
+    assert kit.run("explain", "CS4107").code == 0
+    unknown = kit.run("explain", "CS9999", "--json")
+    assert unknown.code in (1, 2)
+    assert unknown.json["findings"]
+
+
+def test_help_is_quick_and_everywhere() -> None:
+    for command in ("", "correct", "predict", "identify", "demo", "robots", "explain"):
+        for flag in ("-h", "--help"):
+            result = kit.run(*([command] if command else []), flag)
+            assert result.code == 0
+            assert "Usage" in result.out

@@ -1,0 +1,76 @@
+"""For every effect of the dictionary: where the ladder design can see it (visible.py), and what looks most like it there."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.runs.hidden_effects.hide_and_diagnose import Place, complaints, place, run
+from tests.runs.hidden_effects.judge import label, truth_names
+from tests.runs.hidden_effects.visible import visible
+from tests.virtual_cell.cell import Hidden
+
+GEARS = (
+    place("backlash", 5, 1, "soft_zone", 5),
+    place("soft_zone", 4, 0, "backlash", 4),
+    place("hysteresis", 4, 2, "soft_zone", 4),
+    place("gear_friction", 5, 3, "backlash", 5),
+    place("parallelogram", None, 0, "force_misalignment"),
+    place("gravity_compensator", 2, 2, "parallelogram"),
+    place("wrist_coupling", None, 1, "soft_zone", 5),
+)
+STRUCTURE = (
+    place("bearing_tilt", 1, 0, "base_rocking"),
+    place("link_bending", 3, 1, "bearing_tilt", 3),
+    place("base_rocking", None, 3, "bearing_tilt", 1),
+    place("base_shift", None, 1, "base_rocking"),
+    place("force_sensor_compliance", None, 2, "bearing_tilt", 5),
+    place("spindle_compliance", None, 3, "tool_point"),
+    place("tool_point", None, 1, "link_bending", 3),
+    place("creep", None, 1, "drift"),
+)
+MEASUREMENT = (
+    place("force_misalignment", None, 1, "deflection_sensor_rotation"),
+    place("side_load", None, 2, "force_misalignment"),
+    place("deflection_sensor_gain", None, 3, "force_gain"),
+    place("deflection_sensor_rotation", None, 2, "force_misalignment"),
+    place("target_curvature", None, 0, "drift"),
+    place("drift", None, 2, "target_curvature"),
+    place("sensor_step", None, 3, "drift"),
+)
+# An effect that no deflection shows (EFFECTS.md): hidden, it must be missed.
+NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
+# Effects that only logs taken in motion show: tests/identification/motion hides them there.
+IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia")
+ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)
+
+
+def each(*places: Place) -> pytest.MarkDecorator:
+    """One test a place."""
+    return pytest.mark.parametrize("where", places, ids=[where.label for where in places])
+
+
+def check_named(where: Place) -> None:
+    """Hidden at a clear size: the right name, parameters within their uncertainty, the gain of the true model."""
+    found = run(where.seed, where.hidden)
+    (seen,) = visible(found.case)
+    assert seen.identifiable, f"the design cannot tell it: {seen}"
+    assert complaints(found) == []
+
+
+def check_confounder(where: Place) -> None:
+    """Its nearest confounder hidden instead: no wrong name, and if a set is given the truth is in it."""
+    found = run(where.seed, where.confounder)
+    truth = truth_names(found.case.truth)
+    assert where.label not in truth
+    assert where.label not in found.answer.names
+    assert found.outcome not in ("wrong", "ambiguous out"), found.answer
+
+
+def check_ambiguous(seed: int, hidden: Hidden, twin: Hidden, straight_tool: bool = False) -> None:
+    """What the data cannot tell apart is said to be so, with the truth and its twin in the set."""
+    found = run(seed, hidden, straight_tool=straight_tool)
+    (seen,) = visible(found.case)
+    assert seen.detectable
+    assert label(twin.effect, twin.joint) in seen.others
+    assert found.outcome == "ambiguous in", found.answer
+    assert label(twin.effect, twin.joint) in found.answer.alternatives

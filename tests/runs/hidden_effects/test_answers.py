@@ -1,0 +1,81 @@
+"""Nothing hidden, something that the dictionary does not know, two effects at once; and one seed that nobody has seen."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from pathlib import Path
+
+import pytest
+from scipy.stats import binom
+
+from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, run
+from tests.runs.hidden_effects.judge import answer, label, truth_names
+from tests.runs.hidden_effects.places import ALL, IN_MOTION, each
+from tests.support import compstiff
+from tests.virtual_cell.cell import DICTIONARY, Hidden, simulate
+
+NULL_SEEDS = range(10)
+ALARM = 0.05
+# Seen from far above the noise in every ladder design.
+EASY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", None, 1.5), Hidden("bearing_tilt", 1, 1.5),
+        Hidden("wrist_coupling", None, 1.5), Hidden("force_sensor_compliance", None, 1.5), Hidden("parallelogram", None, 1.0))
+
+
+def test_every_effect_has_its_place() -> None:
+    assert {where.hidden.effect for where in ALL} == set(DICTIONARY)
+    assert not set(IN_MOTION) & set(DICTIONARY)
+
+
+def nulls() -> list[Run]:
+    return [run(seed) for seed in NULL_SEEDS]
+
+
+def test_nothing_hidden_is_adequate() -> None:
+    alarms = [found.content["verdict"] for found in nulls() if found.content["verdict"] != "adequate"]
+    assert len(alarms) <= binom.ppf(0.99, len(NULL_SEEDS), ALARM), alarms
+    for found in nulls():
+        assert found.content["gain"] is None or found.content["verdict"] != "adequate"
+
+
+@each(*ALL)
+def test_absent_is_not_named(where: Place) -> None:
+    for found in nulls():
+        assert where.label not in found.answer.names
+
+
+OUTSIDE = ((Hidden("gear_ripple", 1, 2.0), 0), (Hidden("warm_gears", None, 1.5), 1), (Hidden("stand_moves", None, 2.0), 3),
+           (Hidden("slow_recovery", None, 2.0), 2), (Hidden("load_cell_hysteresis", None, 2.0), 1),
+           (Hidden("floor_bolt", None, 2.0), 3))
+
+
+@pytest.mark.parametrize(("hidden", "seed"), OUTSIDE, ids=[hidden.effect for hidden, _ in OUTSIDE])
+def test_what_the_dictionary_does_not_know_is_unknown(hidden: Hidden, seed: int) -> None:
+    found = run(seed, hidden)
+    assert found.content["verdict"] == "unknown", found.answer
+    assert found.content["gain"] is None
+    assert found.extended["effects"] == []
+
+
+PAIRS = ((Hidden("backlash", 5, 1.5), Hidden("base_rocking", None, 1.0), 1), (Hidden("drift"), Hidden("hysteresis", 1), 2),
+         (Hidden("force_misalignment", None, 1.5), Hidden("wrist_coupling"), 3))
+
+
+@pytest.mark.parametrize(("one", "other", "seed"), PAIRS, ids=[f"{one.effect}+{other.effect}" for one, other, _ in PAIRS])
+def test_pairs_are_named(one: Hidden, other: Hidden, seed: int) -> None:
+    assert run(seed, one, other).outcome == "right"
+
+
+def test_one_fresh_seed(tmp_path: Path) -> None:
+    """Through a real process. Says only what holds with overwhelming probability; the seed is printed."""
+    seed = 200_000 + secrets.randbelow(10**9)
+    hidden = EASY[seed % len(EASY)]
+    case = simulate(seed, hidden=[hidden], validation=4)
+    print(f"seed {seed}: {label(hidden.effect, hidden.joint)}")
+    cell, measurements = case.write(tmp_path)
+    done = compstiff("diagnose", cell, measurements, "-o", tmp_path / "diagnosis.json")
+    assert done.returncode == 0, (seed, done.stderr)
+    given = answer(json.loads((tmp_path / "diagnosis.json").read_text()))
+    assert given.verdict != "adequate", seed
+    if given.verdict != "unknown":
+        assert truth_names(case.truth) & {*given.names, *given.alternatives}, (seed, given)

@@ -1,0 +1,24 @@
+"""Effects of the gears, hidden one at a time and told from what looks most like them."""
+
+from __future__ import annotations
+
+from tests.runs.hidden_effects.hide_and_diagnose import Place, run
+from tests.runs.hidden_effects.places import GEARS, check_confounder, check_named, each
+from tests.virtual_cell.cell import Hidden
+
+
+@each(*GEARS)
+def test_hidden_is_named(where: Place) -> None:
+    check_named(where)
+
+
+@each(*GEARS)
+def test_confounder_is_not_taken_for_it(where: Place) -> None:
+    check_confounder(where)
+
+
+def test_play_that_every_load_crosses_may_look_like_a_soft_zone() -> None:
+    """A soft zone of 50 N m is the nearest to it; which loads are small enough to tell decides (seed 1: they are)."""
+    for seed in (0, 1):
+        found = run(seed, Hidden("backlash", 1))
+        assert found.outcome in ("right", "ambiguous in")

@@ -1,0 +1,89 @@
+"""The benchmark's targets in small, and proof that a diagnosis which does not look at the data fails them and the suite."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from identification.diagnosis import procedure
+from identification.model.effects import effects
+from tests.runs.hidden_effects import hide_and_diagnose as kit
+from tests.runs.hidden_effects.cases import hidden_in
+from tests.runs.hidden_effects.hide_and_diagnose import Run, complaints, run
+from tests.runs.hidden_effects.judge import Answer, Targets, judge, permuted, truth_names
+from tests.runs.hidden_effects.places import GEARS, MEASUREMENT, STRUCTURE
+from tests.runs.hidden_effects.visible import visible
+
+SEEDS, NULL_SEEDS = range(24), range(6)
+TARGETS = Targets(right=0.7, wrong=0.0, alarms=0.35)
+Answering = Callable[[Answer], Answer]
+
+
+def broken(change: Answering = lambda given: given) -> list[str]:
+    """Which of the targets a diagnosis misses whose answers are changed so."""
+    cases = [run(seed, *hidden_in(seed, "single")) for seed in SEEDS]
+    hidden = [judge(truth_names(found.case.truth), change(found.answer)) for found in cases]
+    can = [visible(found.case)[0].identifiable for found in cases]
+    null = [judge(frozenset(), change(run(seed).answer)) for seed in NULL_SEEDS]
+    return TARGETS.broken([outcome for outcome, yes in zip(hidden, can, strict=True) if yes], hidden, null)
+
+
+def test_targets_in_small() -> None:
+    assert broken() == []
+
+
+EVERY_NAME = tuple(f"{name}[{joint}]" if joint else name for name, effect in effects().items() for joint in effect.places)
+CONSTANT = {"adequate": Answer("adequate"), "unknown": Answer("unknown"), "a name": Answer("named", frozenset({"drift"})),
+            "every name": Answer("ambiguous", frozenset(), EVERY_NAME)}
+
+
+@pytest.mark.parametrize("given", CONSTANT.values(), ids=CONSTANT)
+def test_constant_answers_miss_the_targets(given: Answer) -> None:
+    assert broken(lambda _: given)
+
+
+def test_a_shuffled_dictionary_misses_the_targets() -> None:
+    turned = dict(zip(EVERY_NAME, EVERY_NAME[7:] + EVERY_NAME[:7], strict=True))
+    assert broken(lambda given: permuted(given, lambda name: turned.get(name, name)))
+
+
+SHOWN = (GEARS[0], STRUCTURE[2], MEASUREMENT[4])
+
+
+def mutated(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> list[list[str]]:
+    """What the suite says of the places in SHOWN with parts of the procedure replaced; nothing is kept of these runs."""
+    for name, value in changes.items():
+        monkeypatch.setattr(procedure, name, value)
+    return [complaints(kit.run.__wrapped__(where.seed, where.hidden)) for where in SHOWN]
+
+
+def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = list(effects())
+    shuffled = {}
+    for old, new in zip(names, names[1:] + names[:1], strict=True):
+        shuffled[new] = copy(effects()[old])
+        monkeypatch.setattr(shuffled[new], "name", new, raising=False)
+    assert all(mutated(monkeypatch, effects=lambda: shuffled))
+
+
+def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = procedure.test
+
+    def blind(*arguments: Any) -> Any:
+        return replace(real(*arguments), p_value=1.0)
+
+    assert all(mutated(monkeypatch, test=blind, beyond_stated=lambda *_: {}))
+
+
+def test_the_suite_passes_the_same_places_unchanged() -> None:
+    assert not any(complaints(run(where.seed, where.hidden)) for where in SHOWN)
+
+
+def test_a_run_says_what_it_found() -> None:
+    found: Run = run(SHOWN[0].seed, SHOWN[0].hidden)
+    assert found.outcome == "right"
+    assert found.oracle is not None

@@ -1,0 +1,29 @@
+"""Faults of the measurement, hidden one at a time and told from what looks most like them."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.runs.hidden_effects.hide_and_diagnose import Place, run
+from tests.runs.hidden_effects.places import IN_MOTION, MEASUREMENT, NEVER_SEEN, check_confounder, check_named, each
+
+
+@each(*MEASUREMENT)
+def test_hidden_is_named(where: Place) -> None:
+    check_named(where)
+
+
+@each(*MEASUREMENT, *NEVER_SEEN)
+def test_confounder_is_not_taken_for_it(where: Place) -> None:
+    check_confounder(where)
+
+
+@each(*NEVER_SEEN)
+def test_what_no_deflection_shows_is_not_named(where: Place) -> None:
+    assert run(where.seed, where.hidden).content["verdict"] == "adequate"
+
+
+@pytest.mark.parametrize("name", IN_MOTION)
+def test_what_shows_in_motion_only_is_said_not_to_be_offered(name: str) -> None:
+    """Joint deflection logs show these (tests/identification/motion); load tests at rest must not seem to have ruled them out."""
+    assert run(1).content["not_offered"][name] == "it shows only in logs taken in motion"

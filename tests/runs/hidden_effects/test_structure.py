@@ -1,0 +1,29 @@
+"""Effects of structure, base and tool, hidden one at a time and told from what looks most like them."""
+
+from __future__ import annotations
+
+from tests.runs.hidden_effects.hide_and_diagnose import Place
+from tests.runs.hidden_effects.places import STRUCTURE, check_ambiguous, check_confounder, check_named, each
+from tests.virtual_cell.cell import Hidden
+
+
+@each(*STRUCTURE)
+def test_hidden_is_named(where: Place) -> None:
+    check_named(where)
+
+
+@each(*STRUCTURE)
+def test_confounder_is_not_taken_for_it(where: Place) -> None:
+    check_confounder(where)
+
+
+def test_a_straight_tool_cannot_tell_sensor_from_spindle() -> None:
+    sensor, spindle = Hidden("force_sensor_compliance"), Hidden("spindle_compliance", factor=2.0)
+    check_ambiguous(1, sensor, spindle, straight_tool=True)
+    check_ambiguous(1, spindle, sensor, straight_tool=True)
+
+
+def test_wrist_bearings_cannot_be_told_apart() -> None:
+    """Tilt 5 is tilt 4 and a softer joint 4."""
+    check_ambiguous(1, Hidden("bearing_tilt", 4, 2.0), Hidden("bearing_tilt", 5))
+    check_ambiguous(1, Hidden("bearing_tilt", 5, 2.0), Hidden("bearing_tilt", 4))

@@ -1,0 +1,96 @@
+"""Parts get better: a pass milled in the virtual cell, logged by a noisy sensor, corrected with the identified stiffness and
+milled again. The truth is the virtual cell alone; benchmarks/milling_loop.py has the figures over many robots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms
+from tests.virtual_cell.cell import parse
+from tests.virtual_cell.files import PRIOR
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
+from tests.virtual_cell.milling import Pass
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
+    return MillingJob(tmp_path_factory.mktemp("mill"), 1)
+
+
+@pytest.fixture(scope="module")
+def stiffness(job: MillingJob) -> Path:
+    return job.identify()
+
+
+@pytest.fixture(scope="module")
+def log(job: MillingJob) -> Path:
+    return job.log(job.first, job.planned, "pass1.csv")
+
+
+@pytest.fixture(scope="module")
+def corrected(job: MillingJob, stiffness: Path, log: Path) -> Correction:
+    return job.correct(log, stiffness)
+
+
+@pytest.fixture(scope="module")
+def second(job: MillingJob, corrected: Correction) -> Pass:
+    return job.mill(corrected.commands)
+
+
+def gone(first: Pass, after: Pass, *places: str) -> float:
+    """Share of the RMS off plan that is gone at these places (everywhere without one)."""
+    where = first.cutting | after.cutting
+    if places:
+        where &= np.isin(first.steps.place, [PLACES.index(place) for place in places])
+    return 1 - rms(np.linalg.norm(after.off_um[where], axis=1)) / rms(np.linalg.norm(first.off_um[where], axis=1))
+
+
+def test_most_of_the_deviation_is_gone(job: MillingJob, second: Pass) -> None:
+    assert rms(np.linalg.norm(job.first.off_um[job.first.cutting], axis=1)) > 80
+    assert gone(job.first, second) > 0.88
+    assert gone(job.first, second, "slot", "straight wall") > 0.96
+    assert 1 - rms(second.surface_um[second.cutting]) / rms(job.first.surface_um[job.first.cutting]) > 0.9
+
+
+def test_nothing_gets_worse_but_at_the_sharp_corner(job: MillingJob, corrected: Correction, second: Pass) -> None:
+    worse = made_worse(job.first, second, corrected.sigma_um)
+    assert not np.any(worse & (second.steps.place != PLACES.index("sharp corner")))
+    # The other way round there is much that would count as worse.
+    assert made_worse(second, job.first, corrected.sigma_um).mean() > 0.8
+
+
+def test_literature_stiffness_leaves_more(job: MillingJob, second: Pass, log: Path) -> None:
+    mirrored = job.mill(job.mirrored(log, job.springs("prior.json", np.array(PRIOR))))
+    assert gone(job.first, mirrored) < gone(job.first, second) - 0.1
+
+
+def test_what_the_force_follows_goes_with_the_next_log(
+    job: MillingJob, stiffness: Path, corrected: Correction, second: Pass
+) -> None:
+    """The corrected tool cuts deeper than the logged one. With its own log the planned program is corrected for that force;
+    so it would have been at once, had the force stayed."""
+    again = job.correct(job.log(second, corrected.commands, "pass2.csv"), stiffness)
+    third, held = job.mill(again.commands), job.mill(corrected.commands, job.first.force_n)
+    wall = second.steps.place == PLACES.index("straight wall")
+    assert np.median((np.linalg.norm(second.force_n, axis=1) / np.linalg.norm(job.first.force_n, axis=1).clip(1))[wall]) > 1.01
+    for place in ("slot", "straight wall"):
+        left = [1 - gone(job.first, one, place) for one in (second, third, held)]
+        assert left[1] < 0.75 * left[0]
+        assert left[2] < 0.75 * left[0]
+
+
+def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
+    """Half the gap is 60 um at the tool, either way as the force turns."""
+    job = MillingJob(tmp_path, 7000, parse("backlash:1"), part=slot_and_pocket(pocket=False))
+    extended, diagnosis = job.diagnose()
+    assert [(cause["effect"], cause["joint"]) for cause in diagnosis["causes"]] == [("backlash", 1)]
+    log = job.log(job.first, job.planned, "pass1.csv")
+    named = job.correct(log, extended)
+    ignored = job.mill(job.correct(log, job.identify()).commands)
+    truth = job.mill(job.with_the_truth(named.job.predicted.forces.wrench))
+    share = gone(job.first, job.mill(named.commands), "slot")
+    assert share > gone(job.first, ignored, "slot") + 0.05
+    assert share > 0.95 * gone(job.first, truth, "slot")
