@@ -42,7 +42,7 @@ from identification.model.cell import read_cell
 # What the pipeline calls, and the stage it belongs to.
 STAGES = {
     "read_cell": "read cell, stiffness", "read_stiffness": "read cell, stiffness", "read_toolpath": "read program",
-    "read_force_log": "read log", "plan_path": "plan: poses and joint angles", "on_path": "place the log",
+    "read_force_log": "read log", "robot_path": "plan: poses and joint angles", "on_path": "place the log",
     "place_forces": "place the log",
     "targets_to_correct": "predict", "predict_path": "predict", "corners": "corners", "densified": "intermediate targets",
     "correct_path": "correct", "rewrite": "write program text", "_read_back": "read back",

@@ -47,7 +47,7 @@ def sample(folder: Path) -> Corrected:
 def accuracy(job: Corrected) -> None:
     """Prints the accuracy table."""
     predicted, targets = job.predicted, job.correction.targets
-    model, plan, tool = predicted.model, predicted.plan, predicted.cell.flange_from_tcp
+    model, plan, tool = predicted.model, predicted.path, predicted.cell.flange_from_tcp
     wrench, goal = predicted.forces.wrench[targets], plan.base_from_tcp.position[targets]
 
     def off(theta: np.ndarray, compliance: np.ndarray) -> np.ndarray:

@@ -163,6 +163,7 @@ def alike(text: bytes, folder: Path) -> bytes:
     text = text.replace(str(folder).encode(), b"FOLDER")
     text = re.sub(rb'"(compstiff|numpy)": "[^"]*"', rb'"\1": VERSION', text)
     text = re.sub(rb"compstiff, version \S+", b"VERSION", text)
+    text = re.sub(rb"[^\s\"]*/identification/model/robots/", b"ROBOTS/", text)
     text = re.sub(rb"compstiff-\w{8}\.log", b"LOG", text)
     text = re.sub(rb'"(time|at|when)": "?[-0-9T:.+Z]+"?', rb'"\1": TIME', text)
     return re.sub(rb"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?", b"TIME", text)

@@ -24,17 +24,17 @@ import pyarrow.parquet as pq
 from compensator.forces.program_time import program_of
 from compensator.forces.time_alignment import Program, TimePlacement, place_by_time
 from compensator.path.arc_length import arc_length
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
 
 SAMPLES = Path(__file__).parent.parent / "samples"
 
 
-def sample() -> tuple[Plan, np.ndarray, np.ndarray]:
-    """Plan; force (M, 3) [N] and true path length (M,) [m] of the sample's log."""
+def sample() -> tuple[RobotPath, np.ndarray, np.ndarray]:
+    """RobotPath; force (M, 3) [N] and true path length (M,) [m] of the sample's log."""
     program = SAMPLES / "insert.mod"
-    plan = plan_path(read_rapid(program.read_bytes(), program.name).toolpath, read_cell(SAMPLES / "cell.yaml"))
+    plan = robot_path(read_rapid(program.read_bytes(), program.name).toolpath, read_cell(SAMPLES / "cell.yaml"))
     table = pq.read_table(SAMPLES / "insert.forces.parquet")
     force = np.column_stack([table[f"f{axis}_n"].to_numpy() for axis in "xyz"]).astype(float)
     length = arc_length(plan.world_position, plan.toolpath.move)
@@ -42,7 +42,7 @@ def sample() -> tuple[Plan, np.ndarray, np.ndarray]:
     return plan, force, np.interp(table["time_s"].to_numpy(), feed_time, length)
 
 
-def clock(plan: Plan, place: np.ndarray, override: float, shift: float, slowing: float) -> np.ndarray:
+def clock(plan: RobotPath, place: np.ndarray, override: float, shift: float, slowing: float) -> np.ndarray:
     """Time (M,) [s] at the places (M,) [m]."""
     length = arc_length(plan.world_position, plan.toolpath.move)
     step = np.diff(plan.base_from_tcp.position, axis=0)

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.timing import drive
 from compensator.toolpath import ToolFrame, Toolpath, WorkObject
 from identification.model.cell import read_cell
@@ -30,7 +30,7 @@ from identification.model.cell import read_cell
 HERE = Path(__file__).parent
 
 
-def program(count: int, digits: int | None) -> Plan:
+def program(count: int, digits: int | None) -> RobotPath:
     """Targets of a zigzag, tool pointing down."""
     number = np.arange(count)
     row, column = np.divmod(number, 50)
@@ -47,7 +47,7 @@ def program(count: int, digits: int | None) -> Plan:
         np.broadcast_to(np.array([-1, -1, -1, 0]), (count, 4)), np.ones(count, dtype=bool), np.full((count, 6), np.nan),
         np.full((count, 6), np.nan), 0 * ones, 0 * ones, np.full(count, 0.045), np.full(count, 0.001), block,
         (ToolFrame("t", None, None),), (WorkObject("w", None, None),))
-    return plan_path(toolpath, read_cell(HERE.parent / "samples" / "cell.yaml"))
+    return robot_path(toolpath, read_cell(HERE.parent / "samples" / "cell.yaml"))
 
 
 def one(count: int, digits: int | None) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from compensator.correction.job import read_toolpath
 from compensator.forces.placement import place_forces, read_force_log
-from compensator.path.plan import plan_path
+from compensator.path.robot_path import robot_path
 from identification.common.findings import Finding, error
 from identification.design.milling import MillingPoses, assumed_force
 from identification.model.cell import Cell
@@ -23,22 +23,22 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> tuple[Mill
 
     Raises what the readers raise, and CompstiffError (CS1602) where the robot reaches none of them.
     """
-    plan = plan_path(read_toolpath(toolpath, cell)[0].toolpath, cell)
-    wanted = plan.reached.copy()
-    findings = [*plan.toolpath.findings, *plan.findings]
+    path = robot_path(read_toolpath(toolpath, cell)[0].toolpath, cell)
+    wanted = path.reached.copy()
+    findings = [*path.toolpath.findings, *path.findings]
     wrench = None
     if forces is not None:
-        placed = place_forces(read_force_log(forces, cell.force_log.form), plan, cell)
+        placed = place_forces(read_force_log(forces, cell.force_log.form), path, cell)
         findings += placed.findings
         wanted &= placed.forced
         wrench = placed.wrench
     rows = np.flatnonzero(wanted)
     if not len(rows):
-        raise error("CS1602", f"none of the {len(plan.toolpath)} targets is reached by the robot"
+        raise error("CS1602", f"none of the {len(path.toolpath)} targets is reached by the robot"
                     + ("" if forces is None else " with a force on the tool"), file=str(toolpath),
                     hint="the criterion I needs the targets that are milled; or choose --criterion D")
     rows = rows[:: -(-len(rows) // MOST_POSES)]
     moment = assumed_force() if wrench is None else np.einsum("ni,nj->nij", wrench[rows, :3], wrench[rows, :3])
-    tool = Frame(plan.flange_from_tcp.rotation[rows], plan.flange_from_tcp.position[rows])
-    return MillingPoses(plan.theta[rows], tool, plan.base_from_tcp.position[rows], str(toolpath), len(plan.toolpath),
+    tool = Frame(path.flange_from_tcp.rotation[rows], path.flange_from_tcp.position[rows])
+    return MillingPoses(path.theta[rows], tool, path.base_from_tcp.position[rows], str(toolpath), len(path.toolpath),
                         moment), tuple(findings)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.path.arc_length import FARTHEST, circle
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.rapid import RapidProgram
 from compensator.rapid.insertion import move_text, with_zones
 from compensator.toolpath import Move, Toolpath
@@ -26,24 +26,24 @@ Indices = NDArray[np.intp]
 SMALLEST = 0.01e-3
 
 
-def corner_misses(path: Toolpath, position: Array) -> tuple[Array, Array]:
+def corner_misses(toolpath: Toolpath, position: Array) -> tuple[Array, Array]:
     """How far the path passes each target (N,) [m], 0 at stop points, and sin(a / 2) (N,) of its turn.
 
     position (N, 3) [m] of the targets in one frame. Joint moves, targets of unknown position or zone, and the program's ends
     have 0.
     """
-    count = len(path)
+    count = len(toolpath)
     miss, half_sine = np.zeros(count), np.zeros(count)
     known = np.flatnonzero((np.abs(position) < FARTHEST).all(axis=1))
     if len(known) < 3:
         return miss, half_sine
-    arriving, leaving, before = _directions(path.move[known], position[known])
+    arriving, leaving, before = _directions(toolpath.move[known], position[known])
     here = known[1:-1]
     cosine = np.clip(np.einsum("ni,ni->n", arriving[:-1], leaving[1:]), -1.0, 1.0)
     half_sine[here] = np.sqrt(np.maximum(0.5 * (1 - cosine), 0.0))
-    linear = np.isin(path.move[known], (Move.LINEAR, Move.ARC_END, Move.ARC_VIA))
-    both = linear[1:-1] & linear[2:] & (path.move[here] != Move.ARC_VIA)
-    radius = np.minimum(np.nan_to_num(path.zone[here]), 0.5 * np.minimum(before[:-1], before[1:]))
+    linear = np.isin(toolpath.move[known], (Move.LINEAR, Move.ARC_END, Move.ARC_VIA))
+    both = linear[1:-1] & linear[2:] & (toolpath.move[here] != Move.ARC_VIA)
+    radius = np.minimum(np.nan_to_num(toolpath.zone[here]), 0.5 * np.minimum(before[:-1], before[1:]))
     miss[here] = np.where(both, 0.5 * radius * half_sine[here], 0.0)
     return miss, half_sine
 
@@ -71,39 +71,39 @@ def _in_the_cut(targets: Indices) -> Indices:
     return np.asarray(targets[1:-1][(np.diff(targets)[:-1] == 1) & (np.diff(targets)[1:] == 1)])
 
 
-def corners(plan: Plan, targets: Indices, tolerance: float, *, tightened: bool) -> list[Finding]:
+def corners(path: RobotPath, targets: Indices, tolerance: float, *, tightened: bool) -> list[Finding]:
     """A finding (CS4320) where zones in the cut cut more than the tolerance [m]; tightened: by what remains."""
-    miss, _ = corner_misses(plan.toolpath, plan.world_position)
+    miss, _ = corner_misses(path.toolpath, path.world_position)
     inside = _in_the_cut(targets)
     over = inside[miss[inside] > 1.001 * tolerance]
     if not len(over):
         return []
     worst = int(over[np.argmax(miss[over])])
-    return [plan.finding(worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut "
+    return [path.finding(worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut "
                          "by "
                f"more than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
                "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller there")]
 
 
 def with_tighter_zones(
-    program: RapidProgram, plan: Plan, targets: Indices, tolerance: float
+    program: RapidProgram, path: RobotPath, targets: Indices, tolerance: float
 ) -> tuple[bytes, list[Finding]]:
     """The program with zones at the targets (M,) that cut no more than the tolerance [m], and what was done (CS4321,
     CS4322)."""
-    path = plan.toolpath
-    miss, half_sine = corner_misses(path, plan.world_position)
+    toolpath = path.toolpath
+    miss, half_sine = corner_misses(toolpath, path.world_position)
     inside = _in_the_cut(targets)
     over = inside[miss[inside] > tolerance]
-    possible = [int(i) for i in over if move_text(program, int(i) - int(path.move[i] == Move.ARC_END)) is not None]
+    possible = [int(i) for i in over if move_text(program, int(i) - int(toolpath.move[i] == Move.ARC_END)) is not None]
     findings = []
     if len(possible) < len(over):
         left = [int(i) for i in over if int(i) not in set(possible)]
-        findings.append(plan.finding(left[0], "CS4322", "warning", f"{len(left)} zones that cut corners cannot be made smaller "
+        findings.append(path.finding(left[0], "CS4322", "warning", f"{len(left)} zones that cut corners cannot be made smaller "
                                                                "here"))
     if not possible:
         return program.source.data, findings
     radius = np.maximum(2 * tolerance / half_sine[possible], SMALLEST)
-    findings.append(plan.finding(possible[0], "CS4321", "note", f"{len(possible)} zones were made smaller, to "
+    findings.append(path.finding(possible[0], "CS4321", "note", f"{len(possible)} zones were made smaller, to "
                        f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
                        f"{1e6 * tolerance:g} um off the corner"))
     return with_zones(program, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from compensator.correction.prediction import Prediction
 from compensator.correction.settings import Estimate
 from compensator.forces.placement import TargetForces
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.tables import read_table
 
@@ -38,32 +38,32 @@ SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
 
 
-def read_offsets(path: Path, plan: Plan) -> Array:
+def read_offsets(file: Path, path: RobotPath) -> Array:
     """The offsets (N, 3) [m], base frame, that the program had in a pass: an offsets.csv of this program.
 
     Raises CompstiffError: CS4121 the file belongs to another program; and what `read_table` raises.
     """
-    table = read_table(path, required=("target", *OFFSETS), optional=PLACES, may_be_empty=PLACES)
-    count = len(plan.toolpath)
+    table = read_table(file, required=("target", *OFFSETS), optional=PLACES, may_be_empty=PLACES)
+    count = len(path.toolpath)
     wrong = "" if np.array_equal(table.numbers["target"], np.arange(count)) else (
         f"has {counted(len(table), 'row')}, the program {counted(count, 'target')}: expected one row a target, in order")
     if not wrong and all(name in table.numbers for name in PLACES):
-        apart = np.linalg.norm(1e-3 * table.stack(*PLACES) - plan.toolpath.position, axis=1)
+        apart = np.linalg.norm(1e-3 * table.stack(*PLACES) - path.toolpath.position, axis=1)
         if np.nanmax(apart, initial=0.0) > SAME_PLACE:
             wrong = f"target {int(np.nanargmax(apart))} is {1e3 * np.nanmax(apart):.4g} mm from where this program has it"
     if wrong:
-        raise error("CS4121", f"these are not the offsets of this program: {wrong}", file=str(path),
+        raise error("CS4121", f"these are not the offsets of this program: {wrong}", file=str(file),
                     hint="name the offsets.csv that was written with the program the log was taken with")
-    return np.asarray(np.einsum("nij,nj->ni", plan.base_from_object.rotation, 1e-3 * table.stack(*OFFSETS)))
+    return np.asarray(np.einsum("nij,nj->ni", path.base_from_object.rotation, 1e-3 * table.stack(*OFFSETS)))
 
 
-def across_feed(plan: Plan, force: Array) -> tuple[Array, Array]:
+def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     """n (N, 3) unit vectors of the force's part across the feed, and that part F_n (N,) [N]; zeros where it is too small.
 
     force (N, 3) [N], base frame. The feed's direction at a target is that from the target before to the one after.
     """
-    position = plan.base_from_tcp.position
-    known = np.flatnonzero(plan.known)
+    position = path.base_from_tcp.position
+    known = np.flatnonzero(path.known)
     along = np.zeros_like(position)
     if len(known) > 1:
         along[known] = np.gradient(position[known], axis=0)
@@ -74,29 +74,29 @@ def across_feed(plan: Plan, force: Array) -> tuple[Array, Array]:
     return np.where(enough[:, None], across / np.maximum(size, 1e-300)[:, None], 0.0), np.where(enough, size, 0.0)
 
 
-def standing(plan: Plan, prediction: Prediction, offsets: Array | None) -> Array:
+def standing(path: RobotPath, prediction: Prediction, offsets: Array | None) -> Array:
     """Where the tool stood off the plan in the logged pass (N, 3) [m], base frame: offsets plus deviation."""
-    stood = np.zeros((len(plan.toolpath), 3)) if offsets is None else offsets.copy()
+    stood = np.zeros((len(path.toolpath), 3)) if offsets is None else offsets.copy()
     stood[prediction.targets] += prediction.position
     return stood
 
 
 def engaged(
-    plan: Plan, forces: TargetForces, prediction: Prediction, stiffness: Estimate, offsets: Array | None
+    path: RobotPath, forces: TargetForces, prediction: Prediction, stiffness: Estimate, offsets: Array | None
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
     """The forces of the corrected pass, out of those of the logged pass; offsets (N, 3) [m] the log was taken with.
 
     The uncertainty of the stiffness joins the force's standard error. Raises CompstiffError (CS4123) where the force would
     vanish or more than double: then the stiffness does not fit the log.
     """
-    per_newton, chosen = _deeper(plan, forces, prediction, offsets)
+    per_newton, chosen = _deeper(path, forces, prediction, offsets)
     growth = stiffness.value * per_newton
     worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
     if len(growth) and abs(growth[worst]) >= 1:
         raise CompstiffError(Finding(
             "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness.value:g} N/mm the force here would change by "
-            f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=plan.toolpath.source,
-            line=int(plan.toolpath.line[worst]), target=int(plan.toolpath.number[worst]),
+            f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=path.toolpath.source,
+            line=int(path.toolpath.line[worst]), target=int(path.toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
     error_of = np.abs(forces.wrench[:, :3] * per_newton[:, None]) * stiffness.std
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None],
@@ -107,25 +107,26 @@ def engaged(
     return cut, (Finding(
         "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.value:.3g} N/mm the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
-        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=plan.toolpath.source),)
+        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=path.toolpath.source),)
 
 
 def left_as_logged(
-    plan: Plan, forces: TargetForces, prediction: Prediction, stiffness: float, offsets: Array | None
+    path: RobotPath, forces: TargetForces, prediction: Prediction, stiffness: float, offsets: Array | None
 ) -> Array:
     """How far off the plan (M,) [m] the tool stays with a cutting stiffness [N/m] where the forces are taken as logged.
 
     By g = K (e . n) / F_n more force it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left.
     """
-    per_newton, _ = _deeper(plan, forces, prediction, offsets)
+    per_newton, _ = _deeper(path, forces, prediction, offsets)
     growth = np.abs(stiffness * per_newton[prediction.targets])
     return np.asarray(np.linalg.norm(prediction.position, axis=1) * growth / (1 + growth))
 
 
-def _deeper(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:
+def _deeper(path: RobotPath, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> tuple[Array,
+                                                                                                           NDArray[np.bool_]]:
     """(e . n) / F_n (N,) [m/N], and where there is such a force (N,)."""
-    direction, across = across_feed(plan, forces.wrench[:, :3])
-    deeper = np.einsum("ni,ni->n", standing(plan, prediction, offsets), direction)
+    direction, across = across_feed(path, forces.wrench[:, :3])
+    deeper = np.einsum("ni,ni->n", standing(path, prediction, offsets), direction)
     chosen = np.zeros(len(across), dtype=bool)
     chosen[prediction.targets] = True
     chosen &= across > 0
@@ -133,18 +134,18 @@ def _deeper(plan: Plan, forces: TargetForces, prediction: Prediction, offsets: A
 
 
 def two_passes(
-    plan: Plan, first: TargetForces, before: Prediction, second: TargetForces, after: Prediction, offsets: Array
+    path: RobotPath, first: TargetForces, before: Prediction, second: TargetForces, after: Prediction, offsets: Array
 ) -> Estimate:
     """K from a pass of the planned program (first) and one with offsets (N, 3) [m] (second), loads and deviations of both.
 
     Raises CompstiffError (CS4122) where the passes do not determine it: too few targets, or an error of more than half.
     """
-    direction, across = across_feed(plan, first.wrench[:, :3])
+    direction, across = across_feed(path, first.wrench[:, :3])
     both = np.zeros(len(across), dtype=bool)
     both[np.intersect1d(before.targets, after.targets)] = True
     both &= across > 0
     change = np.einsum("ni,ni->n", second.wrench[:, :3] - first.wrench[:, :3], direction)[both]
-    depth = np.einsum("ni,ni->n", standing(plan, before, None) - standing(plan, after, offsets), direction)[both]
+    depth = np.einsum("ni,ni->n", standing(path, before, None) - standing(path, after, offsets), direction)[both]
     power = float(depth @ depth)
     if len(depth) >= FEWEST_TARGETS and power > 0:
         value = float(depth @ change) / power
@@ -155,5 +156,5 @@ def two_passes(
         found = f"{1e-3 * value:.3g} N/mm with a standard error of {1e-3 * std:.3g}"
     else:
         found = f"only {counted(len(depth), 'target')} with force in both, expected at least {FEWEST_TARGETS}"
-    raise error("CS4122", f"the two passes do not determine the cutting stiffness: {found}", file=plan.toolpath.source,
+    raise error("CS4122", f"the two passes do not determine the cutting stiffness: {found}", file=path.toolpath.source,
                 hint="is each log that of its pass? state it with --cutting-stiffness, or correct from the second log alone")

@@ -43,7 +43,7 @@ def _along(check: FeedCheck) -> Figure:
     for name, one in (("planned", check.before), ("corrected", check.after)):
         if one is None:
             continue
-        length = 1e3 * arc_length(one.plan.world_position, one.plan.toolpath.move)
+        length = 1e3 * arc_length(one.path.world_position, one.path.toolpath.move)
         shares = np.where(np.isnan(one.ratio), np.inf, np.minimum(one.ratio, 1.0))
         stretches = np.array_split(np.arange(len(shares)), min(STRETCHES, len(shares)))
         kept = np.array([part[np.argmin(shares[part])] for part in stretches])
@@ -60,12 +60,12 @@ def _along(check: FeedCheck) -> Figure:
 
 
 def _places(one: Feasibility, when: str) -> Figure:
-    plan, where = one.plan, 1e3 * one.plan.base_from_tcp.position
-    where = np.where(plan.known[:, None], where, np.nan)
+    path, where = one.path, 1e3 * one.path.base_from_tcp.position
+    where = np.where(path.known[:, None], where, np.nan)
     kept = np.unique(np.linspace(0, len(where) - 1, min(len(where), 5 * STRETCHES)).astype(np.intp))
-    path = where[kept]
+    drawn = where[kept]
     data: list[dict[str, Any]] = [
-        {"type": "scatter3d", "mode": "lines", "x": path[:, 0], "y": path[:, 1], "z": path[:, 2], "name": "path",
+        {"type": "scatter3d", "mode": "lines", "x": drawn[:, 0], "y": drawn[:, 1], "z": drawn[:, 2], "name": "path",
          "line": {"color": "#bbb", "width": 1}, "hoverinfo": "skip"}]
     joints = one.drive.route.legs
     for name, mask, colour in (
@@ -74,14 +74,14 @@ def _places(one: Feasibility, when: str) -> Figure:
         ("near the wrist singularity", one.wrist < NEARLY_SINGULAR, "#6a3d9a"), ("outside a joint limit", one.outside, "#000"),
         ("joint move", joints.joint, "#3878b0"), ("not judged", one.drive.route.lost, "#0a0"),
     ):
-        targets = np.flatnonzero(mask & plan.known)
+        targets = np.flatnonzero(mask & path.known)
         if len(targets):
             shown = targets[np.argsort(np.nan_to_num(one.ratio[targets], nan=1.0), kind="stable")[:STRETCHES]]
             shares = ["" if np.isnan(one.ratio[i]) else f", {100 * min(one.ratio[i], 1.0):.0f} %" for i in shown]
             data.append({"type": "scatter3d", "mode": "markers", "x": where[shown, 0], "y": where[shown, 1],
                          "z": where[shown, 2], "name": f"{name} ({one.moves(targets)})", "hoverinfo": "text",
                          "marker": {"size": 3, "color": colour},
-                         "text": [f"target {plan.toolpath.number[i]}, line {plan.toolpath.line[i]}{share}"
+                         "text": [f"target {path.toolpath.number[i]}, line {path.toolpath.line[i]}{share}"
                                   for i, share in zip(shown, shares, strict=True)]})
     axes = {f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}
     camera = {"eye": {"x": 1.3, "y": -1.6, "z": 1.3}}

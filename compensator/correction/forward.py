@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from compensator.forces.placement import TargetForces
 from compensator.path.arc_length import arc_length
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 from identification.model.compliance import displacement, equilibrium, loaded_angles
 from identification.model.effects_in_force import EffectInForce, displaced, split, turned
 from identification.model.kinematics import forward
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 
@@ -34,18 +34,18 @@ TOLERANCE = 1e-11
 DAMPING = 1e-6
 
 
-def each_tool(plan: Plan, targets: Indices) -> list[tuple[Frame, Indices]]:
+def each_tool(path: RobotPath, targets: Indices) -> list[tuple[Frame, Indices]]:
     """The targets by tool: flange_from_tcp and the places in `targets` that use it."""
-    tools = plan.toolpath.tool[targets]
+    tools = path.toolpath.tool[targets]
     groups = []
     for tool in np.unique(tools):
         places = np.flatnonzero(tools == tool)
         first = targets[places[0]]
-        groups.append((Frame(plan.flange_from_tcp.rotation[first], plan.flange_from_tcp.position[first]), places))
+        groups.append((Frame(path.flange_from_tcp.rotation[first], path.flange_from_tcp.position[first]), places))
     return groups
 
 
-def loaded_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array) -> Frame:
+def loaded_path(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array) -> Frame:
     """base_from_tcp (M) of the targets (M,) under their force, when the robot is commanded to theta (M, 6) [rad] there and to
     the planned angles elsewhere.
 
@@ -53,13 +53,13 @@ def loaded_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, target
     """
     pose = Frame(np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)))
     rest = np.empty((len(targets), 6))
-    for tool, places in each_tool(plan, targets):
+    for tool, places in each_tool(path, targets):
         wrench = forces.wrench[targets[places]]
         try:
             state = equilibrium(model.robot, theta[places], tool, wrench, model.compliance)
         except CompstiffError as stopped:
             worst = int(targets[places[np.argmax(np.linalg.norm(wrench[:, :3], axis=1))]])
-            raise CompstiffError(*(plan.finding(worst, finding.code, "error", f"{finding.message} (largest force "
+            raise CompstiffError(*(path.finding(worst, finding.code, "error", f"{finding.message} (largest force "
                                       f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N)", finding.hint)
                                    for finding in stopped.findings)) from stopped
         rest[places] = loaded_angles(model.robot, theta[places], state.deflection)
@@ -67,45 +67,45 @@ def loaded_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, target
         pose.rotation[places], pose.position[places] = plain.rotation, plain.position
     if not model.effects or not len(targets):
         return pose
-    return displaced(pose, model.added(program(plan, forces, model, targets, rest))[targets])
+    return displaced(pose, model.added(program(path, forces, model, targets, rest))[targets])
 
 
-def program(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, rest: Array) -> Situation:
+def program(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, rest: Array) -> LoadState:
     """All targets of the program (N), as the effects see them: at rest at angles rest (M, 6) [rad] at the `targets` (M,), at
     the planned angles elsewhere."""
-    planned = plan.theta.copy()
+    planned = path.theta.copy()
     planned[targets] = rest
     known = ~np.isnan(planned).any(axis=1)
     before = np.maximum.accumulate(np.where(known, np.arange(len(planned)), int(np.argmax(known))))
     wrench = np.nan_to_num(forces.wrench)
-    return model.situation(planned[before], wrench, plan.flange_from_tcp, _dwell(plan, np.any(wrench != 0, axis=1)))
+    return model.load_state(planned[before], wrench, path.flange_from_tcp, _dwell(path, np.any(wrench != 0, axis=1)))
 
 
-def segment_times(plan: Plan) -> Array:
+def segment_times(path: RobotPath) -> Array:
     """Time (N,) [s] from the target before to each target with the programmed feed; NaN where that is not known."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        length = arc_length(plan.world_position, plan.toolpath.move)
+        length = arc_length(path.world_position, path.toolpath.move)
         steps = np.diff(length, prepend=length[:1])
-        return np.asarray(np.where(steps == 0, 0.0, steps / plan.toolpath.feed))
+        return np.asarray(np.where(steps == 0, 0.0, steps / path.toolpath.feed))
 
 
-def _dwell(plan: Plan, loaded: NDArray[np.bool_]) -> Array:
+def _dwell(path: RobotPath, loaded: NDArray[np.bool_]) -> Array:
     """How long the load has been on at each target (N,) [s]: since the last one without; moves of unknown feed take none."""
-    time = np.cumsum(np.nan_to_num(segment_times(plan), posinf=0.0))
+    time = np.cumsum(np.nan_to_num(segment_times(path), posinf=0.0))
     return np.asarray(time - np.maximum.accumulate(np.where(loaded, 0.0, time)))
 
 
-def resting_angles(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Array:
+def resting_angles(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Array:
     """Angles (M, 6) [rad] at which the springs must hold the robot, so that what the effects add brings the tool to the plan.
 
     Newton's method on the pose with the Jacobian of the joints alone; where an effect changes so steeply that a step does not
     bring the tool nearer, that target's steps are halved. What has not converged is left for the caller to find.
     """
     robot = model.robot
-    goal = Frame(plan.base_from_tcp.rotation[targets], plan.base_from_tcp.position[targets])
-    rest, last, share = plan.theta[targets], np.full(len(targets), np.inf), np.ones(len(targets))
+    goal = Frame(path.base_from_tcp.rotation[targets], path.base_from_tcp.position[targets])
+    rest, last, share = path.theta[targets], np.full(len(targets), np.inf), np.ones(len(targets))
     for _ in range(MAX_ROUNDS):
-        rows = program(plan, forces, model, targets, rest)
+        rows = program(path, forces, model, targets, rest)
         tool = displaced(Frame(rows.tool[targets], rows.tcp[targets]), model.added(rows)[targets])
         missing = np.concatenate(displacement(goal, tool), axis=1)
         distance = np.linalg.norm(missing, axis=1)
@@ -130,11 +130,11 @@ class StateChange:
     step: Array
 
 
-def state_changes(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> list[StateChange]:
+def state_changes(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> list[StateChange]:
     """Where along the program the state of an effect changes, with the loaded tool on the plan."""
     if not len(targets):
         return []
-    rows = program(plan, forces, model, targets, plan.theta[targets])
+    rows = program(path, forces, model, targets, path.theta[targets])
     found = []
     for one, values in zip(model.effects, split(model.values, model.effects), strict=True):
         side = one.effect.side(rows, one.joint, values)

@@ -18,7 +18,7 @@ from compensator.correction.prediction import predict_path
 from compensator.correction.settings import Settings
 from compensator.forces.placement import ForceLog, TargetForces, place_forces
 from compensator.path.arc_length import arc_length, circle
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import RapidProgram, read_rapid
 from compensator.rapid.insertion import MoreMoves, follows_directly, with_more_moves
 from compensator.rapid.literals import Pose
@@ -46,7 +46,7 @@ class Dense:
     """A program with further targets, and their forces. kept (N,): where the targets of the planned program stand in it."""
 
     program: RapidProgram
-    plan: Plan
+    path: RobotPath
     forces: TargetForces
     kept: Indices
     findings: tuple[Finding, ...]
@@ -63,17 +63,17 @@ class Grid:
 
 
 def densified(
-    program: RapidProgram, plan: Plan, log: ForceLog, forces: TargetForces, model: IdentifiedModel, settings: Settings
+    program: RapidProgram, path: RobotPath, log: ForceLog, forces: TargetForces, model: IdentifiedModel, settings: Settings
 ) -> Dense | None:
     """The program with the targets that the tolerance needs; None where it needs none.
 
     Raises CompstiffError (CS4332) where the written text does not read back as it was meant.
     """
-    grid = _grid(program, plan, forces, settings)
+    grid = _grid(program, path, forces, settings)
     if grid is None:
         return None
-    fine = plan_path(grid.toolpath, plan.cell)
-    placed = _placed(log, plan, fine, grid.kept, forces, settings)
+    fine = robot_path(grid.toolpath, path.cell)
+    placed = _placed(log, path, fine, grid.kept, forces, settings)
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & fine.reached & (grid.toolpath.block == "")
     points = np.flatnonzero(known)
@@ -85,10 +85,10 @@ def densified(
     allowed = settings.correction.tolerance + noise
     length = arc_length(fine.world_position, grid.toolpath.move)
     further = grid.owner >= 0
-    line = further & known & (plan.toolpath.move[grid.owner] == Move.LINEAR)
+    line = further & known & (path.toolpath.move[grid.owner] == Move.LINEAR)
     weight = np.zeros(len(further)) if log.key == "target" else placed.samples.astype(float)
     chosen = needed(deviation, allowed, length, weight, ~further, line) & further
-    parts = _arc_parts(plan, grid, fine, deviation, np.where(known, allowed, np.inf))
+    parts = _arc_parts(path, grid, fine, deviation, np.where(known, allowed, np.inf))
     if not chosen.any() and not parts:
         return None
     for via, count in parts.items():
@@ -98,21 +98,21 @@ def densified(
     chosen &= further
     at = np.flatnonzero(chosen | ~further)
     means = _averaged(placed, at, np.maximum.accumulate(np.nan_to_num(length)), weight)
-    return _rewritten(program, plan, grid, fine, chosen, parts, means, settings)
+    return _rewritten(program, path, grid, fine, chosen, parts, means, settings)
 
 
 def _placed(
-    log: ForceLog, before: Plan, plan: Plan, kept: Indices, forces: TargetForces, settings: Settings
+    log: ForceLog, before: RobotPath, path: RobotPath, kept: Indices, forces: TargetForces, settings: Settings
 ) -> TargetForces:
     """The log on the grid. Where it names targets, the points between two with force get forces in between."""
     if log.key != "target":
-        given, fine = (arc_length(each.world_position, each.toolpath.move) for each in (before, plan))
+        given, fine = (arc_length(each.world_position, each.toolpath.move) for each in (before, path))
         known = ~np.isnan(given)
         # The chords of an arc are shorter than it is.
         log = replace(log, place=log.place + np.interp(log.place, given[known], (fine[kept] - given)[known]))
         air = kept[np.minimum(np.array(settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
-        return place_forces(log, plan, plan.cell, tare=[(int(first), int(last)) for first, last in air])
-    own = np.zeros(len(plan.toolpath), dtype=bool)
+        return place_forces(log, path, path.cell, tare=[(int(first), int(last)) for first, last in air])
+    own = np.zeros(len(path.toolpath), dtype=bool)
     own[kept] = True
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
     low = np.floor(number).astype(np.intp)
@@ -185,23 +185,25 @@ def _averaged(placed: TargetForces, at: Indices, place: Array, weight: Array) ->
         standard_error=np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error))
 
 
-def _grid(program: RapidProgram, plan: Plan, forces: TargetForces, settings: Settings) -> Grid | None:
+def _grid(program: RapidProgram, path: RobotPath, forces: TargetForces, settings: Settings) -> Grid | None:
     """The long moves and arcs of the program in pieces; None without any."""
-    path = plan.toolpath
-    count = len(path)
+    toolpath = path.toolpath
+    count = len(toolpath)
     here = np.arange(1, count)
-    alike = (path.tool[1:] == path.tool[:-1]) & (path.workobject[1:] == path.workobject[:-1])
-    usable = alike & plan.reached[1:] & plan.reached[:-1] & (path.block[1:] == "") & np.isnan(path.external[1:]).all(axis=1)
-    usable &= ~np.isnan(path.position[:-1]).any(axis=1) & ~np.isnan(path.position[1:]).any(axis=1)
-    step = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
-    spacing = np.fmax(NEAREST, SHORTEST * path.feed[1:])
+    alike = (toolpath.tool[1:] == toolpath.tool[:-1]) & (toolpath.workobject[1:] == toolpath.workobject[:-1])
+    usable = (alike & path.reached[1:] & path.reached[:-1] & (toolpath.block[1:] == "")
+              & np.isnan(toolpath.external[1:]).all(axis=1))
+    usable &= ~np.isnan(toolpath.position[:-1]).any(axis=1) & ~np.isnan(toolpath.position[1:]).any(axis=1)
+    step = np.linalg.norm(np.diff(toolpath.position, axis=0), axis=1)
+    spacing = np.fmax(NEAREST, SHORTEST * toolpath.feed[1:])
     # Forces that a log places along the move may stand in its middle, those at targets do not.
     near = np.ones(count - 1, dtype=bool) if not forces.named else forces.forced[1:] & forces.forced[:-1]
-    lines = here[usable & near & (path.move[1:] == Move.LINEAR) & (step >= np.maximum(settings.correction.long_move,
+    lines = here[usable & near & (toolpath.move[1:] == Move.LINEAR) & (step >= np.maximum(settings.correction.long_move,
                                                                                       2 * spacing))]
     lines = [int(i) for i in lines if follows_directly(program, int(i))]
-    arcs = here[:-1][usable[:-1] & usable[1:] & (forces.forced[1:-1] | forces.forced[2:]) & (path.move[1:-1] == Move.ARC_VIA)
-                     & (path.move[2:] == Move.ARC_END)]
+    arcs = here[:-1][usable[:-1] & usable[1:] & (forces.forced[1:-1] | forces.forced[2:])
+                     & (toolpath.move[1:-1] == Move.ARC_VIA)
+                     & (toolpath.move[2:] == Move.ARC_END)]
     arcs = [int(i) for i in arcs if follows_directly(program, int(i))]
     before, position, quaternion = [], [], []
     most = min(MOST_PIECES, max(MOST_POINTS // max(len(lines), 1), 4))
@@ -209,43 +211,44 @@ def _grid(program: RapidProgram, plan: Plan, forces: TargetForces, settings: Set
         pieces = int(min(step[i - 1] // spacing[i - 1], most))
         share = np.arange(1, pieces) / pieces
         before.append(np.full(len(share), i))
-        position.append(path.position[i - 1] + share[:, None] * (path.position[i] - path.position[i - 1]))
-        quaternion.append(_turned(path.quaternion[i - 1], path.quaternion[i], share))
+        position.append(toolpath.position[i - 1] + share[:, None] * (toolpath.position[i] - toolpath.position[i - 1]))
+        quaternion.append(_turned(toolpath.quaternion[i - 1], toolpath.quaternion[i], share))
     for i in arcs:
-        straight, centre, axis, angle = _halves(path, i)
-        if straight or min(angle) * float(np.linalg.norm(path.position[i] - centre)) < settings.correction.long_move:
+        straight, centre, axis, angle = _halves(toolpath, i)
+        if straight or min(angle) * float(np.linalg.norm(toolpath.position[i] - centre)) < settings.correction.long_move:
             continue
         share = np.arange(1, ARC_PIECES) / ARC_PIECES
         for half, start in ((0, 0.0), (1, angle[0])):
             turned = start + share * angle[half]
             before.append(np.full(len(share), i + half))
-            position.append(_on_circle(path.position[i - 1], centre, axis, turned))
-            quaternion.append(_turned(path.quaternion[i - 1], path.quaternion[i + 1], turned / sum(angle)))
+            position.append(_on_circle(toolpath.position[i - 1], centre, axis, turned))
+            quaternion.append(_turned(toolpath.quaternion[i - 1], toolpath.quaternion[i + 1], turned / sum(angle)))
     if not before:
         return None
     at = np.concatenate(before)
     order = np.argsort(at, kind="stable")
     at = at[order]
     chords = np.concatenate([[i, i + 1] for i in arcs]).astype(np.intp) if arcs else np.empty(0, dtype=np.intp)
-    toolpath = _with_points(path, at, np.concatenate(position)[order], np.concatenate(quaternion)[order], chords)
+    toolpath = _with_points(toolpath, at, np.concatenate(position)[order], np.concatenate(quaternion)[order], chords)
     return Grid(toolpath, np.arange(count) + np.searchsorted(at, np.arange(count), side="right"),
                 np.insert(np.full(count, -1), at, at))
 
 
-def _with_points(path: Toolpath, at: Indices, position: Array, quaternion: Array, chords: Indices) -> Toolpath:
+def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: Array, chords: Indices) -> Toolpath:
     """The toolpath with linear targets before the targets `at`; the moves of `chords` are linear too."""
     def more(values: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
         return np.insert(values, at, own, axis=0)
 
-    move = path.move.copy()
+    move = toolpath.move.copy()
     move[chords] = Move.LINEAR
-    like: dict[str, Any] = {name: more(getattr(path, name), getattr(path, name)[at]) for name in (
+    like: dict[str, Any] = {name: more(getattr(toolpath, name), getattr(toolpath, name)[at]) for name in (
         "line", "column", "confdata", "has_confdata", "tool", "workobject", "feed", "zone")}
     nothing = np.full((len(at), 6), np.nan)
     return replace(
-        path, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(path.position, position),
-        quaternion=more(path.quaternion, quaternion), external=more(path.external, nothing), joints=more(path.joints, nothing),
-        block=more(path.block, np.full(len(at), "", dtype=object)), **like)
+        toolpath, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(toolpath.position, position),
+        quaternion=more(toolpath.quaternion, quaternion), external=more(toolpath.external, nothing),
+        joints=more(toolpath.joints, nothing),
+        block=more(toolpath.block, np.full(len(at), "", dtype=object)), **like)
 
 
 def _turned(start: Array, end: Array, share: Array) -> Array:
@@ -255,9 +258,9 @@ def _turned(start: Array, end: Array, share: Array) -> Array:
     return matrix_to_quaternion(rotation_matrix(share[:, None] * turn) @ first)
 
 
-def _halves(path: Toolpath, via: int) -> tuple[bool, Array, Array, tuple[float, float]]:
+def _halves(toolpath: Toolpath, via: int) -> tuple[bool, Array, Array, tuple[float, float]]:
     """Whether an arc is a straight line, its centre and axis (3,), and the angles of its halves."""
-    start, middle, end = (path.position[via + k] for k in (-1, 0, 1))
+    start, middle, end = (toolpath.position[via + k] for k in (-1, 0, 1))
     straight, centre, axis = circle(start[None], middle[None], end[None])
     turned = []
     for point in (middle, end):
@@ -272,13 +275,13 @@ def _on_circle(start: Array, centre: Array, axis: Array, angle: Array) -> Array:
     return np.asarray(centre + np.cos(angle)[:, None] * radius + np.sin(angle)[:, None] * np.cross(axis, radius))
 
 
-def _arc_parts(plan: Plan, grid: Grid, fine: Plan, deviation: Array, allowed: Array) -> dict[int, int]:
+def _arc_parts(path: RobotPath, grid: Grid, fine: RobotPath, deviation: Array, allowed: Array) -> dict[int, int]:
     """Into how many arcs each half of a MoveC (by its circle point) must be cut, where the corrected arc alone is not
     enough."""
-    path = plan.toolpath
+    toolpath = path.toolpath
     wanted = fine.base_from_tcp.position - deviation
     parts: dict[int, int] = {}
-    for via in np.flatnonzero(path.move == Move.ARC_VIA):
+    for via in np.flatnonzero(toolpath.move == Move.ARC_VIA):
         if not (grid.owner == via).any():       # a short arc, or one that does not stand by itself
             continue
         first = grid.kept[via - 1]
@@ -310,19 +313,19 @@ def _off_circle(points: Array) -> float:
 
 
 def _rewritten(
-    program: RapidProgram, plan: Plan, grid: Grid, fine: Plan, chosen: Mask, parts: dict[int, int], forces: TargetForces,
-    settings: Settings,
+    program: RapidProgram, path: RobotPath, grid: Grid, fine: RobotPath, chosen: Mask, parts: dict[int, int],
+    forces: TargetForces, settings: Settings,
 ) -> Dense:
     """The text with the chosen points, read and planned again."""
-    path = plan.toolpath
-    more, added = [], np.zeros(len(path), dtype=np.intp)
+    toolpath = path.toolpath
+    more, added = [], np.zeros(len(toolpath), dtype=np.intp)
 
     def poses(points: Indices) -> list[Pose]:
-        quadrants = _confdata(plan, grid, fine, points)
+        quadrants = _confdata(path, grid, fine, points)
         numbers = np.concatenate([1e3 * grid.toolpath.position[points], grid.toolpath.quaternion[points]], axis=1)
         return [Pose(number, quadrant) for number, quadrant in zip(numbers.tolist(), quadrants.tolist(), strict=True)]
 
-    for target in np.unique(grid.owner[chosen & (path.move[grid.owner] == Move.LINEAR)]):
+    for target in np.unique(grid.owner[chosen & (toolpath.move[grid.owner] == Move.LINEAR)]):
         points = np.flatnonzero(chosen & (grid.owner == target))
         more.append(MoreMoves(int(target), linear=poses(points)))
         added[target] = len(points)
@@ -331,41 +334,41 @@ def _rewritten(
         halves = [np.arange(grid.kept[via - 1 + half] + step, grid.kept[via + half], step) for half in (0, 1)]
         more.append(MoreMoves(via, halves=(poses(halves[0]), poses(halves[1]))))
         added[via], added[via + 1] = len(halves[0]), len(halves[1])
-    again = read_rapid(with_more_moves(program, more), path.source)
-    kept = np.arange(len(path)) + np.cumsum(added)
+    again = read_rapid(with_more_moves(program, more), toolpath.source)
+    kept = np.arange(len(toolpath)) + np.cumsum(added)
     got = again.toolpath
-    if len(got) != len(path) + added.sum() or not all(
-            np.array_equal(getattr(got, name)[kept], getattr(path, name), equal_nan=True)
+    if len(got) != len(toolpath) + added.sum() or not all(
+            np.array_equal(getattr(got, name)[kept], getattr(toolpath, name), equal_nan=True)
             for name in ("position", "quaternion", "joints")):
         raise error("CS4332", "the program with intermediate targets does not read back as it was meant; nothing was written",
-                    file=path.source, hint="a defect in compstiff: please report it; --keep-targets does without them")
+                    file=toolpath.source, hint="a defect in compstiff: please report it; --keep-targets does without them")
     # What is said of a target is said of the move in the program as it was given.
     owner = np.searchsorted(kept, np.arange(len(got)))
-    toolpath = replace(got, line=path.line[owner], column=path.column[owner], findings=path.findings, given=owner)
-    dense = replace(again, toolpath=toolpath)
-    return Dense(dense, plan_path(toolpath, plan.cell), forces, kept, tuple(_said(path, added, parts, settings)))
+    written = replace(got, line=toolpath.line[owner], column=toolpath.column[owner], findings=toolpath.findings, given=owner)
+    dense = replace(again, toolpath=written)
+    return Dense(dense, robot_path(written, path.cell), forces, kept, tuple(_said(toolpath, added, parts, settings)))
 
 
-def _confdata(plan: Plan, grid: Grid, fine: Plan, points: Indices) -> NDArray[np.int64]:
+def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> NDArray[np.int64]:
     """confdata (n, 4) of further points: what their move's target says, and the quadrants that differ from there."""
     owner = grid.owner[points]
-    confdata = plan.toolpath.confdata[owner].copy()
-    robot = plan.cell.robot
-    confdata[:, :3] += configuration(robot, fine.theta[points])[:, :3] - configuration(robot, plan.theta[owner])[:, :3]
+    confdata = path.toolpath.confdata[owner].copy()
+    robot = path.cell.robot
+    confdata[:, :3] += configuration(robot, fine.theta[points])[:, :3] - configuration(robot, path.theta[owner])[:, :3]
     return confdata
 
 
-def _said(path: Toolpath, added: Indices, parts: dict[int, int], settings: Settings) -> list[Finding]:
+def _said(toolpath: Toolpath, added: Indices, parts: dict[int, int], settings: Settings) -> list[Finding]:
     findings = []
-    lines = np.flatnonzero((added > 0) & (path.move == Move.LINEAR))
+    lines = np.flatnonzero((added > 0) & (toolpath.move == Move.LINEAR))
     where = f"the correction varies along them by more than {1e6 * settings.correction.tolerance:g} um (--tolerance)"
     if len(lines):
         findings.append(Finding("CS4330", "note", f"{counted(int(added[lines].sum()), 'intermediate target')} in "
-                                f"{len(lines)} long MoveL: {where}", file=path.source, line=int(path.line[lines[0]]),
+                                f"{len(lines)} long MoveL: {where}", file=toolpath.source, line=int(toolpath.line[lines[0]]),
                                 target=int(lines[0])))
     if parts:
         first = min(parts)
         arcs = sum(2 * count for count in parts.values())
-        findings.append(Finding("CS4331", "note", f"{len(parts)} MoveC cut into {arcs} arcs: {where}", file=path.source,
-                                line=int(path.line[first]), target=first))
+        findings.append(Finding("CS4331", "note", f"{len(parts)} MoveC cut into {arcs} arcs: {where}", file=toolpath.source,
+                                line=int(toolpath.line[first]), target=first))
     return findings

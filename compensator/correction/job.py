@@ -24,7 +24,7 @@ from compensator.forces.placement import ForceLog, TargetForces, place_forces, r
 from compensator.path.arc_length import borders
 from compensator.path.feasibility import FeedCheck, check_feed
 from compensator.path.feasibility import figures as feed_figures
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import Poses
 from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.rapid import RapidProgram, read_rapid, rewrite
@@ -71,7 +71,7 @@ class Predicted:
     cell: Cell
     model: IdentifiedModel
     program: RapidProgram
-    plan: Plan
+    path: RobotPath
     log: ForceLog
     forces: TargetForces
     prediction: Prediction
@@ -133,12 +133,12 @@ def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
                     hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        plan = plan_path(program.toolpath, cell)
-        return _predicted(inputs, settings, cell, model, program, plan, rapid)
+        path = robot_path(program.toolpath, cell)
+        return _predicted(inputs, settings, cell, model, program, path, rapid)
 
 
 def _predicted(
-    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, plan: Plan,
+    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, path: RobotPath,
     rapid: NDArray[np.bool_],
 ) -> Predicted:
     """The program with the forces of one log."""
@@ -146,17 +146,17 @@ def _predicted(
     said: tuple[Finding, ...] = source.findings
     try:
         log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log.log_format,
-                             spindle_rpm=settings.log.spindle_rpm, borders=borders(plan.world_position, plan.toolpath.move))
+                             spindle_rpm=settings.log.spindle_rpm, borders=borders(path.world_position, path.toolpath.move))
         said = (*said, *log.findings)
-        log = on_path(log, plan)
-        forces = place_forces(log, plan, cell, tare=settings.log.tare)
-        said = (*source.findings, *(plan.findings if forces.forced.any() else ()), *forces.findings)
-        targets, left = targets_to_correct(plan, forces)
-        prediction = predict_path(plan, forces, model, targets)
+        log = on_path(log, path)
+        forces = place_forces(log, path, cell, tare=settings.log.tare)
+        said = (*source.findings, *(path.findings if forces.forced.any() else ()), *forces.findings)
+        targets, left = targets_to_correct(path, forces)
+        prediction = predict_path(path, forces, model, targets)
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *said) from stopped
-    return Predicted(inputs, settings, cell, model, program, plan, log, forces, prediction,
+    return Predicted(inputs, settings, cell, model, program, path, log, forces, prediction,
                      (*said, *left, *prediction.findings), rapid)
 
 
@@ -164,7 +164,7 @@ def correct_program(planned: Predicted) -> Corrected:
     """The corrected program. Raises what `correct_path` and, if asked for, `check_feed` raise, and CS4203 where the written
     text does not read back."""
     settings = planned.settings
-    offsets = read_offsets(settings.correction.logged_with, planned.plan) if settings.correction.logged_with else None
+    offsets = read_offsets(settings.correction.logged_with, planned.path) if settings.correction.logged_with else None
     stiffness, told = _cutting_stiffness(planned, offsets)
     given = planned
     planned, cut_off = _cornered(planned)
@@ -173,26 +173,26 @@ def correct_program(planned: Predicted) -> Corrected:
     forces, prediction, targets = predicted.forces, predicted.prediction, predicted.prediction.targets
     cutting = None
     if offsets is not None:
-        offsets = np.column_stack([np.interp(np.arange(len(predicted.plan.toolpath)), kept, axis) for axis in offsets.T])
+        offsets = np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
     if stiffness is not None:
-        forces, more = engaged(predicted.plan, forces, prediction, stiffness, offsets)
-        prediction = predict_path(predicted.plan, forces, predicted.model, targets)
+        forces, more = engaged(predicted.path, forces, prediction, stiffness, offsets)
+        prediction = predict_path(predicted.path, forces, predicted.model, targets)
         told = (*told, *more)
     else:
         with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-            cutting = left_as_logged(predicted.plan, forces, prediction, ASSUMED_CUTTING, offsets)
+            cutting = left_as_logged(predicted.path, forces, prediction, ASSUMED_CUTTING, offsets)
     slope = settings.correction.slope or (np.inf if forces.named else SLOPE)
     restraint = Restraint(prediction, settings.correction.confidence, slope)
-    correction = correct_path(predicted.plan, forces, predicted.model, targets, restraint)
+    correction = correct_path(predicted.path, forces, predicted.model, targets, restraint)
     written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
     residual, poses = _read_back(predicted, forces, correction, written.content)
     feed = None
     if settings.feed.check_feed or settings.feed.strict_feed:
-        feed = check_feed(given.plan, given.forces.forced, (predicted.plan, forces.forced, poses),
+        feed = check_feed(given.path, given.forces.forced, (predicted.path, forces.forced, poses),
                           strict=settings.feed.strict_feed)
     findings = (*predicted.findings, *told, *correction.findings, *written.findings, *(feed.findings if feed else ()))
-    advice = advise(given.plan, given.forces, given.model, given.prediction.targets) if settings.correction.advise else None
+    advice = advise(given.path, given.forces, given.model, given.prediction.targets) if settings.correction.advise else None
     return Corrected(given, predicted, kept, correction, written.content, residual, findings, cutting, advice, feed)
 
 
@@ -201,27 +201,27 @@ def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
     settings, targets = planned.settings, planned.prediction.targets
     told: list[Finding] = []
     if settings.correction.tighten_zones:
-        content, told = with_tighter_zones(planned.program, planned.plan, targets, settings.correction.tolerance)
+        content, told = with_tighter_zones(planned.program, planned.path, targets, settings.correction.tolerance)
         program = read_rapid(content, planned.program.source.name)
-        planned = replace(planned, program=program, plan=replace(planned.plan, toolpath=program.toolpath))
-    return planned, [*told, *corners(planned.plan, targets, settings.correction.tolerance,
+        planned = replace(planned, program=program, path=replace(planned.path, toolpath=program.toolpath))
+    return planned, [*told, *corners(planned.path, targets, settings.correction.tolerance,
                                      tightened=settings.correction.tighten_zones)]
 
 
 def _densified(planned: Predicted) -> tuple[Predicted, Indices]:
     """The program with the intermediate targets it needs, and where the given targets stand in it."""
-    same = np.arange(len(planned.plan.toolpath))
+    same = np.arange(len(planned.path.toolpath))
     if planned.settings.correction.keep_targets or not len(planned.prediction.targets):
         return planned, same
     with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-        dense = densified(planned.program, planned.plan, planned.log, planned.forces, planned.model, planned.settings)
+        dense = densified(planned.program, planned.path, planned.log, planned.forces, planned.model, planned.settings)
         if dense is None:
             return planned, same
-    targets, _ = targets_to_correct(dense.plan, dense.forces)
-    prediction = predict_path(dense.plan, dense.forces, planned.model, targets)
-    rapid = np.zeros(len(dense.plan.toolpath), dtype=bool)
+    targets, _ = targets_to_correct(dense.path, dense.forces)
+    prediction = predict_path(dense.path, dense.forces, planned.model, targets)
+    rapid = np.zeros(len(dense.path.toolpath), dtype=bool)
     rapid[dense.kept] = planned.rapid
-    return replace(planned, program=dense.program, plan=dense.plan, forces=dense.forces, prediction=prediction, rapid=rapid,
+    return replace(planned, program=dense.program, path=dense.path, forces=dense.forces, prediction=prediction, rapid=rapid,
                    findings=(*planned.findings, *dense.findings)), dense.kept
 
 
@@ -232,8 +232,8 @@ def _cutting_stiffness(predicted: Predicted, offsets: Array | None) -> tuple[Est
         return settings.correction.cutting_stiffness, ()
     first = _predicted(replace(predicted.inputs, forces=settings.correction.first_forces), settings, predicted.cell,
                        predicted.model,
-                       predicted.program, predicted.plan, predicted.rapid)
-    found = two_passes(predicted.plan, first.forces, first.prediction, predicted.forces, predicted.prediction, offsets)
+                       predicted.program, predicted.path, predicted.rapid)
+    found = two_passes(predicted.path, first.forces, first.prediction, predicted.forces, predicted.prediction, offsets)
     return found, (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * found.value:.3g} N/mm, standard "
                            f"error {1e-3 * found.std:.2g}", file=str(predicted.inputs.forces)),)
 
@@ -257,18 +257,18 @@ def _read_back(predicted: Predicted, forces: TargetForces, correction: Correctio
     if not intact:
         raise error("CS4203", "the corrected program does not read back as it was meant; nothing was written",
                     file=before.source, hint="a defect in compstiff: please report it with this program")
-    plan = predicted.plan
+    path = predicted.path
     object_from_tcp = Frame.from_quaternion(after.position[targets], after.quaternion[targets])
-    base_from_object = Frame(plan.base_from_object.rotation[targets], plan.base_from_object.position[targets])
-    flange_from_tcp = Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets])
+    base_from_object = Frame(path.base_from_object.rotation[targets], path.base_from_object.position[targets])
+    flange_from_tcp = Frame(path.flange_from_tcp.rotation[targets], path.flange_from_tcp.position[targets])
     base_from_tcp = base_from_object @ object_from_tcp
     base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
     theta = nearest_angles(predicted.cell.robot, base_from_flange, correction.theta)
-    loaded = loaded_path(plan, forces, predicted.model, targets, theta)
-    commanded, joints = Frame(plan.base_from_tcp.rotation.copy(), plan.base_from_tcp.position.copy()), plan.theta.copy()
+    loaded = loaded_path(path, forces, predicted.model, targets, theta)
+    commanded, joints = Frame(path.base_from_tcp.rotation.copy(), path.base_from_tcp.position.copy()), path.theta.copy()
     commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position
     joints[targets] = theta
-    return np.asarray(np.linalg.norm(loaded.position - plan.base_from_tcp.position[targets], axis=1)), Poses(commanded, joints)
+    return np.asarray(np.linalg.norm(loaded.position - path.base_from_tcp.position[targets], axis=1)), Poses(commanded, joints)
 
 
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:
@@ -310,7 +310,7 @@ def _recorded(path: Path) -> list[tuple[str, str]] | None:
 def planned_time(predicted: Predicted) -> Array:
     """Time (N,) [s] at which each target is reached with the programmed feed; NaN from the first unknown feed on."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(np.cumsum(segment_times(predicted.plan)))
+        return np.asarray(np.cumsum(segment_times(predicted.path)))
 
 
 def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[str, Any]:
@@ -318,7 +318,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
     size = np.linalg.norm(predicted.prediction.position, axis=1)
     std = np.sqrt(np.trace(predicted.prediction.covariance, axis1=1, axis2=2))
     figures: dict[str, Any] = {
-        "targets": len(predicted.plan.toolpath if corrected is None else corrected.kept),
+        "targets": len(predicted.path.toolpath if corrected is None else corrected.kept),
         "with_force": int(predicted.forces.forced.sum()),
         "without_sample": int((predicted.forces.samples == 0).sum()),
         "predicted": len(size),
@@ -327,7 +327,7 @@ def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[st
     }
     if corrected is not None:
         figures |= {
-            "added_targets": len(predicted.plan.toolpath) - len(corrected.kept),
+            "added_targets": len(predicted.path.toolpath) - len(corrected.kept),
             "corrected": len(size),
             "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
             "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),

@@ -19,7 +19,7 @@ def offsets_csv(corrected: Corrected) -> bytes:
     which a target may have intermediate ones beside it and so a narrower share of the log.
     """
     targets = corrected.correction.targets
-    count = len(corrected.predicted.plan.toolpath)
+    count = len(corrected.predicted.path.toolpath)
     offset, turn = np.zeros((count, 3)), np.zeros((count, 3))
     offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
     kept = corrected.kept
@@ -36,17 +36,17 @@ def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
     import pyarrow as pa
     from pyarrow import csv
 
-    path, targets = predicted.plan.toolpath, predicted.prediction.targets
-    deviation, sigma = np.zeros((len(path), 3)), np.zeros((len(path), 3))
+    toolpath, targets = predicted.path.toolpath, predicted.prediction.targets
+    deviation, sigma = np.zeros((len(toolpath), 3)), np.zeros((len(toolpath), 3))
     deviation[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
     left = predicted.forces.forced.copy()
     left[targets] = False
     deviation[left] = sigma[left] = np.nan
     table = pa.table({
-        "target": np.arange(len(path)),
-        "line": path.line,
+        "target": np.arange(len(toolpath)),
+        "line": toolpath.line,
         **{name: pa.array(values, from_pandas=True) for name, values in (
-            *_columns(1e3 * path.position, "x_mm y_mm z_mm", 6).items(),
+            *_columns(1e3 * toolpath.position, "x_mm y_mm z_mm", 6).items(),
             *columns.items(),
             *_columns(deviation, "dx_um dy_um dz_um", 4).items(),
             *_columns(sigma, "sx_um sy_um sz_um", 4).items(),
@@ -70,11 +70,11 @@ def _columns(values: Array, names: str, decimals: int) -> dict[str, Array]:
 
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:
     """Why a target was not corrected; where it was, whose state changes before it, mostly empty."""
-    forces, path = predicted.forces, predicted.plan.toolpath
-    notes = np.full(len(path), "", dtype=object)
+    forces, toolpath = predicted.forces, predicted.path.toolpath
+    notes = np.full(len(toolpath), "", dtype=object)
     notes[~forces.forced] = "no force"
     notes[forces.samples == 0] = "no sample"
     notes[predicted.prediction.targets] = predicted.prediction.notes
     for target in np.flatnonzero(left):
-        notes[target] = f"left: {path.block[target] or 'MoveAbsJ'}"
+        notes[target] = f"left: {toolpath.block[target] or 'MoveAbsJ'}"
     return notes

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.forward import each_tool
 from compensator.forces.placement import TargetForces
-from compensator.path.plan import LARGEST_STEP, Plan
+from compensator.path.robot_path import LARGEST_STEP, RobotPath
 from identification.model.inverse import inverse, nearest_solution, wrist_distance
 from identification.model.rotations import Frame, rotation_matrix
 from identification.model.stiffness import IdentifiedModel
@@ -75,7 +75,7 @@ class Advice:
                 "collisions are not checked"]
 
 
-def advise(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Advice | None:
+def advise(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Advice | None:
     """What the turns about the tool's axis would do to the targets with force (M,); None where there is none.
 
     Effects with memory are evaluated over the targets looked at alone.
@@ -83,33 +83,33 @@ def advise(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: In
     looked = targets[:: max(-(-len(targets) // MOST_TARGETS), 1)]
     if not len(looked):
         return None
-    rows: list[tuple[float, float, float]] = [(0.0, *_deviation(plan, forces, model, looked, plan.theta[looked]))]
+    rows: list[tuple[float, float, float]] = [(0.0, *_deviation(path, forces, model, looked, path.theta[looked]))]
     stopped = []
     for sense in (-1, 1):
-        theta, why = plan.theta[looked], "half a turn"
+        theta, why = path.theta[looked], "half a turn"
         for number in range(1, FARTHEST_TURN + 1):
             turn = sense * number * STEP
-            theta, problem = _followed(plan, looked, turn, theta)
+            theta, problem = _followed(path, looked, turn, theta)
             if problem:
                 why = problem
                 break
-            rows.append((turn, *_deviation(plan, forces, model, looked, theta)))
+            rows.append((turn, *_deviation(path, forces, model, looked, theta)))
         stopped.append(why)
     turn, rms, largest = np.array(sorted(rows)).T
     return Advice(turn, rms, largest, (stopped[0], stopped[1]), len(looked))
 
 
-def _pose(plan: Plan, targets: Indices, turn: float) -> Frame:
+def _pose(path: RobotPath, targets: Indices, turn: float) -> Frame:
     """base_from_flange (M) with the tool turned about its own axis."""
     about = rotation_matrix(np.array([0.0, 0.0, turn]))
-    tcp = Frame(plan.base_from_tcp.rotation[targets] @ about, plan.base_from_tcp.position[targets])
-    return tcp @ Frame(plan.flange_from_tcp.rotation[targets], plan.flange_from_tcp.position[targets]).inverse()
+    tcp = Frame(path.base_from_tcp.rotation[targets] @ about, path.base_from_tcp.position[targets])
+    return tcp @ Frame(path.flange_from_tcp.rotation[targets], path.flange_from_tcp.position[targets]).inverse()
 
 
-def _followed(plan: Plan, targets: Indices, turn: float, before: Array) -> tuple[Array, str]:
+def _followed(path: RobotPath, targets: Indices, turn: float, before: Array) -> tuple[Array, str]:
     """The joint angles (M, 6) next to those of the turn before, and what forbids them ("" if nothing does)."""
-    robot = plan.cell.robot
-    solutions = inverse(robot, _pose(plan, targets, turn), before)
+    robot = path.cell.robot
+    solutions = inverse(robot, _pose(path, targets, turn), before)
     if not solutions.reachable.any(axis=1).all():
         return before, "out of reach"
     theta, _ = nearest_solution(robot, solutions, before)
@@ -123,11 +123,11 @@ def _followed(plan: Plan, targets: Indices, turn: float, before: Array) -> tuple
 
 
 def _deviation(
-    plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array
+    path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array
 ) -> tuple[float, float]:
     """RMS and largest predicted deviation [m] of the targets at these joint angles (M, 6)."""
     size = np.empty(len(targets))
-    for tool, places in each_tool(plan, targets):
+    for tool, places in each_tool(path, targets):
         position, _, _ = model.predict(theta[places], forces.wrench[targets[places]], tool)
         size[places] = np.linalg.norm(position, axis=1)
     return float(np.sqrt(np.mean(size**2))), float(size.max())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.forward import StateChange, each_tool, loaded_path, program, state_changes
 from compensator.forces.placement import TargetForces
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding
 from identification.model.compliance import compliance_matrix, displacement
 from identification.model.kinematics import forward
@@ -45,21 +45,21 @@ class Prediction:
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
-def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Prediction:
+def predict_path(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Prediction:
     """Deviation of the uncorrected targets under their force, with its covariance.
 
     The scatter of the force is carried through the springs alone, effects left out. Raises CompstiffError: CS1101 no
     equilibrium, CS1202 another tool than the one an effect in force was identified with.
     """
-    _check_tools(plan, model, targets)
+    _check_tools(path, model, targets)
     count = len(targets)
-    loaded = loaded_path(plan, forces, model, targets, plan.theta[targets])
+    loaded = loaded_path(path, forces, model, targets, path.theta[targets])
     of_effects = None
     if model.effects and count:
-        of_effects = model.slopes(program(plan, forces, model, targets, plan.theta[targets]))[targets]
+        of_effects = model.slopes(program(path, forces, model, targets, path.theta[targets]))[targets]
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    for tool, places in each_tool(plan, targets):
-        theta, wrench = plan.theta[targets[places]], forces.wrench[targets[places]]
+    for tool, places in each_tool(path, targets):
+        theta, wrench = path.theta[targets[places]], forces.wrench[targets[places]]
         position[places], rotation[places] = displacement(
             Frame(loaded.rotation[places], loaded.position[places]), forward(model.robot, theta, tool))
         covariance[places] = model.deviation_covariance(
@@ -68,25 +68,25 @@ def predict_path(plan: Plan, forces: TargetForces, model: IdentifiedModel, targe
         if scatter.any():
             carried = compliance_matrix(model.robot, theta, tool, model.compliance)[:, :3, :3]
             covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
-    notes, findings = _state_notes(plan, targets, state_changes(plan, forces, model, targets) if model.effects else [])
+    notes, findings = _state_notes(path, targets, state_changes(path, forces, model, targets) if model.effects else [])
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
     if count and largest < HARDLY:
         findings = [*findings, Finding(
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
-            f"{np.linalg.norm(forces.wrench[targets, :3], axis=1).max():.3g} N", file=plan.toolpath.source,
+            f"{np.linalg.norm(forces.wrench[targets, :3], axis=1).max():.3g} N", file=path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *findings))
 
 
-def _check_tools(plan: Plan, model: IdentifiedModel, targets: Indices) -> None:
+def _check_tools(path: RobotPath, model: IdentifiedModel, targets: Indices) -> None:
     """CompstiffError (CS1202) where a move with force uses another tool than the one an effect was identified with."""
     of_tool = ", ".join(one.label for one in model.effects if one.effect.of_tool)
-    others = [int(targets[places[0]]) for tool, places in each_tool(plan, targets)
+    others = [int(targets[places[0]]) for tool, places in each_tool(path, targets)
               if of_tool and not same_tool(tool, model.flange_from_tcp)]
     if others:
-        raise CompstiffError(*(plan.finding(target, "CS1202", "error", f"{of_tool} was identified with the cell's tool; this "
+        raise CompstiffError(*(path.finding(target, "CS1202", "error", f"{of_tool} was identified with the cell's tool; this "
                                             "move "
-                                  f"with force uses {plan.toolpath.tools[plan.toolpath.tool[target]].name}, whose TCP is "
+                                  f"with force uses {path.toolpath.tools[path.toolpath.tool[target]].name}, whose TCP is "
                                   "another", "identify with this tool, or use a stiffness file without that effect")
                                for target in others))
 
@@ -101,14 +101,14 @@ def _unknown_gravity(model: IdentifiedModel) -> list[Finding]:
                     file=str(model.robot.source), hint="add links (mass and centre) to a robot file of your own")]
 
 
-def _state_notes(plan: Plan, targets: Indices, changes: list[StateChange]) -> tuple[NDArray[np.object_], list[Finding]]:
+def _state_notes(path: RobotPath, targets: Indices, changes: list[StateChange]) -> tuple[NDArray[np.object_], list[Finding]]:
     """A note (M,) for each target before which the state of an effect changes, and one finding (CS4111) for each effect."""
     notes, findings = np.full(len(targets), "", dtype=object), []
     for change in changes:
         words = f"{change.of.label} {change.of.effect.turning} before"
         notes[change.places] = [f"{note}{'; ' if note else ''}{words} this target" for note in notes[change.places]]
         largest = int(np.argmax(change.step))
-        findings.append(plan.finding(int(targets[change.places[largest]]), "CS4111", "note", f"{words} {len(change.places)} of "
+        findings.append(path.finding(int(targets[change.places[largest]]), "CS4111", "note", f"{words} {len(change.places)} of "
                            f"{len(targets)} targets with force: deviation and correction step there, by up to "
                            f"{1e6 * change.step[largest]:.1f} um", "the column note of the offsets names the targets"))
     return notes, findings

@@ -64,7 +64,7 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
 
 def _kept(predicted: Predicted) -> tuple[Indices, str]:
     """The targets that are drawn: all, or the ends and the largest deviation of equal stretches; and a word on it."""
-    count = len(predicted.plan.toolpath)
+    count = len(predicted.path.toolpath)
     if count <= MOST_POINTS:
         return np.arange(count), ""
     size = np.zeros(count)
@@ -78,8 +78,8 @@ def _space(predicted: Predicted) -> Figure:
     """The path in the base frame; colour: deviation along the direction in which the tool is pushed most."""
     targets = predicted.prediction.targets
     kept, note = _kept(predicted)
-    where = 1e3 * predicted.plan.base_from_tcp.position
-    known = predicted.plan.known[kept]
+    where = 1e3 * predicted.path.base_from_tcp.position
+    known = predicted.path.known[kept]
     air = np.where(known[:, None], where[kept], np.nan)
     data: list[dict[str, Any]] = [
         {"type": "scatter3d", "mode": "lines", "x": air[:, 0], "y": air[:, 1], "z": air[:, 2], "name": "path",
@@ -98,7 +98,7 @@ def _space(predicted: Predicted) -> Figure:
         data.append({
             "type": "scatter3d", "mode": "markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
             "name": "with force", "text": [f"target {t}, {a:.1f} um" for t, a in zip(
-                predicted.plan.toolpath.number[targets[drawn]], along, strict=True)],
+                predicted.path.toolpath.number[targets[drawn]], along, strict=True)],
             "hoverinfo": "text",
             "marker": {"size": 2.5, "color": along, "colorscale": "RdBu", "reversescale": True, "cmin": -limit,
                        "cmax": limit, "colorbar": {"title": {"text": "um"}}}})
@@ -113,8 +113,8 @@ def _space(predicted: Predicted) -> Figure:
 def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:
     kept, note = _kept(predicted)
     targets = predicted.prediction.targets
-    count = len(predicted.plan.toolpath)
-    length = 1e3 * arc_length(predicted.plan.world_position, predicted.plan.toolpath.move)[kept]
+    count = len(predicted.path.toolpath)
+    length = 1e3 * arc_length(predicted.path.world_position, predicted.path.toolpath.move)[kept]
     values, sigma = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     values[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
     values, sigma = values[kept], sigma[kept]

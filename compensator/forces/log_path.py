@@ -12,14 +12,14 @@ from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards
 from compensator.forces.program_time import placed_by_time
 from compensator.path.arc_length import arc_length, polyline
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
 
 Array = NDArray[np.float64]
 
 
-def on_path(log: ForceLog, plan: Plan) -> ForceLog:
+def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, NaN where a sample is not on the path; a log that names the target nearest to the tool as
     it is.
 
@@ -27,16 +27,16 @@ def on_path(log: ForceLog, plan: Plan) -> ForceLog:
     objects, and what `placed_by_time` raises.
     """
     if log.key == "target":
-        _check_targets(log, len(plan.toolpath))
-        return log if plan.cell.force_log.form.target == "nearest" else _on_the_way(log, plan)
+        _check_targets(log, len(path.toolpath))
+        return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
         return log
     if log.key == "time":
-        return placed_by_time(log, plan)
-    points, length = polyline(plan.world_position, plan.toolpath.move)
+        return placed_by_time(log, path)
+    points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    return replace(log, key="path_mm", place=match_forwards(points, length, _world_positions(log, plan)))
+    return replace(log, key="path_mm", place=match_forwards(points, length, _world_positions(log, path)))
 
 
 def _check_targets(log: ForceLog, count: int) -> None:
@@ -46,9 +46,9 @@ def _check_targets(log: ForceLog, count: int) -> None:
                     f"(0 to {count - 1})", file=log.source, line=int(log.line[row]), hint="is it the log of this program?")
 
 
-def _on_the_way(log: ForceLog, plan: Plan) -> ForceLog:
+def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
     """The samples of a target as taken evenly on the way to it, from the target before."""
-    target, length = log.place.astype(np.intp), arc_length(plan.world_position, plan.toolpath.move)
+    target, length = log.place.astype(np.intp), arc_length(path.world_position, path.toolpath.move)
     order = np.argsort(target, kind="stable")
     done = np.cumsum(log.weight[order]) - 0.5 * log.weight[order]
     total = np.bincount(target, log.weight, minlength=len(length))
@@ -60,14 +60,14 @@ def _on_the_way(log: ForceLog, plan: Plan) -> ForceLog:
     return replace(log, key="path_mm", place=start + share * (length[target] - start), findings=(*log.findings, note))
 
 
-def _world_positions(log: ForceLog, plan: Plan) -> Array:
+def _world_positions(log: ForceLog, path: RobotPath) -> Array:
     """TCP positions of the samples (M, 3) [m] in the world frame; one tool and one work object are required."""
-    used = plan.used_frames
+    used = path.used_frames
     if log.key == "joints":
         if len(used.tools) != 1:
             raise error("CS3010", f"a log placed by joint angles needs one tool, the program uses {len(used.tools)}",
                         file=log.source, hint="log the column target or path_mm")
-        return plan.cell.world_from_base.apply(forward(plan.cell.robot, log.place, used.tools[0]).position)
+        return path.cell.world_from_base.apply(forward(path.cell.robot, log.place, used.tools[0]).position)
     if len(used.workobjects) != 1:
         raise error("CS3010", f"a log placed by TCP position needs one work object, the program uses "
                     f"{len(used.workobjects)}", file=log.source, hint="log the column target or path_mm")

@@ -13,7 +13,7 @@ from compensator.forces.log_path import on_path
 from compensator.forces.time_alignment import air_moves
 from compensator.forces.zero import Range, base_from_log, zero_of
 from compensator.path.arc_length import arc_length, nearest_target
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.common.findings import Finding, Level, counted, error
 from identification.model.cell import Cell
@@ -48,7 +48,7 @@ class TargetForces:
 
 
 def place_forces(
-    log: ForceLog, plan: Plan, cell: Cell, *, tare: Range | Sequence[Range] | None = None
+    log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None
 ) -> TargetForces:
     """Averages the samples around each target, takes off bias and weight, and turns the mean into the base frame at the TCP.
 
@@ -58,9 +58,9 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
     `zero_of` raise.
     """
-    count = len(plan.toolpath)
-    log = on_path(log, plan)
-    target = _assign(log, plan)
+    count = len(path.toolpath)
+    log = on_path(log, path)
+    target = _assign(log, path)
     findings: list[Finding] = []
     placed = target >= 0
     number = int(log.weight.sum())
@@ -80,7 +80,7 @@ def place_forces(
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
     before = log.plain[placed]
     plain = mean if log.revolution is None else _mean(before, index, share, count)
-    zero = zero_of(log, plan, cell, before, index, share, _ranges(tare))
+    zero = zero_of(log, path, cell, before, index, share, _ranges(tare))
     findings += zero.findings
     if zero.offset.any():
         mean, plain = (np.where(samples[:, None] > 0, each - zero.offset, 0.0) for each in (mean, plain))
@@ -98,23 +98,23 @@ def place_forces(
     if len(silent):
         findings.append(Finding(
             "CS3009", "note", f"{counted(len(silent), 'target')} with {words} ({SIGMAS:g} sigma) taken as without force",
-            file=plan.toolpath.source, line=int(plan.toolpath.line[silent[0]]), target=int(silent[0])))
-    findings += _weak(log, plan, forced, samples, index[log.saturated[placed]])
-    wrench, standard_error = _to_base(mean, standard_error, log, plan, cell)
+            file=path.toolpath.source, line=int(path.toolpath.line[silent[0]]), target=int(silent[0])))
+    findings += _weak(log, path, forced, samples, index[log.saturated[placed]])
+    wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
     if log.spread is not None:
         doubt = np.bincount(index, share * log.spread[placed], minlength=count) / np.maximum(samples, 1)
-        standard_error = np.hypot(standard_error, _by_place(plan, wrench[:, :3]) * doubt[:, None])
+        standard_error = np.hypot(standard_error, _by_place(path, wrench[:, :3]) * doubt[:, None])
     wrench = np.where(forced[:, None], wrench, 0.0)
-    findings += _gaps(log, plan, samples, forced)
+    findings += _gaps(log, path, samples, forced)
     if zero.bias is None:
-        findings += _in_air(log, plan, samples, forced, wrench)
+        findings += _in_air(log, path, samples, forced, wrench)
     return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log.key == "target")
 
 
-def _in_air(log: ForceLog, plan: Plan, samples: Indices, forced: NDArray[np.bool_], wrench: Array) -> list[Finding]:
+def _in_air(log: ForceLog, path: RobotPath, samples: Indices, forced: NDArray[np.bool_], wrench: Array) -> list[Finding]:
     """Where no bias is known and moves at the air feed show a force, the bias is likely it."""
-    by_joints = np.isin(plan.toolpath.move, (Move.JOINT, Move.ABSOLUTE))
-    air = np.flatnonzero(air_moves(plan.toolpath.feed, by_joints) & (samples > 0))
+    by_joints = np.isin(path.toolpath.move, (Move.JOINT, Move.ABSOLUTE))
+    air = np.flatnonzero(air_moves(path.toolpath.feed, by_joints) & (samples > 0))
     touched = air[forced[air]]
     if 2 * len(touched) <= len(air):
         return []
@@ -134,28 +134,28 @@ def _ranges(tare: Range | Sequence[Range] | None) -> list[Range]:
     return [one for one in tare if not isinstance(one, int)]
 
 
-def _weak(log: ForceLog, plan: Plan, forced: NDArray[np.bool_], samples: Indices, saturated: Indices) -> list[Finding]:
+def _weak(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_], samples: Indices, saturated: Indices) -> list[Finding]:
     """Targets with force whose mean is not what it should be. saturated: target of each row with a saturated sample."""
     found = []
     hurt = np.flatnonzero(np.bincount(saturated, minlength=len(forced)).astype(bool) & forced)
     if len(hurt):
         found.append(Finding("CS3026", "warning", f"the force of {counted(len(hurt), 'target')} depends on saturated samples: "
-                             "it is larger than what is corrected for", file=plan.toolpath.source,
-                             line=int(plan.toolpath.line[hurt[0]]), target=int(hurt[0])))
+                             "it is larger than what is corrected for", file=path.toolpath.source,
+                             line=int(path.toolpath.line[hurt[0]]), target=int(hurt[0])))
     if log.rate and log.revolution:
         short = np.flatnonzero(forced & (samples < log.rate * log.revolution))
         if len(short):
             found.append(Finding("CS3029", "note", f"{counted(len(short), 'target')} with force and less than one revolution "
-                                 "of the spindle: the mean reaches into the neighbours' stretches", file=plan.toolpath.source,
-                                 line=int(plan.toolpath.line[short[0]]), target=int(short[0])))
+                                 "of the spindle: the mean reaches into the neighbours' stretches", file=path.toolpath.source,
+                                 line=int(path.toolpath.line[short[0]]), target=int(short[0])))
     return found
 
 
-def _assign(log: ForceLog, plan: Plan) -> Indices:
+def _assign(log: ForceLog, path: RobotPath) -> Indices:
     """Target (M,) of each sample, -1 where it is not on the path."""
     if log.key == "target":
         return log.place.astype(np.intp)
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = arc_length(path.world_position, path.toolpath.move)
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
@@ -163,9 +163,9 @@ def _assign(log: ForceLog, plan: Plan) -> Indices:
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 
 
-def _by_place(plan: Plan, force: Array) -> Array:
+def _by_place(path: RobotPath, force: Array) -> Array:
     """How fast the force (N, 3) [N] changes along the path, |dF/ds| (N, 3) [N/m]: the steeper side of each target."""
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = arc_length(path.world_position, path.toolpath.move)
     slope = np.zeros_like(force)
     with np.errstate(invalid="ignore", divide="ignore"):
         steep = np.abs(np.diff(force, axis=0)) / np.diff(length)[:, None]
@@ -265,16 +265,16 @@ def _without_gaps(forced: NDArray[np.bool_], sampled: NDArray[np.bool_]) -> NDAr
     return filled
 
 
-def _to_base(mean: Array, standard_error: Array, log: ForceLog, plan: Plan, cell: Cell) -> tuple[Array, Array]:
+def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath, cell: Cell) -> tuple[Array, Array]:
     """The mean wrench (N, 6) on the tool at the TCP in the base frame, and the force's standard error there."""
     frame = cell.force_log
     force, moment = frame.sign * mean[:, :3], frame.sign * mean[:, 3:]
     if frame.kind == "base":
         return np.concatenate([force, moment], axis=1), standard_error
-    base_from_axes = base_from_log(plan, cell)
+    base_from_axes = base_from_log(path, cell)
     if log.has_moment:
         # Moments are those about the log's origin: carried to the TCP, M_tcp = M_log + (log - tcp) x F.
-        lever = base_from_axes.position - plan.base_from_tcp.position
+        lever = base_from_axes.position - path.base_from_tcp.position
         carried = np.cross(lever, base_from_axes.turn(force))
         moment = moment + Frame(base_from_axes.rotation, np.zeros(3)).inverse().turn(carried)
     wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
@@ -282,7 +282,7 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, plan: Plan, cell
     return np.nan_to_num(wrench), np.sqrt(variance)
 
 
-def _gaps(log: ForceLog, plan: Plan, samples: Indices, forced: NDArray[np.bool_]) -> list[Finding]:
+def _gaps(log: ForceLog, path: RobotPath, samples: Indices, forced: NDArray[np.bool_]) -> list[Finding]:
     """Targets without a sample between targets with force: they stay where they are, and that leaves a step."""
     empty = samples == 0
     inside = empty[1:-1] & forced[:-2] | empty[1:-1] & forced[2:]
@@ -297,7 +297,7 @@ def _gaps(log: ForceLog, plan: Plan, samples: Indices, forced: NDArray[np.bool_]
         first = int(np.argmax(inside)) + 1
         findings.append(Finding(
             "CS3012", "warning", f"{count} targets without a sample stand next to targets with force: left where they are, "
-            "each is a step in the surface", file=plan.toolpath.source, line=int(plan.toolpath.line[first]), target=first,
+            "each is a step in the surface", file=path.toolpath.source, line=int(path.toolpath.line[first]), target=first,
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
 

@@ -20,7 +20,7 @@ from compensator.forces.time_alignment import (
     place_by_time,
 )
 from compensator.path.arc_length import arc_length
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.path.timing import drive
 from compensator.toolpath import Move
 from identification.common.findings import Finding, Refused, counted, error
@@ -33,30 +33,31 @@ FEWEST_SAMPLES = 100
 HINT = "log the column target, or x_mm y_mm z_mm (TCP in the work object), with the forces"
 
 
-def program_of(plan: Plan) -> Program:
+def program_of(path: RobotPath) -> Program:
     """The program in time, as the robot can drive it. Raises CompstiffError (CS3060) where the feed or the way of a move is not
     known."""
-    path, robot_time = plan.toolpath, drive(plan)
+    toolpath, robot_time = path.toolpath, drive(path)
     legs = robot_time.route.legs
     unknown = np.flatnonzero(np.isnan(robot_time.duration) | (legs.linear & np.isnan(robot_time.programmed)))
     if len(unknown):
         first = int(unknown[0])
         why = "its feed is not known" if legs.linear[first] else "the robot's way to it is not known"
         raise error("CS3060", f"a log with time alone needs the time of every move: target {first}: {why} "
-                    f"({counted(len(unknown), 'such target')})", file=path.source, line=int(path.line[first]), target=first,
+                    f"({counted(len(unknown), 'such target')})", file=toolpath.source, line=int(toolpath.line[first]),
+                    target=first,
                     hint=f"declare the speed in this file, or {HINT}")
-    length = arc_length(plan.world_position, path.move)
-    by_joints = np.asarray(np.isin(path.move, (Move.JOINT, Move.ABSOLUTE)))
-    air = air_moves(path.feed, by_joints)
-    step = np.diff(plan.base_from_tcp.position, axis=0, prepend=plan.base_from_tcp.position[:1])
+    length = arc_length(path.world_position, toolpath.move)
+    by_joints = np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE)))
+    air = air_moves(toolpath.feed, by_joints)
+    step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
     direction = step / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    if plan.cell.force_log.kind != "base":
+    if path.cell.force_log.kind != "base":
         # The sensor's frame turns with the tool's; a fixed rotation between them is part of what is estimated.
-        direction = np.einsum("nji,nj->ni", plan.base_from_tcp.rotation, direction)
-    return Program(robot_time.time, length, air, kinds_of_cut(path.feed, air, length), direction)
+        direction = np.einsum("nji,nj->ni", path.base_from_tcp.rotation, direction)
+    return Program(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), direction)
 
 
-def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
+def placed_by_time(log: ForceLog, path: RobotPath) -> ForceLog:
     """A log with time alone as one placed by path length, NaN outside the program, with the spread of each row.
 
     Raises CompstiffError: CS3060 a move without known time, CS3062 time runs backwards, CS3063 a log that says nothing; Refused
@@ -74,18 +75,18 @@ def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
     if not np.ptp(log.force, axis=0).any() or time[-1] == time[0]:
         raise error("CS3063", "the force never changes, or time does not: nothing says where the cut begins", file=source,
                     hint=HINT)
-    program = program_of(plan)
+    program = program_of(path)
     if not program.time[-1] > 0:
         raise error("CS3063", "the program takes no time: it has no move of known length", file=source, hint=HINT)
     found = place_by_time(program, time, log.force)
-    path = plan.toolpath.source
+    toolpath = path.toolpath.source
     if not found.believed:
         raise Refused(Finding(
             "CS3061", "error", f"the log cannot be placed by time alone: {100 * found.share:.0f} % of the force follows the "
             f"program, at least {100 * LOWEST_SHARE:.0f} % must; its score is {found.score:.1f} against {_rival(found)}, at "
             f"least {LOWEST_SCORE:g} is needed; {_odd(program, found)}",
             file=source,
-            hint=f"is it the log of {path}, from before its start to after its end? Passes that are alike cannot be told "
+            hint=f"is it the log of {toolpath}, from before its start to after its end? Passes that are alike cannot be told "
                  f"apart: {HINT}"))
     spread = _spread(program, found)
     typical, largest = 1e3 * np.nanquantile(spread, [0.5, 0.95])
@@ -97,8 +98,8 @@ def placed_by_time(log: ForceLog, plan: Plan) -> ForceLog:
     if found.odd:
         low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in found.odd[0])
         findings.append(Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the "
-                                "program: is there no stock, or did the program stand still?", file=path,
-                                line=int(plan.toolpath.line[low]), target=low))
+                                "program: is there no stock, or did the program stand still?", file=toolpath,
+                                line=int(path.toolpath.line[low]), target=low))
     return replace(log, key="path_mm", place=found.place, spread=np.nan_to_num(spread),
                    findings=(*log.findings, *findings))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.payload import Payload, estimate_payload, turns, weight
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Level, counted, error
 from identification.model.cell import Cell
 from identification.model.gravity import FREE_FALL, fall_in_base
@@ -47,17 +47,17 @@ class Zero:
     findings: tuple[Finding, ...]
 
 
-def base_from_log(plan: Plan, cell: Cell) -> Frame:
+def base_from_log(path: RobotPath, cell: Cell) -> Frame:
     """The log's axes and origin at each target (N)."""
     if cell.force_log.kind == "sensor" and cell.force_log.flange_from_sensor is not None:
-        return plan.base_from_flange @ cell.force_log.flange_from_sensor
+        return path.base_from_flange @ cell.force_log.flange_from_sensor
     if cell.force_log.kind == "tool":
-        return plan.base_from_tcp
-    return Frame(np.broadcast_to(np.eye(3), plan.base_from_tcp.rotation.shape), plan.base_from_tcp.position)
+        return path.base_from_tcp
+    return Frame(np.broadcast_to(np.eye(3), path.base_from_tcp.rotation.shape), path.base_from_tcp.position)
 
 
 def zero_of(
-    log: ForceLog, plan: Plan, cell: Cell, loads: Array, index: Indices, share: Array, tare: Sequence[Range]
+    log: ForceLog, path: RobotPath, cell: Cell, loads: Array, index: Indices, share: Array, tare: Sequence[Range]
 ) -> Zero:
     """The zero of a log placed on a path: loads (m, 6) before any averaging, index (m,) target, share (m,) samples of its rows.
 
@@ -65,7 +65,7 @@ def zero_of(
     tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log.
     """
     form = cell.force_log
-    frame = base_from_log(plan, cell)
+    frame = base_from_log(path, cell)
     fall = np.nan_to_num(frame.inverse().turn(fall_in_base(cell.world_from_base)))
     mass, centre = (form.mass, form.centre) if form.kind != "base" and form.weight != "removed" else (None, None)
     findings: list[Finding] = []
@@ -75,12 +75,12 @@ def zero_of(
         findings.append(_estimated(found, air, log))
         if found is not None and found.mass > 3 * found.mass_std:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
-            mass, centre = found.mass, _in_flange(found, plan, cell)
-    held = np.zeros((len(plan.toolpath), 6))
+            mass, centre = found.mass, _in_flange(found, path, cell)
+    held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
         if centre is not None and log.has_moment:
-            arm = frame.inverse().apply(plan.base_from_flange.apply(centre))
+            arm = frame.inverse().apply(path.base_from_flange.apply(centre))
         elif log.has_moment:
             findings.append(Finding("CS3013", "warning", f"the moment of the payload of {mass:g} kg is not subtracted: its "
                                     "centre of mass is not known", file=log.source, hint="state centre_of_mass_mm"))
@@ -153,12 +153,12 @@ def _per_stretch(values: Array, index: Indices, share: Array, tare: Sequence[Ran
     return np.array([np.average(values[index[rows]], axis=0, weights=share[rows]) for rows in chosen])
 
 
-def _in_flange(found: Payload, plan: Plan, cell: Cell) -> Array | None:
+def _in_flange(found: Payload, path: RobotPath, cell: Cell) -> Array | None:
     if found.centre is None:
         return None
     if cell.force_log.kind == "sensor" and cell.force_log.flange_from_sensor is not None:
         return cell.force_log.flange_from_sensor.apply(found.centre)
-    return Frame(plan.flange_from_tcp.rotation[0], plan.flange_from_tcp.position[0]).apply(found.centre)
+    return Frame(path.flange_from_tcp.rotation[0], path.flange_from_tcp.position[0]).apply(found.centre)
 
 
 def _estimated(found: Payload | None, air: Air, log: ForceLog) -> Finding:

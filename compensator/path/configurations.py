@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.path.plan import LARGEST_STEP
+from compensator.path.robot_path import LARGEST_STEP
 from identification.model.cell import Cell
 from identification.model.inverse import BRANCHES, Solutions, inverse, wrist_distance
 from identification.model.robot import RobotModel

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.path.route import SHARPEST, Poses
 from compensator.path.timing import Drive, drive
 from identification.common.findings import Finding, Level, Refused, counted
@@ -42,7 +42,7 @@ class Feasibility:
     limit or the rod's window is left between the targets. lost (N,) [s]: over length / feed.
     """
 
-    plan: Plan
+    path: RobotPath
     poses: Poses
     cutting: Flags
     drive: Drive
@@ -61,7 +61,7 @@ class Feasibility:
 
     def moves(self, which: Flags | Indices) -> int:
         """How many moves of the program as given these are: one that was given further targets counts once."""
-        return len(np.unique(self.plan.toolpath.number[which]))
+        return len(np.unique(self.path.toolpath.number[which]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +78,14 @@ class FeedCheck:
         return self.after or self.before
 
 
-def judge(plan: Plan, forced: Flags | None = None, poses: Poses | None = None) -> Feasibility:
+def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = None) -> Feasibility:
     """Drives the planned poses, or these. Raises CompstiffError (CS4409)."""
-    poses = poses or Poses(plan.base_from_tcp, plan.theta)
-    driven = drive(plan, poses)
-    route, robot, count = driven.route, plan.cell.robot, len(plan.toolpath)
+    poses = poses or Poses(path.base_from_tcp, path.theta)
+    driven = drive(path, poses)
+    route, robot, count = driven.route, path.cell.robot, len(path.toolpath)
     ratio, by_speed = np.full(count, np.nan), np.zeros(count, dtype=bool)
     joint, point = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
-    known = route.legs.linear & (plan.toolpath.feed > 0)
+    known = route.legs.linear & (path.toolpath.feed > 0)
     ratio[known] = 1.0
     wrist, outside = np.full(count, np.inf), np.zeros(count, dtype=bool)
     for part in chunks(len(route.s), 65_536):
@@ -108,19 +108,19 @@ def judge(plan: Plan, forced: Flags | None = None, poses: Poses | None = None) -
     lost = np.where(known, driven.duration - driven.programmed, 0.0)
     forced = np.zeros(count, dtype=bool) if forced is None else forced
     # A single noisy target on an air move is no cut.
-    return Feasibility(plan, poses, forced & forced[route.legs.before], driven, ratio, joint, by_speed, point, wrist, outside,
+    return Feasibility(path, poses, forced & forced[route.legs.before], driven, ratio, joint, by_speed, point, wrist, outside,
                        lost)
 
 
 def check_feed(
-    plan: Plan, forced: Flags, corrected: tuple[Plan, Flags, Poses] | None, *, strict: bool
+    path: RobotPath, forced: Flags, corrected: tuple[RobotPath, Flags, Poses] | None, *, strict: bool
 ) -> FeedCheck:
     """The verdict on the program as given and, where there is one, on the corrected one: its plan, with the targets that were
     added, which of them have force, and the poses it commands.
 
     strict: Refused (CS4402) where a cut cannot hold its feed in the program that would be written.
     """
-    before = judge(plan, forced)
+    before = judge(path, forced)
     after = None if corrected is None else judge(*corrected)
     check = FeedCheck(before, after, ())
     last = check.last
@@ -128,7 +128,7 @@ def check_feed(
         raise Refused(*_cuts(check, "CS4402", "error"))
     unfollowed = np.flatnonzero(last.drive.route.lost & last.cutting)
     if strict and len(unfollowed):
-        raise Refused(last.plan.finding(int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
+        raise Refused(last.path.finding(int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
                          "robot cannot follow between the targets: it would stop", "add targets, or turn the part"))
     findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, forced, "as planned")]
     if corrected is not None and after is not None:
@@ -158,7 +158,7 @@ def _figures(one: Feasibility) -> dict[str, Any]:
 
 
 def _reason(one: Feasibility, target: int) -> str:
-    robot, joint = one.plan.cell.robot, int(one.joint[target])
+    robot, joint = one.path.cell.robot, int(one.joint[target])
     limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if one.by_speed[target]
              else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
     route, words = one.drive.route, ""
@@ -170,7 +170,7 @@ def _reason(one: Feasibility, target: int) -> str:
         corner = target if nearer_end else int(legs.before[target])
         if legs.radius[corner] > 0 and legs.corner[corner] > np.radians(1.0):
             words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target "
-                     f"{one.plan.toolpath.number[corner]}, rounded by a zone of "
+                     f"{one.path.toolpath.number[corner]}, rounded by a zone of "
                      f"{1e3 * legs.radius[corner]:.3g} mm")
     return f"joint {joint + 1} at its {limit}{words}"
 
@@ -187,15 +187,15 @@ def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
     findings = []
     for index in order[:MOST_TOLD]:
         target, run = int(worst[index]), runs[index]
-        planned = float(check.before.ratio[one.plan.toolpath.number[target]])
+        planned = float(check.before.ratio[one.path.toolpath.number[target]])
         before = "" if check.after is None or np.isnan(planned) else f"; as planned {_percent(min(planned, 1.0))}"
-        findings.append(one.plan.finding(
+        findings.append(one.path.finding(
             target, code, level, f"a cut of {counted(one.moves(run), 'target')} cannot hold {_feed(one, target)}: "
             f"{_percent(one.ratio[target])}, {_reason(one, target)}; {np.nansum(one.lost[run]):.2f} s lost{before}",
             "lower the feed there, round the corner with a larger zone, or turn the part away from the wrist singularity"))
     if len(runs) > MOST_TOLD:
         rest = worst[order[MOST_TOLD:]]
-        findings.append(one.plan.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
+        findings.append(one.path.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
                                          "lowest "
                            f"{_percent(one.ratio[rest].min())}"))
     return findings
@@ -207,7 +207,7 @@ def _air(one: Feasibility) -> list[Finding]:
     if not len(places):
         return []
     target = int(places[np.argmin(one.ratio[places])])
-    return [one.plan.finding(target, "CS4411", "note", f"{counted(one.moves(places), 'move')} without force cannot hold their "
+    return [one.path.finding(target, "CS4411", "note", f"{counted(one.moves(places), 'move')} without force cannot hold their "
                f"feed, {np.nansum(one.lost[places]):.2f} s lost; the lowest share {_percent(one.ratio[target])} of "
                f"{_feed(one, target)}: {_reason(one, target)}")]
 
@@ -223,7 +223,7 @@ def _feed(one: Feasibility, target: int) -> str:
 def _places(one: Feasibility, forced: Flags, when: str) -> list[Finding]:
     """What lies between the targets: the wrist singularity, joint limits, moves that cannot be followed."""
     findings = []
-    plan, robot, route = one.plan, one.plan.cell.robot, one.drive.route
+    path, robot, route = one.path, one.path.cell.robot, one.drive.route
     # The targets with force themselves are judged by the correction (CS4105, CS4106, CS4110): of moves between them only what
     # comes nearer than both.
     own = np.where(forced, wrist_distance(robot, one.poses.theta), np.inf)
@@ -231,18 +231,18 @@ def _places(one: Feasibility, forced: Flags, when: str) -> list[Finding]:
     if len(near):
         closest = int(near[np.argmin(one.wrist[near])])
         cuts = one.moves(near[forced[near]])
-        findings.append(plan.finding(closest, "CS4406", "warning", f"{when}: {counted(one.moves(near), 'move')} "
+        findings.append(path.finding(closest, "CS4406", "warning", f"{when}: {counted(one.moves(near), 'move')} "
                            f"{f'({cuts} with force, between its targets) ' if cuts else 'without force '}"
                            f"within {np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest "
                            f"{np.degrees(one.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
     left = np.flatnonzero(one.outside)
     if len(left):
-        findings.append(plan.finding(int(left[0]), "CS4407", "warning", f"{when}: on the way to "
+        findings.append(path.finding(int(left[0]), "CS4407", "warning", f"{when}: on the way to "
                            f"{counted(one.moves(left), 'target')} a joint limit or the parallel rod's window is left",
                            "step through these moves at low speed"))
     lost = np.flatnonzero(route.lost)
     if len(lost):
-        findings.append(plan.finding(int(lost[0]), "CS4404", "warning", f"{when}: between {counted(one.moves(lost), 'pair')} "
+        findings.append(path.finding(int(lost[0]), "CS4404", "warning", f"{when}: between {counted(one.moves(lost), 'pair')} "
                                      "of "
                            "targets the robot cannot follow the straight line or arc; these moves were not judged",
                            "step through these moves, or add targets"))
@@ -251,39 +251,39 @@ def _places(one: Feasibility, forced: Flags, when: str) -> list[Finding]:
 
 def _configurations(one: Feasibility) -> list[Finding]:
     """Joint moves that change the configuration."""
-    plan, legs = one.plan, one.drive.route.legs
-    moved = np.flatnonzero(legs.joint & ~np.isin(plan.toolpath.move, (1, 2, 3)))
+    path, legs = one.path, one.drive.route.legs
+    moved = np.flatnonzero(legs.joint & ~np.isin(path.toolpath.move, (1, 2, 3)))
     if not len(moved):
         return []
-    ends = [configuration(plan.cell.robot, plan.theta[which])[:, 3] for which in (moved, legs.before[moved])]
+    ends = [configuration(path.cell.robot, path.theta[which])[:, 3] for which in (moved, legs.before[moved])]
     changed = moved[ends[0] != ends[1]]
-    return [plan.finding(int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another configuration "
+    return [path.finding(int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another configuration "
                          "of "
                "arm or wrist")] if len(changed) else []
 
 
 def _assumed(one: Feasibility) -> list[Finding]:
     """What the verdict rests on."""
-    plan, legs, path = one.plan, one.drive.route.legs, one.plan.toolpath
-    count = len(path)
-    cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (path.zone > 0)).sum())
-    text = (f"the limits are the speeds and accelerations of the robot file {plan.cell.robot.name}; zones are driven as "
+    path, legs, toolpath = one.path, one.drive.route.legs, one.path.toolpath
+    count = len(toolpath)
+    cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (toolpath.zone > 0)).sum())
+    text = (f"the limits are the speeds and accelerations of the robot file {path.cell.robot.name}; zones are driven as "
             f"parabolas; {counted(int((legs.stop & legs.linear).sum()), 'linear move')} end at rest"
             + (f", {cusps} of them in a corner sharper than {np.degrees(SHARPEST):.0f} deg" if cusps else "")
             + f"; {counted(int(legs.joint.sum()), 'move')} by joint angles timed, not judged by feed")
-    findings = [Finding("CS4403", "note", text, file=str(plan.cell.robot.source))]
+    findings = [Finding("CS4403", "note", text, file=str(path.cell.robot.source))]
     unknown = np.flatnonzero(legs.unknown_zone)
     if len(unknown):
-        findings.append(plan.finding(int(unknown[0]), "CS4410", "note", f"the zone of {counted(len(unknown), 'target')} is not "
+        findings.append(path.finding(int(unknown[0]), "CS4410", "note", f"the zone of {counted(len(unknown), 'target')} is not "
                            "known: taken as a stop"))
-    no_feed = np.flatnonzero(legs.linear & ~(path.feed > 0))
+    no_feed = np.flatnonzero(legs.linear & ~(toolpath.feed > 0))
     if len(no_feed):
-        findings.append(plan.finding(int(no_feed[0]), "CS4405", "warning", f"the feed of {counted(len(no_feed), 'move')} is "
+        findings.append(path.finding(int(no_feed[0]), "CS4405", "warning", f"the feed of {counted(len(no_feed), 'move')} is "
                                      "not "
                            "known: not judged, timed as fast as the joints allow", "declare the speed in this file"))
     away = np.flatnonzero(np.isnan(one.drive.duration) & ~one.drive.route.lost & (np.arange(count) > 0))
     if len(away):
-        findings.append(plan.finding(int(away[0]), "CS4404", "warning", f"{counted(len(away), 'move')} from or to a target "
+        findings.append(path.finding(int(away[0]), "CS4404", "warning", f"{counted(len(away), 'move')} from or to a target "
                                      "whose "
                            "joint angles are not known: neither judged nor timed"))
     return findings

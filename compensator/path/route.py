@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.path.arc_length import circle, turned_angle
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.model.inverse import BRANCHES, Solutions, configuration, inverse, nearest_solution
 from identification.model.kinematics import chunks, jacobian
@@ -104,9 +104,9 @@ class Poses:
     theta: Array
 
 
-def build_legs(plan: Plan, poses: Poses) -> Legs:
+def build_legs(path: RobotPath, poses: Poses) -> Legs:
     """The legs of a program driven through these poses."""
-    path, count = plan.toolpath, len(plan.toolpath)
+    toolpath, count = path.toolpath, len(path.toolpath)
     reached = np.asarray(~np.isnan(poses.theta).any(axis=1))
     position = np.where(reached[:, None], poses.base_from_tcp.position, 0.0)
     before = np.maximum(np.arange(count) - 1, 0)
@@ -118,8 +118,8 @@ def build_legs(plan: Plan, poses: Poses) -> Legs:
                                         rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2), np.eye(3)))
     turned = np.linalg.norm(turn, axis=1)
     usable = reached & reached[before] & (np.arange(count) > 0)
-    along = np.isin(path.move, (Move.LINEAR, Move.ARC_VIA, Move.ARC_END))
-    linear = usable & along & (path.tool == path.tool[before])
+    along = np.isin(toolpath.move, (Move.LINEAR, Move.ARC_VIA, Move.ARC_END))
+    linear = usable & along & (toolpath.tool == toolpath.tool[before])
     same = linear & (length < SAME_PLACE) & (turned < SAME_TURN)
     # A turn on the spot has no feed of the TCP: it takes what the joints need.
     joint = usable & ~same & (~linear | (length < SAME_PLACE))
@@ -127,7 +127,7 @@ def build_legs(plan: Plan, poses: Poses) -> Legs:
     first = chord / np.maximum(length, SAME_PLACE)[:, None]
     last = first.copy()
     centre, axis, angle = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
-    via = np.flatnonzero((path.move[:-1] == Move.ARC_VIA) & (path.move[1:] == Move.ARC_END) & linear[:-1] & linear[1:])
+    via = np.flatnonzero((toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END) & linear[:-1] & linear[1:])
     if len(via):
         straight, middle, about = circle(position[via - 1], position[via], position[via + 1])
         for end in (via, via + 1):
@@ -139,7 +139,7 @@ def build_legs(plan: Plan, poses: Poses) -> Legs:
             length[bent] = radius * angle[bent]
             first[bent] = np.cross(axis[bent], start) / radius[:, None]
             last[bent] = np.cross(axis[bent], position[bent] - centre[bent]) / radius[:, None]
-    return _corners(path.move, path.zone, Legs(
+    return _corners(toolpath.move, toolpath.zone, Legs(
         linear, joint, same, before, length, first, last, turn, centre, axis, angle, np.zeros(count),
         np.ones(count, dtype=bool), np.zeros(count), np.zeros(count, dtype=bool)))
 
@@ -167,49 +167,49 @@ def _corners(move: NDArray[np.uint8], zone: Array, legs: Legs) -> Legs:
     return legs
 
 
-def joint_rates(plan: Plan, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
+def joint_rates(path: RobotPath, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
     """Derivatives (n, 6) [rad/m] of the joint angles by the path length at `targets` (n,), along the legs `leg` (n,) whose unit
     tangents there are the rows `leg` of tangent (N, 3)."""
     rates = np.empty((len(targets), 6))
-    tools = plan.toolpath.tool[targets]
+    tools = path.toolpath.tool[targets]
     for tool in np.unique(tools):
         places = np.flatnonzero(tools == tool)
-        frame = Frame(plan.flange_from_tcp.rotation[targets[places[0]]], plan.flange_from_tcp.position[targets[places[0]]])
+        frame = Frame(path.flange_from_tcp.rotation[targets[places[0]]], path.flange_from_tcp.position[targets[places[0]]])
         for part in chunks(len(places), BATCH):
             here = places[part]
-            matrix = jacobian(plan.cell.robot, theta[targets[here]], frame, "drive") + 1e-12 * np.eye(6)
+            matrix = jacobian(path.cell.robot, theta[targets[here]], frame, "drive") + 1e-12 * np.eye(6)
             one = leg[here]
             direction = np.concatenate([tangent[one], legs.turn[one] / legs.length[one, None]], axis=1)
             rates[here] = np.linalg.solve(matrix, direction[:, :, None])[:, :, 0]
     return rates
 
 
-def build_route(plan: Plan, poses: Poses) -> Route:
+def build_route(path: RobotPath, poses: Poses) -> Route:
     """The grid along all linear legs. Legs along which the robot finds no joint angles are left out and named."""
-    legs = build_legs(plan, poses)
+    legs = build_legs(path, poses)
     lost = np.zeros(len(legs.linear), dtype=bool)
     while True:
-        route = _route(plan, poses, legs, lost)
+        route = _route(path, poses, legs, lost)
         broken = np.unique(route.leg[np.isnan(route.theta).any(axis=1)])
         if not len(broken):
             return route
         lost[broken] = True
-        legs = build_legs(plan, poses)
+        legs = build_legs(path, poses)
         legs.linear[lost] = False
-        legs = _corners(plan.toolpath.move, plan.toolpath.zone, legs)
+        legs = _corners(path.toolpath.move, path.toolpath.zone, legs)
 
 
-def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
+def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
     count = len(legs.linear)
-    feed = np.where(plan.toolpath.feed > 0, plan.toolpath.feed, np.inf)
+    feed = np.where(path.toolpath.feed > 0, path.toolpath.feed, np.inf)
     driven = np.flatnonzero(legs.linear)
     after = np.full(count, -1)
     after[legs.before[driven]] = driven
     both = np.minimum(feed, np.where(after >= 0, feed[after], np.inf))
-    push, jump, sharp = _demands(plan, poses, legs, driven, after, np.minimum(both, 10.0))
+    push, jump, sharp = _demands(path, poses, legs, driven, after, np.minimum(both, 10.0))
     leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), push, sharp)
 
-    theta, position, blend = _joints(plan, poses, legs, after, sharp, leg, d)
+    theta, position, blend = _joints(path, poses, legs, after, sharp, leg, d)
     while True:
         low = np.where(leg[1:] == leg[:-1], d[:-1], 0.0)
         turn = np.abs(np.diff(theta, axis=0)).max(axis=1, initial=0.0)
@@ -217,7 +217,7 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
         if not len(wide):
             break
         more_leg, more_d = leg[wide + 1], 0.5 * (low + d[1:])[wide]
-        more = _joints(plan, poses, legs, after, sharp, more_leg, more_d)
+        more = _joints(path, poses, legs, after, sharp, more_leg, more_d)
         leg, d = np.insert(leg, wide + 1, more_leg), np.insert(d, wide + 1, more_d)
         theta, position, blend = (np.insert(old, wide + 1, new, axis=0)
                                   for old, new in zip((theta, position, blend), more, strict=True))
@@ -241,11 +241,11 @@ def _route(plan: Plan, poses: Poses, legs: Legs, lost: Flags) -> Route:
 
 
 def _joints(
-    plan: Plan, poses: Poses, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array
+    path: RobotPath, poses: Poses, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array
 ) -> tuple[Array, Array, Indices]:
     """Joint angles (K, 6) [rad] at grid points, NaN where the arm does not get to in the configuration it has at the ends of
     the leg; positions (K, 3) [m]; and the target (K,) in whose blend a point lies, -1 outside."""
-    robot = plan.cell.robot
+    robot = path.cell.robot
     theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
     # Which way the arm stands, front or back, folded up or down; the wrist may turn over, as that takes all its turn.
     arm = np.full(len(legs.linear), -1)
@@ -257,7 +257,7 @@ def _joints(
         position[part] = pose.position
         share = (d[part] / legs.length[here])[:, None]
         reference = (1 - share) * poses.theta[start] + share * poses.theta[here]
-        tool = Frame(plan.flange_from_tcp.rotation[here], plan.flange_from_tcp.position[here])
+        tool = Frame(path.flange_from_tcp.rotation[here], path.flange_from_tcp.position[here])
         found = inverse(robot, pose @ tool.inverse(), reference)
         branch = np.arange(BRANCHES) // 2
         same = (branch == arm[start][:, None]) | (branch == arm[here][:, None])
@@ -266,21 +266,21 @@ def _joints(
 
 
 def _demands(
-    plan: Plan, poses: Poses, legs: Legs, driven: Indices, after: Indices, feed: Array
+    path: RobotPath, poses: Poses, legs: Legs, driven: Indices, after: Indices, feed: Array
 ) -> tuple[Array, Array, Flags]:
     """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6)
     [rad/m] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,) [m/s]."""
-    limits, count = plan.cell.robot.acceleration, len(legs.linear)
+    limits, count = path.cell.robot.acceleration, len(legs.linear)
     push, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
-    rate = joint_rates(plan, poses.theta, driven, legs, driven, legs.last)
+    rate = joint_rates(path, poses.theta, driven, legs, driven, legs.last)
     with np.errstate(divide="ignore"):
         push[driven] = np.min(limits / np.abs(rate), axis=1)
     jump[driven] = -rate
-    rate = joint_rates(plan, poses.theta, legs.before[driven], legs, driven, legs.first)
+    rate = joint_rates(path, poses.theta, legs.before[driven], legs, driven, legs.first)
     with np.errstate(divide="ignore"):
         push[driven] = np.minimum(push[driven], np.min(limits / np.abs(rate), axis=1))
     jump[legs.before[driven]] += rate
-    jump[~((legs.radius > 0) & (after >= 0)) | (plan.toolpath.move == Move.ARC_VIA)] = 0.0
+    jump[~((legs.radius > 0) & (after >= 0)) | (path.toolpath.move == Move.ARC_VIA)] = 0.0
     flying = np.flatnonzero((legs.radius > 0) & (after >= 0))
     sharp[flying] = legs.corner[flying] > NEARLY_STRAIGHT
     sharp[flying] |= (np.abs(jump[flying]) * feed[flying, None] ** 2 > 2 * GENTLE * limits

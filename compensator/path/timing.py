@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.path.plan import Plan
+from compensator.path.robot_path import RobotPath
 from compensator.path.route import Poses, Route, build_route
 from identification.common.findings import CompstiffError, error
 from identification.model.kinematics import chunks
@@ -52,13 +52,13 @@ class Drive:
         return np.asarray(np.cumsum(np.nan_to_num(self.duration)))
 
 
-def drive(plan: Plan, poses: Poses | None = None, window: int = WINDOW) -> Drive:
+def drive(path: RobotPath, poses: Poses | None = None, window: int = WINDOW) -> Drive:
     """The fastest run through the planned poses, or through these. Raises CompstiffError (CS4409) where TOPPRA fails."""
-    poses = poses or Poses(plan.base_from_tcp, plan.theta)
-    route = build_route(plan, poses)
-    legs, path, robot = route.legs, plan.toolpath, plan.cell.robot
-    speed = fastest(route, robot, plan, window)
-    count = len(path)
+    poses = poses or Poses(path.base_from_tcp, path.theta)
+    route = build_route(path, poses)
+    legs, toolpath, robot = route.legs, path.toolpath, path.cell.robot
+    speed = fastest(route, robot, path, window)
+    count = len(toolpath)
     duration = np.full(count, np.nan)
     if len(speed):
         both = speed[1:] + speed[:-1]
@@ -68,11 +68,11 @@ def drive(plan: Plan, poses: Poses | None = None, window: int = WINDOW) -> Drive
     duration[legs.same] = 0.0
     moved = np.flatnonzero(legs.joint)
     duration[moved] = joint_move_time(robot, poses.theta[moved] - poses.theta[legs.before[moved]], legs.length[moved],
-                                      path.feed[moved])
+                                      toolpath.feed[moved])
     if count:
         duration[0] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        ideal = np.where(legs.linear, legs.length / np.where(path.feed > 0, path.feed, np.nan), 0.0)
+        ideal = np.where(legs.linear, legs.length / np.where(toolpath.feed > 0, toolpath.feed, np.nan), 0.0)
     return Drive(route, speed, duration, ideal)
 
 
@@ -97,7 +97,7 @@ def speed_bound(route: Route, robot: RobotModel) -> Array:
     return np.where(route.stop, 0.0, bound)
 
 
-def fastest(route: Route, robot: RobotModel, plan: Plan, window: int = WINDOW) -> Array:
+def fastest(route: Route, robot: RobotModel, path: RobotPath, window: int = WINDOW) -> Array:
     """TCP speed (K,) [m/s] of the fastest run, window by window; where the feed is simply held nothing is solved."""
     count = len(route.s)
     if not count:
@@ -121,7 +121,7 @@ def fastest(route: Route, robot: RobotModel, plan: Plan, window: int = WINDOW) -
         solved = _solve(s[start:end + 1] - s[start], route.slope[part], route.bend[part], limit[start:end + 1], robot,
                         float(speed[start]))
         if solved is None:
-            raise _failure(route, plan, part)
+            raise _failure(route, path, part)
         speed[start:keep + 1] = solved[:keep + 1 - start]
         start = keep
     return np.asarray(np.sqrt(np.interp(route.s, s, speed**2)))
@@ -185,14 +185,14 @@ def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel,
     return np.asarray(speed)
 
 
-def _failure(route: Route, plan: Plan, part: Indices) -> CompstiffError:
+def _failure(route: Route, path: RobotPath, part: Indices) -> CompstiffError:
     """CS4409 at the place of a window where the joints move fastest by the path's length."""
-    relative = np.abs(route.slope[part]) / plan.cell.robot.speed
+    relative = np.abs(route.slope[part]) / path.cell.robot.speed
     place, joint = np.unravel_index(int(np.nanargmax(relative)), relative.shape)
     target = int(route.leg[part[place]])
-    path = plan.toolpath
+    toolpath = path.toolpath
     return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
                  f"{1e-3 * np.degrees(abs(route.slope[part[place], joint])):.3g} deg a millimetre of path",
-                 file=path.source, line=int(path.line[target]), column=int(path.column[target]),
-                 target=int(path.number[target]),
+                 file=toolpath.source, line=int(toolpath.line[target]), column=int(toolpath.column[target]),
+                 target=int(toolpath.number[target]),
                  hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")

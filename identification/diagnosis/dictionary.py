@@ -12,7 +12,7 @@ from identification.fit.fitted_model import Term
 from identification.fit.noise import NoiseModel
 from identification.model.effects import Effect, Signature
 from identification.model.effects_in_force import EffectInForce
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Coefficients of one signature; the widest have three.
@@ -55,7 +55,7 @@ class Dictionary:
             members = [k for each in (one, *near) for k in each.signatures]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
 
-    def undecided(self, where: Situation, noise: NoiseModel, joint: int | None) -> Array:
+    def undecided(self, where: LoadState, noise: NoiseModel, joint: int | None) -> Array:
         """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
         in its typical size: the same in all of them, or turning round with the load."""
         mask = np.zeros(len(where), dtype=bool)
@@ -85,7 +85,7 @@ class Dictionary:
         return Dictionary(tuple(found), tuple(self.signatures[s] for s in kept), self.columns[:, :, kept], self.widths[kept],
                           self.positive[kept], {})
 
-    def term(self, where: Situation, signature: int, coefficients: Array) -> Term:
+    def term(self, where: LoadState, signature: int, coefficients: Array) -> Term:
         """The effect in force with these coefficients (3,) in typical sizes."""
         one = self.signatures[signature]
         joint = self.entries[self.entry_of[signature]].joint
@@ -94,7 +94,7 @@ class Dictionary:
         return Term(one.effect, joint, np.clip(values, *bounds.T), one.effect.typical(where, joint), one.effect.neutral(where))
 
 
-def dictionary(where: Situation, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
+def dictionary(where: LoadState, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
     """All effects of the catalogue (`effects()`) at all their places, as these rows would show them."""
     entries: list[Entry] = []
     signatures: list[Signature] = []

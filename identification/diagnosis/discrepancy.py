@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.fit.fitted_model import WIDE, Term
 from identification.model.effects import Effect, Parameter, effects
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Another shape's coefficient, 1 sigma, as a share of the effect's own size: laws of real gears differ by some ten per cent.
@@ -33,20 +33,20 @@ class LawDiscrepancy(Effect):
         self.parameters = tuple(                                                            # type: ignore[misc]
             Parameter(f"shape_{k + 1}", "1", 1.0, -100.0, 100.0) for k in range(shapes))
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         moved = np.zeros((len(rows), 6))
         moved[:, :3] = shapes(self.of, rows, joint) @ values
         return moved
 
 
-def shapes(effect: Effect, rows: Situation, joint: int | None) -> Array:
+def shapes(effect: Effect, rows: LoadState, joint: int | None) -> Array:
     """Columns (n, 3, m) [m] of an effect's shapes and of the laws near it, each for its typical size."""
     near = [effects()[name] for name in effect.near_laws if name in effects()]
     return np.stack([one.rows[:, :, 0] * one.scale[0] for each in (effect, *near) for one in each.signatures(rows, joint)],
                     axis=2)
 
 
-def discrepancies(rows: Situation, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
     """One more term for each whose effect has shapes; its size is told by the term's start."""
     found = []
     for term in terms:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.projection import Base
 from identification.fit.noise import NoiseModel
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Waves over the time (or order) of the measurements, and over a joint's angle.
@@ -48,7 +48,7 @@ class Pattern:
         return np.asarray(np.maximum(-chi2.logsf(total / scale, mean / scale) / np.log(10), 0.0))
 
 
-def patterns(where: Situation, noise: NoiseModel) -> tuple[Pattern, ...]:
+def patterns(where: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
     """The patterns these rows can show."""
     force = where.wrench[:, :3]
     size = np.linalg.norm(force, axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.noise import NoiseModel
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Joints that carry the arm's weight, from 0.
@@ -24,7 +24,7 @@ WEIGHT_NM = 4000.0
 STEP = 1e-4
 
 
-def sag_columns(where: Situation, noise: NoiseModel) -> Array:
+def sag_columns(where: LoadState, noise: NoiseModel) -> Array:
     """Columns (n, 3, 10) in the noise's coordinates, of the size that is usual; none where the robot file has links."""
     if where.robot.link_mass is not None:
         return np.zeros((len(where), 3, 0))

@@ -22,7 +22,7 @@ from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Sets of effects that are carried from one level to the next.
@@ -51,7 +51,7 @@ class Hypothesis:
 class Survey:
     """All hypotheses, the likeliest first, as seen from one fitted model; base: the plain model linearised there."""
 
-    where: Situation
+    where: LoadState
     words: Dictionary
     base: Base
     hypotheses: tuple[Hypothesis, ...]
@@ -108,7 +108,7 @@ def survey(
 
 
 def _grown(
-    base: Base, words: Dictionary, hypothesis: Hypothesis, where: Situation, noise: NoiseModel
+    base: Base, words: Dictionary, hypothesis: Hypothesis, where: LoadState, noise: NoiseModel
 ) -> list[Hypothesis]:
     """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
     if hypothesis.signatures:
@@ -130,7 +130,7 @@ def _grown(
 
 
 def _without_doubt(
-    base: Base, words: Dictionary, where: Situation, noise: NoiseModel
+    base: Base, words: Dictionary, where: LoadState, noise: NoiseModel
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
 

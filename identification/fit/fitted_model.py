@@ -16,7 +16,7 @@ from identification.model.cell import Cell
 from identification.model.compliance import equilibrium, loaded_angles, sensitivity
 from identification.model.effects_in_force import STEP, EffectInForce
 from identification.model.gravity import fall_in_base, gravity_torque
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
@@ -35,9 +35,9 @@ class Term(EffectInForce):
     neutral: Array
 
 
-def situation_of(cell: Cell, rows: Measurements, compliance: Array) -> Situation:
+def situation_of(cell: Cell, rows: Measurements, compliance: Array) -> LoadState:
     """What the effects may look at, on a robot with these springs (6,) [rad/(N m)], that sags under its own weight."""
-    return Situation(
+    return LoadState(
         robot=cell.robot, flange_from_tcp=cell.flange_from_tcp, theta=sagged(cell, rows.theta, compliance),
         wrench=rows.wrench, compliance=compliance,
         visit=rows.visit, reference=rows.reference, time=rows.time, dwell=rows.dwell, row=rows.row, labels=rows.pose,
@@ -59,7 +59,7 @@ def sagged(cell: Cell, theta: Array, compliance: Array) -> Array:
     return found
 
 
-def yields_to_gravity(cell: Cell, here: Situation) -> Array:
+def yields_to_gravity(cell: Cell, here: LoadState) -> Array:
     """How much further (n, 3) [m] the loaded robot yields because its weight has moved with it, first order: the change of
     the gravity torques turns the springs once more. 0.1 to 0.4 % of the deflection on the IRB 6660."""
     moved = _gravity(cell, here.loaded) - _gravity(cell, here.theta)
@@ -72,7 +72,7 @@ def split(x: Array, terms: tuple[Term, ...]) -> list[Array]:
     return np.split(x[6:], ends[:-1]) if terms else []
 
 
-def added(where: Situation, terms: tuple[Term, ...], x: Array) -> Array:
+def added(where: LoadState, terms: tuple[Term, ...], x: Array) -> Array:
     """What the terms add to the readings (n, 3) [m]; those of the robot feel the force that really acted."""
     total = np.zeros((len(where), 3))
     felt = where

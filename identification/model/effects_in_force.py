@@ -1,7 +1,7 @@
 """Effects in force beyond the six springs: what they add to the deviation, and how that changes with what was identified.
 
 The plain robot comes to rest at `theta~ + L dq` (compliance.py). There each effect in force contributes a displacement e of the
-TCP (situation.py), and the tool stands at `p = p_plain + e_p`, `R = Rot(e_r) R_plain`. What was identified is
+TCP (load_state.py), and the tool stands at `p = p_plain + e_p`, `R = Rot(e_r) R_plain`. What was identified is
 x = (ln c (6,), parameters of the effects in their order, each in its own unit).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects import Effect
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 from identification.model.rotations import Frame, rotation_matrix
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class EffectInForce:
         """The parameters' names as in stiffness.json: backlash[1].half_gap_rad."""
         return [f"{self.label}.{parameter.name}" for parameter in self.effect.parameters]
 
-    def contribution(self, rows: Situation, values: Array) -> Array:
+    def contribution(self, rows: LoadState, values: Array) -> Array:
         """What it adds to the deviation (n, 6): position [m] and rotation vector [rad]; values of its parameters (P,)."""
         return self.effect.contribution(rows, self.joint, values)
 
@@ -50,7 +50,7 @@ def split(values: Array, effects: Sequence[EffectInForce]) -> list[Array]:
     return np.split(values, ends[:-1]) if effects else []
 
 
-def added(rows: Situation, effects: Sequence[EffectInForce], values: Array) -> Array:
+def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
     """What the effects add to the deviation (n, 6): position [m] and rotation vector [rad], base frame; values (P,).
 
     The rows stand in the order in which the loads come: that order is the history of effects with a memory.
@@ -66,7 +66,7 @@ def displaced(pose: Frame, moved: Array) -> Frame:
     return Frame(rotation_matrix(moved[:, 3:]) @ pose.rotation, pose.position + moved[:, :3])
 
 
-def slopes(rows: Situation, effects: Sequence[EffectInForce], values: Array) -> Array:
+def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
     """Derivative (n, 6, 6 + P) of what the effects add by x, by differences, the loaded pose held; rows at their loaded pose.
 
     Where a parameter changes the state a load history leaves behind, it is the derivative along that history.

@@ -1,4 +1,4 @@
-"""Situation: what a physical effect may look at, at the pose the loaded plain robot stands in.
+"""LoadState: what a physical effect may look at, at the pose the loaded plain robot stands in.
 
 Effects beyond the plain springs (effects/) are small beside them, so each is a contribution on top of the plain model at its
 equilibrium: torques, Jacobians and lever arms are those of the loaded pose, which leaves an error of second order.
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class LoadState:
     """n rows in the order the loads were put on.
 
     theta (n, 6) controller angles [rad]; wrench (n, 6) on the tool at the TCP, base frame [N, N m]; compliance (6,)
@@ -53,7 +53,7 @@ class Situation:
     def __len__(self) -> int:
         return len(self.theta)
 
-    def with_compliance(self, compliance: Array) -> Situation:
+    def with_compliance(self, compliance: Array) -> LoadState:
         """The same rows on a robot with other springs (6,) [rad/(N m)]."""
         other = replace(self, compliance=compliance)
         if self.at_load:
@@ -157,13 +157,13 @@ class Situation:
         return np.concatenate([[True], np.diff(self.visit) != 0])[: len(self.theta)]
 
 
-def situation(
+def load_state(
     robot: RobotModel, flange_from_tcp: Frame, theta: Array, wrench: Array, compliance: Array, *, fall: Array = DOWN,
     tool_mass: float | None = None, tool_centre: Array | None = None, at_load: bool = False, dwell: Array | None = None,
-) -> Situation:
+) -> LoadState:
     """A stretch of one toolpath: one visit, one reference, no times, dwell (n,) [s] where it is known."""
     count = len(theta)
     nothing, zero = np.full(count, np.nan), np.zeros(count, dtype=np.intp)
-    return Situation(robot, flange_from_tcp, theta, wrench, compliance, zero, zero, nothing,
+    return LoadState(robot, flange_from_tcp, theta, wrench, compliance, zero, zero, nothing,
                      nothing if dwell is None else dwell, np.full(count, "", dtype=object), np.arange(1, count + 1), fall,
                      tool_mass, tool_centre, at_load)

@@ -12,7 +12,7 @@ from identification.model.compliance import deviation, displacement, equilibrium
 from identification.model.effects_in_force import EffectInForce, added, displaced, slopes
 from identification.model.gravity import DOWN
 from identification.model.kinematics import forward
-from identification.model.load_state import Situation, situation
+from identification.model.load_state import LoadState, load_state
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
 
@@ -114,17 +114,17 @@ class IdentifiedModel:
         covariance[:6, :6] += (std / factor) ** 2
         return replace(self, mean=mean, covariance=covariance, interval=None)
 
-    def situation(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Situation:
+    def load_state(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> LoadState:
         """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench
         (N, 6); flange_from_tcp one tool or one a row; dwell (N,) [s] time the load has been on."""
-        return situation(self.robot, flange_from_tcp, theta, wrench, self.compliance, fall=self.fall, tool_mass=self.tool_mass,
+        return load_state(self.robot, flange_from_tcp, theta, wrench, self.compliance, fall=self.fall, tool_mass=self.tool_mass,
                          tool_centre=self.tool_centre, at_load=True, dwell=dwell)
 
-    def added(self, rows: Situation) -> Array:
+    def added(self, rows: LoadState) -> Array:
         """What the effects in force add to the plain model's deviation (N, 6) [m, rad]."""
         return added(rows, self.effects, self.values)
 
-    def slopes(self, rows: Situation) -> Array:
+    def slopes(self, rows: LoadState) -> Array:
         """Derivative (N, 6, 6 + P) of `added` by (ln c, parameters)."""
         return slopes(rows, self.effects, self.values)
 
@@ -136,7 +136,7 @@ class IdentifiedModel:
         state = equilibrium(self.robot, theta, flange_from_tcp, wrench, self.compliance)
         rest = loaded_angles(self.robot, theta, state.deflection)
         plain = forward(self.robot, rest, flange_from_tcp)
-        return displaced(plain, self.added(self.situation(rest, wrench, flange_from_tcp)))
+        return displaced(plain, self.added(self.load_state(rest, wrench, flange_from_tcp)))
 
     def predict(self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None) -> tuple[Array, Array, Array]:
         """Predicted TCP deviation and its posterior covariance.
@@ -162,7 +162,7 @@ class IdentifiedModel:
         by_x = signature(self.robot, theta, flange_from_tcp, wrench) * self.compliance
         if self.effects:
             if of_effects is None:
-                of_effects = self.slopes(self.situation(theta, wrench, flange_from_tcp))
+                of_effects = self.slopes(self.load_state(theta, wrench, flange_from_tcp))
             by_x = np.concatenate([by_x + of_effects[:, :, :6], of_effects[:, :, 6:]], axis=2)
         return np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
 

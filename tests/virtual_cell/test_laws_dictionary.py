@@ -13,7 +13,7 @@ import pytest
 
 from identification.model.effects import effects
 from identification.model.effects.sensor_step import SensorStep
-from identification.model.load_state import Situation, situation
+from identification.model.load_state import LoadState, load_state
 from identification.model.robot import RobotModel, read_robot
 from identification.model.rotations import Frame
 from tests.virtual_cell.cell import DICTIONARY, Case, Hidden, simulate
@@ -31,10 +31,10 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
     return read_robot(path)
 
 
-def rows(robot: RobotModel, case: Case) -> Situation:
-    plain = situation(robot, Frame(np.eye(3), np.array(case.tool.tcp)), case.theta, case.wrench, 1 / case.stiffness,
+def rows(robot: RobotModel, case: Case) -> LoadState:
+    plain = load_state(robot, Frame(np.eye(3), np.array(case.tool.tcp)), case.theta, case.wrench, 1 / case.stiffness,
                       tool_mass=case.tool.mass, tool_centre=np.array(case.tool.centre))
-    return Situation(**{**vars(plain), "visit": case.design.pose - 1, "time": case.time, "dwell": case.dwell,
+    return LoadState(**{**vars(plain), "visit": case.design.pose - 1, "time": case.time, "dwell": case.dwell,
                         "labels": np.array(case.pose, dtype=object)})
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, saturated
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # Friction holds the gear in its gap below this torque [N m]: an assumption, small against any cutting load's.
@@ -32,17 +32,17 @@ class Backlash(Effect):
     turning = "crosses its gap"
     settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         gravity = rows.gravity[:, i]
         turned = values[0] * (_sign(gravity + rows.torque[:, i]) - _sign(gravity))
         return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
 
-    def side(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         return np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
 
-    def undecided(self, rows: Situation, joint: int | None) -> NDArray[np.bool_]:
+    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
         i = (joint or 1) - 1
         lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
         doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))

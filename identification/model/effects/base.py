@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 ONLY_IN_MOTION = "it shows only in logs taken in motion"
@@ -87,11 +87,11 @@ class Effect(ABC):
         """What says, beside the joint, which one it is (the row of a step)."""
         return {}
 
-    def neutral(self, rows: Situation) -> Array:
+    def neutral(self, rows: LoadState) -> Array:
         """The parameter values (P,) at which the effect is absent; of no meaning for those that only shape it."""
         return np.zeros(len(self.parameters))
 
-    def typical(self, rows: Situation, joint: int | None) -> Array:
+    def typical(self, rows: LoadState, joint: int | None) -> Array:
         """Typical sizes (P,) of the parameters on this robot."""
         return np.array([parameter.typical for parameter in self.parameters])
 
@@ -100,23 +100,23 @@ class Effect(ABC):
         """The joints it may sit at, (None,) where it belongs to none."""
         return self.joints or (None,)
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         """Why these rows cannot show it at all, "" where they can."""
         return ""
 
-    def undecided(self, rows: Situation, joint: int | None) -> NDArray[np.bool_]:
+    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
         """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it."""
         return np.zeros(len(rows), dtype=bool)
 
     @abstractmethod
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         """What it adds to the deviation, or to the reading: (n, 6), position [m] and rotation [rad]; values (P,)."""
 
-    def side(self, rows: Situation, joint: int | None, values: Array) -> Array | None:
+    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array | None:
         """At which end of its play or friction each row rests (n,): -1 or 1, 0 in between. None: it has no such ends."""
         return None
 
-    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array | None:
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array | None:
         """The wrench (n, 6) that really acted where the effect is one of the force's measurement; None: as reported."""
         return None
 
@@ -124,7 +124,7 @@ class Effect(ABC):
         """What it adds to the deflection of a joint in a log taken in motion (n,) [rad]; None: it does not show there."""
         return None
 
-    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         """All signatures of the effect at one place: by differences of `contribution`, one for each value of the grids."""
         grids = [parameter.grid or (None,) for parameter in self.parameters]
         linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
@@ -137,7 +137,7 @@ class Effect(ABC):
             found.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
         return found
 
-    def _slope(self, rows: Situation, joint: int | None, fixed: Array, which: int) -> Array:
+    def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""
         step = np.zeros(len(fixed))
         step[which] = self.parameters[which].typical

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,6 @@ class BaseRocking(Effect):
     sentence = "the robot rocks on its base: floor, anchors or pedestal give way"
     settles = "a dial gauge on the base while the tool is loaded"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         base = np.zeros((len(rows), 3))
         return rows.turned(base, values[0] * rows.moment_about(base) * [1.0, 1.0, 0.0])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ class BaseShift(Effect):
     sentence = "the base of the robot slides or gives way sideways"
     settles = "a dial gauge at the foot of the base while the tool is loaded"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         moved = np.zeros((len(rows), 6))
         moved[:, :2] = values[0] * rows.wrench[:, :2]
         return moved

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class BearingTilt(Effect):
     sentence = "the bearing of joint {joint} tilts under load across its axis"
     settles = "a dial gauge across the bearing while the tool is loaded"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         axis, pivot = rows.axes[:, i], rows.origins[:, i]
         moment = rows.moment_about(pivot)

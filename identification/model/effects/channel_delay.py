@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import ONLY_IN_MOTION, Effect, Parameter
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -33,10 +33,10 @@ class ChannelDelay(Effect):
     def where(self) -> dict[str, int | str]:
         return {"channel": self.channel}
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         return ONLY_IN_MOTION
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.zeros((len(rows), 6))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:

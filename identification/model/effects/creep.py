@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -22,9 +22,9 @@ class Creep(Effect):
     sentence = "the robot goes on yielding while the load is on"
     settles = "hold one load and read the sensors after 5 and after 60 seconds"
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         return "dwell_s is not given" if np.isnan(rows.dwell).all() else ""
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         grown = values[0] * np.log1p(np.nan_to_num(rows.dwell) / values[1])
         return np.asarray(rows.elastic * grown[:, None])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class DeflectionSensorGain(Effect):
     sentence = "a deflection sensor reads too much or too little"
     settles = "move the target by a gauge block in front of each sensor"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         read = np.zeros_like(rows.elastic)
         read[:, :3] = values * rows.elastic[:, :3]
         return read

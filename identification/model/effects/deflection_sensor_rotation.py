@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 from identification.model.rotations import rotation_matrix
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ class DeflectionSensorRotation(Effect):
     sentence = "the deflection sensors are turned against the robot's base axes"
     settles = "jog the robot along base x, y and z without force and read the sensors"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         read = np.zeros_like(rows.elastic)
         read[:, :3] = rows.elastic[:, :3] @ rotation_matrix(values).T - rows.elastic[:, :3]
         return read

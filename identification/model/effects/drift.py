@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,16 +23,16 @@ class Drift(Effect):
     sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
     settles = "leave the robot unloaded and read the sensors every ten minutes"
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         return "time_s is not given" if np.isnan(rows.time).all() else ""
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         read = np.zeros((len(rows), 6))
         read[:, :3] = np.nan_to_num(since_reference(rows))[:, None] * values
         return read
 
 
-def since_reference(rows: Situation) -> Array:
+def since_reference(rows: LoadState) -> Array:
     """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones."""
     since = rows.time.copy()
     for reference in np.unique(rows.reference)[1:]:

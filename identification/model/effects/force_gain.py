@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -22,8 +22,8 @@ class ForceGain(Effect):
     sentence = "the force sensor's scale is off"
     settles = "hang a dead weight on the tool, or read the second force sensor"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(values[0] * rows.elastic)
 
-    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray((1 + values[0]) * rows.wrench)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 from identification.model.rotations import rotation_matrix
 
 Array = NDArray[np.float64]
@@ -24,9 +24,9 @@ class ForceMisalignment(Effect):
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
 
-    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         turn = rotation_matrix(values)
         return np.concatenate([rows.wrench[:, :3] @ turn.T, rows.wrench[:, 3:] @ turn.T], axis=1)

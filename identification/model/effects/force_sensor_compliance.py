@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ class ForceSensorCompliance(Effect):
     sentence = "the force sensor between flange and spindle tilts under load"
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         pivot = rows.origins[:, 5]
         moment = np.einsum("nij,ni->nj", rows.flange, rows.moment_about(pivot)) * [1.0, 1.0, 0.0]
         return rows.turned(pivot, values[0] * np.einsum("nij,nj->ni", rows.flange, moment))

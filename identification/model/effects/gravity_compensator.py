@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, Signature, polar
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,10 +23,10 @@ class GravityCompensator(Effect):
     sentence = "the gravity compensator makes joint 2 stiffer at some angles than at others"
     settles = "measure at more angles of joint 2"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         share = values[0] * np.cos(2 * rows.theta[:, 1] + values[1])
         return np.asarray(rows.jacobian[:, :, 1] * (rows.torque[:, 1] * rows.compliance[1] * share)[:, None])
 
-    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         columns = [self.contribution(rows, joint, np.array([1.0, phase]))[:, :3] for phase in (0.0, np.pi / 2)]
         return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, polar, self)]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -27,12 +27,12 @@ class Hysteresis(Effect):
     turning = "slips the other way"
     settles = "load up, down and up again without leaving the pose, and read at zero load each time"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         turned = values[0] * slip_state(rows.torque[:, i], rows.starts, values[1])
         return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
 
-    def side(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.trunc(slip_state(rows.torque[:, (joint or 1) - 1], rows.starts, values[1]))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:

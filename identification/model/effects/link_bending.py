@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class LinkBending(Effect):
     sentence = "link {joint} (2 lower arm, 3 forearm) bends"
     settles = "a force at the elbow, not at the tool"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         z2 = rows.axes[:, 1]
         rod = joint == 2 and bool(np.any(rows.robot.coupling != np.eye(6)))
         if joint == 2:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import ONLY_IN_MOTION, Effect, Parameter
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,10 +23,10 @@ class MotorInertia(Effect):
     sentence = "part of the logged torque of joint {joint} accelerates its motor and never reaches the gear's spring"
     settles = "move at constant speed"
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         return ONLY_IN_MOTION
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.zeros((len(rows), 6))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, Signature
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -22,10 +22,10 @@ class Parallelogram(Effect):
     sentence = "the load does not go through the parallel rod as the model assumes"
     settles = "ask the maker where gear 3 sits, or load the forearm at two angles of joint 2"
 
-    def missing(self, rows: Situation) -> str:
+    def missing(self, rows: LoadState) -> str:
         return "" if _coupled(rows) is not None else "the robot has no parallel rod"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         driven, driver = _coupled(rows) or (2, 1)
         torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
 
@@ -35,10 +35,10 @@ class Parallelogram(Effect):
 
         return np.asarray(rows.compliance[driver] * (moved(float(values[0])) - moved(_assumed(rows))))
 
-    def neutral(self, rows: Situation) -> Array:
+    def neutral(self, rows: LoadState) -> Array:
         return np.array([_assumed(rows)])
 
-    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         assumed = _assumed(rows)
         other = 1.0 - assumed
         found = []
@@ -48,12 +48,12 @@ class Parallelogram(Effect):
         return found
 
 
-def _coupled(rows: Situation) -> tuple[int, int] | None:
+def _coupled(rows: LoadState) -> tuple[int, int] | None:
     """Index of the driven axis and of the axis that drives it."""
     pairs = np.argwhere(rows.robot.coupling - np.eye(6) != 0)
     return None if len(pairs) == 0 else (int(pairs[0, 0]), int(pairs[0, 1]))
 
 
-def _assumed(rows: Situation) -> float:
+def _assumed(rows: LoadState) -> float:
     """The ratio of the plain model."""
     return 1.0 if rows.robot.load_path == "drive" else 0.0

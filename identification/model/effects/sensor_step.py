@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, Signature
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # In longer files only the starts of poses are tried as places of a step.
@@ -33,10 +33,10 @@ class SensorStep(Effect):
     def where(self) -> dict[str, int | str]:
         return {self.kind: self.place}
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(self._mask(rows)[:, None] * np.concatenate([values, np.zeros(3)]))
 
-    def _mask(self, rows: Situation) -> NDArray[np.bool_]:
+    def _mask(self, rows: LoadState) -> NDArray[np.bool_]:
         """The rows (n,) the step touches: a pose's, or from a row of the file on until the reference is taken anew."""
         if self.kind == "pose":
             return np.asarray(_names(rows) == self.place)
@@ -45,7 +45,7 @@ class SensorStep(Effect):
             return after
         return np.asarray(after & (rows.reference == rows.reference[int(np.argmax(after))]))
 
-    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         first = rows.row[1:] if len(rows) <= MOST_ROWS else rows.row[rows.starts][1:]
         names = _names(rows)
         poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]
@@ -56,7 +56,7 @@ class SensorStep(Effect):
                 for step, local in steps]
 
 
-def _names(rows: Situation) -> NDArray[np.object_]:
+def _names(rows: LoadState) -> NDArray[np.object_]:
     """The name of each row's pose (n,): its label, or the number of its visit from 1."""
     numbers = np.array([str(visit + 1) for visit in rows.visit.tolist()], dtype=object)
     return np.where(rows.labels == "", numbers, rows.labels)

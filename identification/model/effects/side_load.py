@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, Signature, polar
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -24,16 +24,16 @@ class SideLoad(Effect):
     sentence = "the loading device pushes sideways too, in the direction it moves"
     settles = "read both force sensors, or put a ball between cylinder and tool"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
 
-    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         across, other = self._along(rows)
         aside = values[0] * (np.cos(values[1]) * across + np.sin(values[1]) * other)
         return np.concatenate([rows.wrench[:, :3] + aside, rows.wrench[:, 3:]], axis=1)
 
     @staticmethod
-    def _along(rows: Situation) -> tuple[Array, Array]:
+    def _along(rows: LoadState) -> tuple[Array, Array]:
         """Side forces (n, 3) [N] for a ratio of 1 along a and along e x a."""
         force = rows.wrench[:, :3]
         size = np.linalg.norm(force, axis=1, keepdims=True)
@@ -49,6 +49,6 @@ class SideLoad(Effect):
         pushed = size * np.sign(np.sum((force - before) * e, axis=1, keepdims=True))
         return pushed * a, pushed * np.cross(e, a)
 
-    def signatures(self, rows: Situation, joint: int | None) -> list[Signature]:
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         columns = [self.contribution(rows, joint, np.array([1.0, angle]))[:, :3] for angle in (0.0, np.pi / 2)]
         return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, polar, self)]

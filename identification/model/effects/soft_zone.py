@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter, saturated
 from identification.model.joint_log import JointLog
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # K3 / K1 - 1 of harmonic gears, 1.5 to 1.9 in data sheets.
@@ -29,14 +29,14 @@ class SoftZone(Effect):
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = (joint or 1) - 1
         extra, torque = values
         gravity = rows.gravity[:, i]
         turned = extra * (saturated((gravity + rows.torque[:, i]) / torque) - saturated(gravity / torque))
         return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
 
-    def typical(self, rows: Situation, joint: int | None) -> Array:
+    def typical(self, rows: LoadState, joint: int | None) -> Array:
         torque = self.parameters[1].typical
         return np.array([SOFTER * torque * rows.compliance[(joint or 1) - 1], torque])
 

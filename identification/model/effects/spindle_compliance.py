@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ class SpindleCompliance(Effect):
     sentence = "tool and spindle bend sideways"
     settles = "a dial gauge between spindle nose and tool tip while the tool is loaded"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         axis, force = rows.tool[:, :, 2], rows.wrench[:, :3]
         across = force - axis * np.sum(axis * force, axis=1, keepdims=True)
         return np.concatenate([values[0] * across, np.zeros_like(across)], axis=1)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ class TargetCurvature(Effect):
     sentence = "the deflection sensor looks at a curved target: sideways motion shows as distance"
     settles = "repeat with the load's sign turned round: curvature reads the same, a spring the opposite"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         square = rows.elastic[:, :3] ** 2
         sideways = square.sum(axis=1, keepdims=True) - square
         read = np.zeros_like(rows.elastic)

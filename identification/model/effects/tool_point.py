@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -23,10 +23,10 @@ class ToolPoint(Effect):
     sentence = "the load did not act at the modelled tool point"
     settles = "measure where the cylinder touches the tool"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
 
-    def true_wrench(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         lever = np.einsum("nij,j->ni", rows.tool, values)
         moment = rows.wrench[:, 3:] + np.cross(lever, rows.wrench[:, :3])
         return np.concatenate([rows.wrench[:, :3], moment], axis=1)

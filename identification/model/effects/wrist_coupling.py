@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects.base import Effect, Parameter
-from identification.model.load_state import Situation
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,6 @@ class WristCoupling(Effect):
     sentence = "the gears of the wrist are coupled: a torque at axis 5 turns axis 6 and the other way round"
     settles = "a pure moment on the flange about axis 6 with a dial gauge on axis 5"
 
-    def contribution(self, rows: Situation, joint: int | None, values: Array) -> Array:
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         twisted = rows.jacobian[:, :, 4] * rows.torque[:, 5:] + rows.jacobian[:, :, 5] * rows.torque[:, 4:5]
         return np.asarray(values[0] * twisted)

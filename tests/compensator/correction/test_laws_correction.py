@@ -19,7 +19,7 @@ from tests.virtual_cell.arm import IRB6660
 
 def residual_of(sample: Corrected, compliance: np.ndarray) -> np.ndarray:
     """Distance vectors (M, 3) [m] of the loaded tool from the plan when the robot really has this compliance."""
-    plan, targets = sample.predicted.plan, sample.correction.targets
+    plan, targets = sample.predicted.path, sample.correction.targets
     tool = sample.predicted.cell.flange_from_tcp
     loaded = loaded_pose(sample.predicted.cell.robot, sample.correction.theta, tool, sample.predicted.forces.wrench[targets],
                          compliance)
@@ -64,7 +64,7 @@ def test_the_residual_of_robots_drawn_from_the_posterior_is_what_the_covariance_
     rng = np.random.default_rng(1)
     squares = [np.mean(residual_of(sample, np.exp(rng.multivariate_normal(model.mean, model.covariance))) ** 2, axis=0)
                for _ in range(60)]
-    covariance = model.deviation_covariance(predicted.plan.theta[targets], predicted.forces.wrench[targets],
+    covariance = model.deviation_covariance(predicted.path.theta[targets], predicted.forces.wrench[targets],
                                             predicted.cell.flange_from_tcp)
     stated = np.mean(np.diagonal(covariance, axis1=1, axis2=2)[:, :3], axis=0)
     assert_allclose(np.mean(squares, axis=0), stated, rtol=0.5)
@@ -79,9 +79,9 @@ def test_no_target_is_made_worse_by_such_a_robot(sample: Corrected) -> None:
     rng = np.random.default_rng(2)
     for _ in range(10):
         compliance = np.exp(rng.multivariate_normal(model.mean, model.covariance))
-        loaded = loaded_pose(predicted.cell.robot, predicted.plan.theta[targets], tool, predicted.forces.wrench[targets],
+        loaded = loaded_pose(predicted.cell.robot, predicted.path.theta[targets], tool, predicted.forces.wrench[targets],
                              compliance)
-        before = np.linalg.norm(loaded.position - predicted.plan.base_from_tcp.position[targets], axis=1)
+        before = np.linalg.norm(loaded.position - predicted.path.base_from_tcp.position[targets], axis=1)
         after = np.linalg.norm(residual_of(sample, compliance), axis=1)
         assert np.all(after <= before + 2 * sigma)
 
@@ -95,8 +95,8 @@ def test_stiffnesses_wrong_by_30_percent_leave_30_percent(sample: Corrected) -> 
 
 def test_no_force_no_correction(sample: Corrected) -> None:
     forces = replace(sample.predicted.forces, forced=np.zeros_like(sample.predicted.forces.forced))
-    targets, findings = targets_to_correct(sample.predicted.plan, forces)
-    prediction = predict_path(sample.predicted.plan, forces, sample.predicted.model, targets)
+    targets, findings = targets_to_correct(sample.predicted.path, forces)
+    prediction = predict_path(sample.predicted.path, forces, sample.predicted.model, targets)
     again = correct_program(replace(sample.predicted, forces=forces, prediction=prediction))
     assert not findings
     assert again.content == sample.predicted.program.source.data
@@ -106,8 +106,8 @@ def test_opposite_forces_give_opposite_first_order_corrections(sample: Corrected
     predicted = sample.predicted
     targets = sample.correction.targets
     turned = replace(predicted.forces, wrench=-predicted.forces.wrench)
-    mirrored = correct_path(predicted.plan, turned, predicted.model, targets)
-    full = correct_path(predicted.plan, predicted.forces, predicted.model, targets)
+    mirrored = correct_path(predicted.path, turned, predicted.model, targets)
+    full = correct_path(predicted.path, predicted.forces, predicted.model, targets)
     size = np.linalg.norm(full.offset, axis=1)
     assert np.all(np.linalg.norm(mirrored.offset + full.offset, axis=1) < 5e-3 * size)
 
@@ -136,15 +136,15 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
 
 def test_limits_refuse(sample: Corrected) -> None:
     predicted, targets = sample.predicted, sample.correction.targets
-    tight = replace(predicted.plan, cell=replace(predicted.cell, max_offset=1e-4))
+    tight = replace(predicted.path, cell=replace(predicted.cell, max_offset=1e-4))
     with pytest.raises(Refused, match=r"CS4107.*exceed the limit: the largest offset is 0\.3.* mm, the limit 0\.1 mm"):
         correct_path(tight, predicted.forces, predicted.model, targets)
-    tilt = replace(predicted.plan, cell=replace(predicted.cell, max_tilt=np.radians(0.01)))
+    tilt = replace(predicted.path, cell=replace(predicted.cell, max_tilt=np.radians(0.01)))
     with pytest.raises(Refused, match=r"CS4107.*largest rotation is 0\.02.* deg, the limit 0\.01 deg"):
         correct_path(tilt, predicted.forces, predicted.model, targets)
     limits = predicted.cell.robot.limits.copy()
-    limits[4, 1] = predicted.plan.theta[targets, 4].max() - 1e-4
-    narrow = replace(predicted.plan, cell=replace(predicted.cell, robot=replace(predicted.cell.robot, limits=limits)))
+    limits[4, 1] = predicted.path.theta[targets, 4].max() - 1e-4
+    narrow = replace(predicted.path, cell=replace(predicted.cell, robot=replace(predicted.cell.robot, limits=limits)))
     with pytest.raises(Refused, match=r"CS4105.*as planned: joint 5 at"):
         targets_to_correct(narrow, predicted.forces)
 
@@ -152,7 +152,7 @@ def test_limits_refuse(sample: Corrected) -> None:
 def test_absurd_forces_are_an_error_not_a_program(sample: Corrected) -> None:
     huge = replace(sample.predicted.forces, wrench=1e5 * sample.predicted.forces.wrench)
     with pytest.raises(CompstiffError):
-        correct_path(sample.predicted.plan, huge, sample.predicted.model, sample.correction.targets)
+        correct_path(sample.predicted.path, huge, sample.predicted.model, sample.correction.targets)
 
 
 def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +162,7 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
 
     air = next(line for line in sample.content.split(b"\r\n") if b"vAir" in line and line.lstrip().startswith(b"MoveL"))
     cut = next(line for line in sample.content.split(b"\r\n") if b"v45cut" in line and line.lstrip().startswith(b"MoveL"))
-    corrected = sample.content.split(b"\r\n")[int(sample.predicted.plan.toolpath.line[sample.correction.targets[50]]) - 1]
+    corrected = sample.content.split(b"\r\n")[int(sample.predicted.path.toolpath.line[sample.correction.targets[50]]) - 1]
     for old, new in (
         (corrected, corrected.replace(b"MoveL [[", b"MoveL [[9")),
         (air, air.replace(b"MoveL [[", b"MoveL [[9")),
@@ -183,4 +183,4 @@ def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample:
 
     monkeypatch.setattr(correction, "joint_torque", lambda *arguments: 1.01 * joint_torque(*arguments))
     with pytest.raises(CompstiffError, match="CS4108.*did not converge"):
-        correct_path(sample.predicted.plan, sample.predicted.forces, sample.predicted.model, sample.correction.targets)
+        correct_path(sample.predicted.path, sample.predicted.forces, sample.predicted.model, sample.correction.targets)

@@ -65,7 +65,7 @@ def rms(vectors: np.ndarray) -> float:
 
 def commanded(done: Corrected) -> np.ndarray:
     """Angles (N, 6) [rad] of the corrected program's targets."""
-    theta = done.predicted.plan.theta.copy()
+    theta = done.predicted.path.theta.copy()
     theta[done.correction.targets] = done.correction.theta
     return theta
 
@@ -75,7 +75,7 @@ def test_the_loaded_tool_stands_on_the_plan(tmp_path: Path, hidden: Hidden) -> N
     """By the forward model to 1e-8 m; on the independent plant with that effect, far nearer than with the plain model."""
     path = varied()
     done, plain = corrected(tmp_path / "extended", path, [hidden]), corrected(tmp_path / "plain", path)
-    targets, plan = done.correction.targets, done.predicted.plan
+    targets, plan = done.correction.targets, done.predicted.path
     assert len(targets) == 24
     assert done.correction.residual.max() < 1e-8
     assert done.residual.max() < 1e-7                           # with the numbers as written
@@ -96,14 +96,14 @@ def test_several_effects_at_once(tmp_path: Path) -> None:
     path = there_and_back()
     done = corrected(tmp_path, path, hidden)
     targets = done.correction.targets
-    goal = done.predicted.plan.base_from_tcp.position[targets]
+    goal = done.predicted.path.base_from_tcp.position[targets]
     assert done.correction.residual.max() < 1e-8
     assert rms(driven(plant_of(hidden), commanded(done), path.wrench)[targets] - goal) < 0.3e-6
 
 
 def test_the_orientation_comes_back_too(tmp_path: Path) -> None:
     done = corrected(tmp_path, varied(), [TILT])
-    plan, targets = done.predicted.plan, done.correction.targets
+    plan, targets = done.predicted.path, done.correction.targets
     loaded = loaded_path(plan, done.predicted.forces, done.predicted.model, targets, done.correction.theta)
     assert_allclose(loaded.rotation, plan.base_from_tcp.rotation[targets], atol=1e-10)
 
@@ -126,10 +126,10 @@ def test_no_force_no_correction(tmp_path: Path) -> None:
     predicted = predict_program(job(tmp_path, there_and_back(), [BACKLASH, HYSTERESIS, SPINDLE]))
     still = replace(predicted.forces, forced=np.zeros_like(predicted.forces.forced), wrench=0 * predicted.forces.wrench)
     none = np.zeros(0, dtype=np.intp)
-    prediction = predict_path(predicted.plan, still, predicted.model, none)
+    prediction = predict_path(predicted.path, still, predicted.model, none)
     assert correct_program(replace(predicted, forces=still, prediction=prediction)).content == predicted.program.source.data
     unforced = replace(predicted.forces, wrench=0 * predicted.forces.wrench)
-    offset = correct_path(predicted.plan, unforced, predicted.model, predicted.prediction.targets).offset
+    offset = correct_path(predicted.path, unforced, predicted.model, predicted.prediction.targets).offset
     assert_allclose(offset, 0, atol=1e-12)
 
 
@@ -144,7 +144,7 @@ def test_one_forward_model(tmp_path: Path) -> None:
     """What the program's model predicts along the path is what the identified model says of the same rows in a row."""
     done = corrected(tmp_path, varied(), [BACKLASH, HYSTERESIS])
     predicted, targets = done.predicted, done.correction.targets
-    theta, wrench = predicted.plan.theta, predicted.forces.wrench
+    theta, wrench = predicted.path.theta, predicted.forces.wrench
     position, rotation, covariance = predicted.model.predict(theta, wrench, predicted.cell.flange_from_tcp)
     assert_allclose(predicted.prediction.position, position[targets], atol=1e-13)
     assert_allclose(predicted.prediction.rotation, rotation[targets], atol=1e-13)
@@ -203,7 +203,7 @@ def test_history_passes_from_tool_to_tool(tmp_path: Path) -> None:
     one = correct_program(predict_program(inputs))
     two_tools(inputs)
     other = correct_program(predict_program(inputs))
-    assert len(np.unique(other.predicted.plan.toolpath.tool[other.correction.targets])) == 2
+    assert len(np.unique(other.predicted.path.toolpath.tool[other.correction.targets])) == 2
     assert_allclose(other.correction.offset, one.correction.offset, atol=1e-12)
     assert_allclose(other.predicted.prediction.covariance, one.predicted.prediction.covariance, rtol=1e-9)
 
@@ -235,7 +235,7 @@ def test_creep_counts_the_time_since_the_load_came_on(tmp_path: Path) -> None:
     creep = Hidden("creep", parameters={"ratio": 0.02, "time_s": 3.0})
     path = there_and_back()
     with_creep, plain = (corrected(tmp_path / name, path, hidden) for name, hidden in (("creep", [creep]), ("plain", [])))
-    position = plain.predicted.plan.base_from_tcp.position
+    position = plain.predicted.path.base_from_tcp.position
     seconds = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))]) / 0.05
     dwell = np.concatenate([seconds[FIRST] - seconds[FIRST.start - 1], seconds[SECOND] - seconds[SECOND.start - 1]])
     ratio = (np.linalg.norm(with_creep.predicted.prediction.position, axis=1)
@@ -286,8 +286,8 @@ def test_resting_angles_are_the_plan_where_nothing_is_displaced(tmp_path: Path) 
     absent = Hidden("spindle_compliance", parameters={"radial_m_per_n": 0.0})
     predicted = predict_program(job(tmp_path, there_and_back(), [absent]))
     targets = predicted.prediction.targets
-    rest = resting_angles(predicted.plan, predicted.forces, predicted.model, targets)
-    assert_allclose(rest, predicted.plan.theta[targets], atol=1e-12)
-    assert state_changes(predicted.plan, predicted.forces, predicted.model, targets) == []
-    again = loaded_path(predicted.plan, predicted.forces, predicted.model, targets, predicted.plan.theta[targets])
+    rest = resting_angles(predicted.path, predicted.forces, predicted.model, targets)
+    assert_allclose(rest, predicted.path.theta[targets], atol=1e-12)
+    assert state_changes(predicted.path, predicted.forces, predicted.model, targets) == []
+    again = loaded_path(predicted.path, predicted.forces, predicted.model, targets, predicted.path.theta[targets])
     assert isinstance(again, Frame)

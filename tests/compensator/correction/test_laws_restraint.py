@@ -54,7 +54,7 @@ def test_the_stated_chance_of_harm_is_how_often_it_happens() -> None:
 def test_expected_worse_is_the_mean_over_robots_of_the_posterior(sample: Corrected) -> None:
     """Counted over robots drawn from the posterior; the stated figure holds the scatter of the forces too, so it is larger."""
     predicted, correction = sample.predicted, sample.correction
-    plan, model, targets = predicted.plan, predicted.model, correction.targets
+    plan, model, targets = predicted.path, predicted.model, correction.targets
     tool, wrench = predicted.cell.flange_from_tcp, predicted.forces.wrench[targets]
     rng, worse = np.random.default_rng(8), []
     for _ in range(20):

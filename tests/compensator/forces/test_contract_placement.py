@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from compensator.correction.job import Inputs, predict_program
 from compensator.correction.settings import Settings
 from compensator.forces.placement import TargetForces, place_forces, read_force_log
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError
 from identification.model.cell import read_cell
@@ -22,14 +22,14 @@ tool: {position_mm: [120, 0, 250]}
 """
 
 
-def plan(folder: Path, cell_text: str = CELL, count: int = 5) -> Plan:
+def plan(folder: Path, cell_text: str = CELL, count: int = 5) -> RobotPath:
     """`count` targets 10 mm apart along x."""
     moves = "\n".join(
         f"Move{'J' if i == 0 else 'L'} [[{1000 + 10 * i},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
         "[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tSpindle;" for i in range(count))
     text = f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n"
     (folder / "cell.yaml").write_text(cell_text)
-    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
 
 
 def place(folder: Path, text: str, cell_text: str = CELL, **options) -> TargetForces:

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from compensator.forces.payload import estimate_payload, interval_factor, turns
 from compensator.forces.placement import place_forces, read_force_log
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from compstiff.cli.main import compstiff
 from identification.common.findings import CompstiffError
@@ -168,7 +168,7 @@ def test_tare_needs_a_sensor_and_joint_angles(tmp_path) -> None:
     assert tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")[1]["findings"][0]["code"] == "CS3037"
 
 
-def tilted_plan(folder: Path, cell: str, count: int = 12) -> Plan:
+def tilted_plan(folder: Path, cell: str, count: int = 12) -> RobotPath:
     """Targets 5 mm apart, the tool tilting to and fro by 50 deg and on by 60 deg on the way."""
     moves = []
     for k in range(count):
@@ -179,10 +179,10 @@ def tilted_plan(folder: Path, cell: str, count: int = 12) -> Plan:
                      "v50,fine,t1;")
     (folder / "cell.yaml").write_text(cell)
     text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
-    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
 
 
-def pass_log(folder: Path, plan: Plan, cut: np.ndarray, noise: float = 0.0, tool_on: bool = True) -> Path:
+def pass_log(folder: Path, plan: RobotPath, cut: np.ndarray, noise: float = 0.0, tool_on: bool = True) -> Path:
     """What the sensor logs along the plan: cut (N, 6) in the base frame at the TCP, the tool's weight, its bias."""
     rng, rows = np.random.default_rng(0), []
     for k, wrench in enumerate(cut):

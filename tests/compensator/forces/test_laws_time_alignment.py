@@ -85,7 +85,7 @@ def test_what_counts_as_air() -> None:
 
 def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs, sample: Corrected, tmp_path: Path) -> None:
     """The correction by time differs from that by position by no more than it says."""
-    log, plan = pq.read_table(sample_inputs.forces), sample.predicted.plan
+    log, plan = pq.read_table(sample_inputs.forces), sample.predicted.path
     _, _, place = sample_log()
     time = clock(plan, place, 0.85, 7.5, 0.4)
     names = ["fx_n", "fy_n", "fz_n"]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.testing import assert_allclose
 
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
 from identification.model.inverse import configuration
@@ -25,9 +25,9 @@ def target(theta_deg: list[float], confdata: list[int] | None = None) -> str:
     return f"[[{numbers[0]}],[{numbers[1]}],{cf},[9E9,9E9,9E9,9E9,9E9,9E9]]"
 
 
-def planned(folder: Path, *moves: str) -> Plan:
+def planned(folder: Path, *moves: str) -> RobotPath:
     text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
-    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(write_cell(folder)))
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, read_cell(write_cell(folder)))
 
 
 def linear(theta_deg: list[float], confdata: list[int] | None = None) -> str:

@@ -14,7 +14,7 @@ from compensator.correction.job import Corrected, Inputs
 from compensator.forces.placement import TargetForces
 from compensator.path import timing
 from compensator.path.feasibility import check_feed, figures, judge
-from compensator.path.plan import Plan, plan_path
+from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import build_legs
 from compensator.path.timing import drive, joint_move_time
 from compensator.rapid import read_rapid
@@ -28,13 +28,13 @@ DOWN = quaternion_to_matrix([0.02522428, -0.00054983, -0.99944426, 0.02178562])
 RADIUS = 1.2
 
 
-def program(folder: Path, moves: list[str], model: RobotModel | None = None) -> Plan:
+def program(folder: Path, moves: list[str], model: RobotModel | None = None) -> RobotPath:
     (folder / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
     cell = read_cell(folder / "cell.yaml")
     if model is not None:
         cell = dataclasses.replace(cell, robot=model)
     text = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
-    return plan_path(read_rapid(text.encode(), "m.mod").toolpath, cell)
+    return robot_path(read_rapid(text.encode(), "m.mod").toolpath, cell)
 
 
 def target(position_mm: np.ndarray, rotation: np.ndarray = DOWN) -> str:
@@ -92,7 +92,7 @@ def test_a_reachable_feed_takes_length_over_feed_and_two_ramps(tmp_path: Path) -
     assert judge(plan).slow.sum() == 0
 
 
-def corners(tmp_path: Path, zone: str, speed: str = "v200") -> Plan:
+def corners(tmp_path: Path, zone: str, speed: str = "v200") -> RobotPath:
     points = [[1100, 0, 700], [1150, 0, 700], [1150, 50, 700], [1100, 50, 720], [1110, 0, 740]]
     return program(tmp_path, lines(points, speed, zone))
 
@@ -131,7 +131,7 @@ def test_joint_moves_take_the_trapezoid_of_the_slowest_joint() -> None:
 
 
 def test_windows_and_left_out_stretches_change_nothing(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = sample.predicted.plan
+    plan = sample.predicted.path
     whole = drive(plan)
     assert_allclose(drive(plan, window=400).speed, whole.speed, atol=1e-9)
     monkeypatch.setattr(timing, "_unsettled", lambda route, *_: np.ones(len(route.s), dtype=bool))

@@ -11,7 +11,7 @@ import pytest
 from compensator.correction.job import read_toolpath
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.path.configurations import hold, tool_frames
-from compensator.path.plan import plan_path
+from compensator.path.robot_path import robot_path
 from compensator.posting.apt import read_apt
 from compensator.posting.post import module_name, post, read_cam_path
 from compensator.posting.settings import PostingSettings
@@ -89,7 +89,7 @@ def test_what_is_posted_reads_back(tmp_path, posted, cell):
 
 
 def test_the_robot_holds_one_configuration_all_along(posted, cell):
-    plan = plan_path(posted.program.toolpath, cell)
+    plan = robot_path(posted.program.toolpath, cell)
     assert plan.findings == ()                                          # the confdata lead where the path leads
     assert plan.reached.all()
     assert np.abs(np.diff(plan.theta, axis=0)).max() < np.radians(25)
@@ -174,7 +174,7 @@ def test_a_table_with_its_feeds(tmp_path, cell):
     read = planned(table(tmp_path, cell, feed_mm_s=feed, rapid=rapid), cell).toolpath
     np.testing.assert_allclose(1e3 * read.feed, [200, *feed[1:-1], 200], rtol=1e-8)
     np.testing.assert_allclose(1e3 * read.position[:, 0], np.linspace(-30, 30, 20), atol=0.5001e-4)
-    assert plan_path(read, cell).reached.all()
+    assert robot_path(read, cell).reached.all()
 
 
 def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
@@ -185,8 +185,8 @@ def test_a_table_without_feeds_says_what_is_assumed(tmp_path, cell):
 
 def test_joint_angles_of_a_table_give_the_configuration(tmp_path, cell):
     theta = reference(cell)
-    free = plan_path(planned(table(tmp_path, cell), cell).toolpath, cell)
-    told = plan_path(planned(table(tmp_path, cell, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(6)}),
+    free = robot_path(planned(table(tmp_path, cell), cell).toolpath, cell)
+    told = robot_path(planned(table(tmp_path, cell, **{f"q{i + 1}_deg": np.degrees(theta[:, i]) for i in range(6)}),
                                    cell).toolpath,
                      cell)
     np.testing.assert_allclose(told.theta, theta, atol=1e-6)
@@ -203,7 +203,7 @@ def test_confdata_of_a_table_are_kept(tmp_path, cell):
     read = planned(table(tmp_path, cell, **dict(zip(("cf1", "cf4", "cf6"), quadrants.T, strict=True)), cfx=np.ones(20)),
                          cell).toolpath
     np.testing.assert_array_equal(read.confdata, np.column_stack([quadrants, np.ones(20)]))
-    np.testing.assert_allclose(plan_path(read, cell).theta, theta, atol=1e-6)
+    np.testing.assert_allclose(robot_path(read, cell).theta, theta, atol=1e-6)
 
 
 @pytest.mark.parametrize(("column", "value", "code", "where"), [

@@ -12,7 +12,7 @@ import pytest
 from identification.common.findings import CompstiffError
 from identification.model import effects as package
 from identification.model.effects import Effect, effects
-from identification.model.load_state import situation
+from identification.model.load_state import load_state
 from identification.model.rotations import Frame
 from tests.support import random_poses, robot
 
@@ -58,7 +58,7 @@ def test_the_documented_example_works(with_entry: None) -> None:
     theta = random_poses(model, 5, rng)
     wrench = np.concatenate([rng.uniform(-300, 300, (5, 3)), np.zeros((5, 3))], axis=1)
     tool = Frame(np.eye(3), np.array([0.12, 0.0, 0.25]))
-    rows = situation(model, tool, theta, wrench, 1 / model.prior.stiffness)
+    rows = load_state(model, tool, theta, wrench, 1 / model.prior.stiffness)
     moved = twist.contribution(rows, None, np.array([1e-6]))
     axis = rows.flange[:, :, 2]
     moment = np.einsum("ni,ni->n", axis, np.cross(rows.tcp - rows.origins[:, 5], wrench[:, :3]))
@@ -81,7 +81,7 @@ def test_zero_size_changes_nothing() -> None:
     model = robot()
     theta = random_poses(model, 4, np.random.default_rng(1))
     wrench = np.full((4, 6), 50.0)
-    rows = situation(model, Frame(np.eye(3), np.array([0.12, 0.0, 0.25])), theta, wrench, 1 / model.prior.stiffness)
+    rows = load_state(model, Frame(np.eye(3), np.array([0.12, 0.0, 0.25])), theta, wrench, 1 / model.prior.stiffness)
     for effect in effects().values():
         for joint in effect.places:
             values = effect.neutral(rows)

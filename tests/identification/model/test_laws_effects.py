@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from identification.model.compliance import compliance_matrix
 from identification.model.effects import Effect, effects
-from identification.model.load_state import Situation, situation
+from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
 from tests.support import random_poses, robot
 
@@ -21,8 +21,8 @@ LINEAR = [*(("bearing_tilt", joint) for joint in range(1, 6)), ("link_bending", 
 COUPLING = [("parallelogram", None), ("wrist_coupling", None), ("gravity_compensator", 2)]
 
 
-def at_rest(name: str, theta: np.ndarray, wrench: np.ndarray) -> Situation:
-    return situation(robot(name), TOOL, theta, wrench, COMPLIANCE, at_load=True)
+def at_rest(name: str, theta: np.ndarray, wrench: np.ndarray) -> LoadState:
+    return load_state(robot(name), TOOL, theta, wrench, COMPLIANCE, at_load=True)
 
 
 def effect_matrix(effect: Effect, joint: int | None, name: str = "irb6660-205-1.90") -> tuple[np.ndarray, np.ndarray]:
@@ -87,9 +87,9 @@ def test_a_tool_for_each_row_is_the_same_as_one_tool_at_a_time() -> None:
     wrench = np.random.default_rng(6).uniform(-300, 300, (3, 6))
     tools = [Frame.from_quaternion([0.1 * i, 0.02, 0.2], [1.0, 0.1 * i, 0, 0]) for i in range(3)]
     every = Frame(np.stack([tool.rotation for tool in tools]), np.stack([tool.position for tool in tools]))
-    together = situation(robot(), every, theta, wrench, COMPLIANCE, at_load=True)
+    together = load_state(robot(), every, theta, wrench, COMPLIANCE, at_load=True)
     for i, tool in enumerate(tools):
-        alone = situation(robot(), tool, theta[i:i + 1], wrench[i:i + 1], COMPLIANCE, at_load=True)
+        alone = load_state(robot(), tool, theta[i:i + 1], wrench[i:i + 1], COMPLIANCE, at_load=True)
         for name in ("tcp", "tool", "serial_jacobian", "torque", "elastic"):
             assert_allclose(getattr(together, name)[i], getattr(alone, name)[0], rtol=1e-12, atol=1e-15)
 
@@ -98,10 +98,10 @@ def test_other_springs_at_the_same_loaded_pose() -> None:
     theta = random_poses(robot(), 5, np.random.default_rng(7))
     wrench = np.random.default_rng(8).uniform(-300, 300, (5, 6))
     for at_load in (True, False):
-        first = situation(robot(), TOOL, theta, wrench, COMPLIANCE, at_load=at_load)
+        first = load_state(robot(), TOOL, theta, wrench, COMPLIANCE, at_load=at_load)
         for name in ("elastic", "gravity", "torque"):
             getattr(first, name)                                # worked out before the springs change
         other = first.with_compliance(2 * COMPLIANCE)
-        fresh = situation(robot(), TOOL, theta, wrench, 2 * COMPLIANCE, at_load=at_load)
+        fresh = load_state(robot(), TOOL, theta, wrench, 2 * COMPLIANCE, at_load=at_load)
         for name in ("loaded", "torque", "elastic", "tcp"):
             assert_allclose(getattr(other, name), getattr(fresh, name), rtol=1e-13, atol=0)

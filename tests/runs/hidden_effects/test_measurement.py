@@ -25,5 +25,5 @@ def test_what_no_deflection_shows_is_not_named(where: Place) -> None:
 
 @pytest.mark.parametrize("name", IN_MOTION)
 def test_what_shows_in_motion_only_is_said_not_to_be_offered(name: str) -> None:
-    """Joint deflection logs show these (tests/identification/motion); load tests at rest must not seem to have ruled them out."""
+    """Joint deflection logs show these (tests/identification/motion); load tests at rest must not seem to rule them out."""
     assert run(1).content["not_offered"][name] == "it shows only in logs taken in motion"

@@ -1,4 +1,4 @@
-"""Plan: the toolpath as the robot drives it: poses in the base frame, and the joint angles it takes them with."""
+"""RobotPath: the toolpath as the robot drives it: poses in the base frame, and the joint angles it takes them with."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class UsedFrames:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class RobotPath:
     """N targets as the robot drives them; NaN where a pose is not known or not reachable.
 
     theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames;
@@ -52,12 +52,12 @@ class Plan:
 
     def finding(self, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
         """A finding at the place of a target in the text of the program as it was given."""
-        path = self.toolpath
-        return Finding(code, level, message, file=path.source, line=int(path.line[target]),
-                       column=int(path.column[target]), target=int(path.number[target]), hint=hint)
+        toolpath = self.toolpath
+        return Finding(code, level, message, file=toolpath.source, line=int(toolpath.line[target]),
+                       column=int(toolpath.column[target]), target=int(toolpath.number[target]), hint=hint)
 
 
-def plan_path(toolpath: Toolpath, cell: Cell) -> Plan:
+def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     """Frames and joint angles of every target. Raises CompstiffError (CS1102) for an arm without closed-form inverse."""
     count = len(toolpath)
     robot = cell.robot
@@ -85,7 +85,7 @@ def plan_path(toolpath: Toolpath, cell: Cell) -> Plan:
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
-    return Plan(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, world, known,
+    return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, world, known,
                 ~np.isnan(theta).any(axis=1), used, tuple(findings))
 
 
