@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from compensator.correction.job import Inputs, summary
 from compensator.correction.settings import Settings
 from compstiff.cli.identify import stiffness_lines
 from compstiff.outcome import Outcome, Session
-from identification.common.files import check_writable, write_whole
+from identification.common.files import check_writable, json_bytes, write_whole
 from identification.common.shipped import shipped
 from identification.fit.fit import fit_stiffness
 from identification.fit.report import identification_report
@@ -37,7 +36,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     measurements = read_measurements(at["measurements.csv"], cell.robot)
     fit = fit_stiffness(cell, measurements)
     write_whole({
-        at["stiffness.json"]: (json.dumps(fit.model.as_dict(), indent=1, allow_nan=False) + "\n").encode(),
+        at["stiffness.json"]: json_bytes(fit.model.as_dict()),
         at["identify.html"]: identification_report(cell, measurements, fit).encode(),
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from compensator.correction.job import (
 from compensator.correction.offsets import offsets_csv
 from compensator.correction.settings import Settings
 from compensator.posting.split_files import split_files
-from identification.common.files import check_writable, write_whole
+from identification.common.files import check_writable, json_bytes, write_whole
 from identification.common.findings import counted
 
 
@@ -43,7 +42,7 @@ def run_correction(
     files, _, said = split_files(corrected.content, air, settings.posting, output, overwrite=overwrite)
     check_distinct(inputs, list(files))
     corrected = replace(corrected, findings=(*corrected.findings, *said))
-    files[record_file] = (json.dumps(record(corrected, files), indent=1, allow_nan=False) + "\n").encode()
+    files[record_file] = json_bytes(record(corrected, files))
     if offsets:
         files[offsets] = offsets_csv(corrected)
     if report:

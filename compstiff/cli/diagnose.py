@@ -41,7 +41,6 @@ def diagnose(
         return _judge_plan(session, cell_file, plan, output)
     if measurements_file is None or output is None:
         raise click.UsageError("give MEASUREMENTS and -o DIAGNOSIS, or --plan FILE")
-    import json
 
     from identification.motion.log_file import is_motion_log
 
@@ -53,7 +52,7 @@ def diagnose(
     if validate is not None:
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
-    from identification.common.files import check_writable, write_whole
+    from identification.common.files import check_writable, json_bytes, write_whole
     from identification.diagnosis.procedure import diagnose
     from identification.diagnosis.record import diagnosis_findings, record, summary
     from identification.measurements import read_measurements
@@ -67,12 +66,12 @@ def diagnose(
     found = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
     content = record(cell, measurements, found)
     findings = diagnosis_findings(cell, measurements, found)
-    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    files = {output: json_bytes(content)}
     if extended:
         from identification.diagnosis.extended_model import extended_model
 
         model = extended_model(cell, found).as_dict()
-        files[extended] = (json.dumps(model, indent=1, allow_nan=False) + "\n").encode()
+        files[extended] = json_bytes(model)
         if not model["effects"]:
             session.say(f"{extended} is the model of six springs: no effect of the robot is named")
     if report:
@@ -88,9 +87,8 @@ def diagnose(
 
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
     """What a plan could and could not tell apart."""
-    import json
 
-    from identification.common.files import check_writable, write_whole
+    from identification.common.files import check_writable, json_bytes, write_whole
     from identification.diagnosis.plan import outlook, plan_lines
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
@@ -103,7 +101,7 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
                "not_offered": left_out}
     if output:
-        write_whole({output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()})
+        write_whole({output: json_bytes(content)})
     return Outcome(content, rows.findings, plan_lines(found, left_out),
                    next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
 

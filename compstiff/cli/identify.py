@@ -35,7 +35,6 @@ def identify(
     CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
     log.
     """
-    import json
 
     from identification.motion.log_file import is_motion_log
 
@@ -48,7 +47,7 @@ def identify(
     if also:
         raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
 
-    from identification.common.files import check_writable, write_whole
+    from identification.common.files import check_writable, json_bytes, write_whole
     from identification.fit.fit import fit_stiffness
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
@@ -59,7 +58,7 @@ def identify(
     measurements = read_measurements(measurements_file, cell.robot)
     fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
     content = fit.model.as_dict()
-    files = {output: (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()}
+    files = {output: json_bytes(content)}
     if report:
         from identification.fit.report import identification_report
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
 from compstiff.outcome import Outcome, Session
-from identification.common.files import check_writable, write_whole
+from identification.common.files import check_writable, json_bytes, write_whole
 from identification.model.cell import read_cell
 from identification.motion.log_file import read_motion_log
 from identification.motion.procedure import REPLICATES, diagnose_logs
@@ -28,7 +27,7 @@ def identify_logs(session: Session, cell_file: Path, logs: list[Path], output: P
     content = model.as_dict()
     findings = tuple(stiffness_findings(records, joints))
     lines = stiffness_table(model, joints)
-    files = {output: _json(content)}
+    files = {output: json_bytes(content)}
     if report:
         from identification.motion.pages import stiffness_report
 
@@ -48,19 +47,15 @@ def diagnose_log(
     found = diagnose_logs([read_motion_log(log)], read_motion_log(validate) if validate else None, alarm=alarm,
                           replicates=replicates or REPLICATES)
     content, findings, lines = record(cell, found), diagnosis_findings(found), summary(found)
-    files = {output: _json(content)}
+    files = {output: json_bytes(content)}
     if extended:
         residual = float(np.sqrt(np.mean(np.concatenate([one.residuals[:, 1] for one in found.axes]) ** 2)))
         model = identified_model(cell, [one.stiffness for one in found.axes],
                                  [cause for one in found.axes for cause in one.causes], 1e6 * residual)
-        files[extended] = _json(model.as_dict())
+        files[extended] = json_bytes(model.as_dict())
     if report:
         from identification.motion.pages import diagnosis_report
 
         files[report] = diagnosis_report(found, lines, findings, content).encode()
     write_whole(files)
     return Outcome(content, findings, lines, next_step=f"compstiff identify {cell_file} {log} -o stiffness.json")
-
-
-def _json(content: dict[str, object]) -> bytes:
-    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()

@@ -26,12 +26,11 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     --split OUTPUT calls parts OUTPUT_001 ...; correct then takes TOOLPATH again, with the same options.
     """
     import hashlib
-    import json
     from importlib.metadata import version
 
     from compensator.posting import post as posting
     from compensator.posting.split_files import check_outputs, split_files
-    from identification.common.files import check_writable, sha256, write_whole
+    from identification.common.files import check_writable, json_bytes, sha256, write_whole
     from identification.common.findings import error, fold
     from identification.model.cell import read_cell
 
@@ -59,7 +58,7 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
         "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}
                      for finding in fold(findings)],
     }
-    write_whole({**files, record_file: (json.dumps(record, indent=1, allow_nan=False) + "\n").encode()})
+    write_whole({**files, record_file: json_bytes(record)})
     lines = [f"targets: {len(toolpath)}, {result['in_the_air']} in the air",
              f"speeds: {', '.join(_speeds(posted))} mm/s"]
     if sizes:

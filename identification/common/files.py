@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 import signal
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from identification.common.findings import error
 
@@ -21,6 +23,11 @@ def sha256(path: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def json_bytes(content: dict[str, Any]) -> bytes:
+    """A JSON file, indented. Raises ValueError for values that JSON does not have (NaN, infinity)."""
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
 
 
 def check_writable(paths: Iterable[Path], *, overwrite: bool) -> None:

@@ -1,0 +1,19 @@
+"""Small things about arrays that several rooms need."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square of all values that are known (NaN: not known), in their unit."""
+    return float(np.sqrt(np.nanmean(values**2)))
+
+
+def read_only(*arrays: NDArray[np.generic]) -> None:
+    """Makes the arrays of a result read-only, in place: whoever wants to change one copies it."""
+    for array in arrays:
+        array.flags.writeable = False
