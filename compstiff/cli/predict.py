@@ -8,7 +8,7 @@ import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import WRITABLE, command
-from compstiff.cli.options import CELL, FORCE_OPTIONS, FORCES, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
+from compstiff.cli.options import CELL, FORCES, LOG_OPTIONS, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
 from compstiff.outcome import Outcome, Session
 
 
@@ -18,7 +18,7 @@ from compstiff.outcome import Outcome, Session
 @STIFFNESS
 @FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *POSTING_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
