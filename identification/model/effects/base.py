@@ -1,4 +1,4 @@
-"""What an effect is: its contribution, its parameters, and how it shows in the data (EFFECTS.md).
+"""What an effect is: its contribution, its parameters, and how it shows in the data (docs/effects.md).
 
 A user's own package adds one by subclassing Effect and naming an instance in the entry point group `compstiff.effects`;
 docs/effects.md has a worked example.
@@ -15,11 +15,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
-ONLY_IN_MOTION = "it shows only in logs taken in motion"
 Family = Literal["gear", "structure", "base", "tool", "load path", "force measurement", "deflection measurement"]
 
 
@@ -130,12 +129,12 @@ class Effect(ABC):
         linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
         scale = self.typical(rows, joint)[linear]
         positive = all(self.parameters[k].positive for k in linear)
-        found = []
+        signatures = []
         for choice in itertools.product(*grids):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
-            found.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return found
+            signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
+        return signatures
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""
@@ -159,8 +158,3 @@ def _placed(fixed: Array, linear: list[int]) -> Callable[[Array], Array]:
 def saturated(x: Array) -> Array:
     """x between -1 and 1."""
     return np.clip(x, -1.0, 1.0)
-
-
-def polar(coefficients: Array) -> Array:
-    """(a cos phi, a sin phi) of `a cos(x + phi) = (a cos phi) cos x + (a sin phi) cos(x + pi/2)`, as (a, phi)."""
-    return np.array([np.hypot(*coefficients), np.arctan2(coefficients[1], coefficients[0])])

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.kinds import OfWrench
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class ForceGain(Effect):
+class ForceGain(OfWrench):
     """g times the elastic deviation. It is the same as all stiffnesses changed together, so deflections alone never tell it;
     with the same sensor in milling it does no harm to the correction either."""
 
     name = "force_gain"
     family = "force measurement"
-    of_robot = False
     parameters = (Parameter("relative", "1", 0.05, -0.5, 0.5),)
     sentence = "the force sensor's scale is off"
     settles = "hang a dead weight on the tool, or read the second force sensor"

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
 class ForceSensorCompliance(Effect):

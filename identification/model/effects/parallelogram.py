@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter, Signature
 from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
 class Parallelogram(Effect):
@@ -41,11 +39,11 @@ class Parallelogram(Effect):
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         assumed = _assumed(rows)
         other = 1.0 - assumed
-        found = []
+        signatures = []
         for share in (1.0, 0.3):
             there = self.contribution(rows, joint, np.array([assumed + share * (other - assumed)]))[:, :3, None]
-            found.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
-        return found
+            signatures.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
+        return signatures
 
 
 def _coupled(rows: LoadState) -> tuple[int, int] | None:
