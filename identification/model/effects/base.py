@@ -26,7 +26,8 @@ Family = Literal["gear", "structure", "base", "tool", "load path", "force measur
 class Parameter:
     """One parameter. typical: the size met in practice, low and high: physical bounds, all in `unit`. A lower bound of zero
     or more means that the effect has one sign only. grid: values to try where it does not enter linearly, else empty.
-    shape: it says how the effect looks, not how large it is."""
+    shape: it says how the effect looks, not how large it is. source, bounds_source: the document the typical size and the
+    bounds come from, or "engineering judgement" with its reason."""
 
     name: str
     unit: str
@@ -35,6 +36,8 @@ class Parameter:
     high: float
     grid: tuple[float, ...] = ()
     shape: bool = False
+    source: str = ""
+    bounds_source: str = ""
 
     @property
     def positive(self) -> bool:
@@ -65,7 +68,8 @@ class Effect(ABC):
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
     the data. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint
     whose shapes a real one of this kind may mix in. sentence: the cause as a shop-floor engineer says it ({joint} is filled
-    in). settles: what would separate it from its look-alikes, and is no load.
+    in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law comes from,
+    or "engineering judgement" with its reason.
     """
 
     name: ClassVar[str]
@@ -80,6 +84,7 @@ class Effect(ABC):
     sentence: ClassVar[str]
     settles: ClassVar[str]
     turning: ClassVar[str] = ""
+    formula_source: ClassVar[str] = ""
 
     @property
     def where(self) -> dict[str, int | str]:

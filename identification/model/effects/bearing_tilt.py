@@ -17,7 +17,15 @@ class BearingTilt(AtJoint):
     name = "bearing_tilt"
     family = "structure"
     joints = (1, 2, 3, 4, 5)
-    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6),)
+    formula_source = ("the paper, sect. 1: models that take in the tilting rigidity too; its eq. 3 and 5 about the two axes "
+                      "across the joint")
+    parameters = (
+        Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6,
+                  source="engineering judgement: 1.1e7 N m/rad, two to five times joints 1 to 3 about their own axes (the "
+                         "paper, Table 1)",
+                  bounds_source="engineering judgement: rigid, to 5e5 N m/rad, softer than joints 1 to 3 about their own "
+                                "axes"),
+    )
     sentence = "the bearing of joint {joint} tilts under load across its axis"
     settles = "a dial gauge across the bearing while the tool is loaded"
 

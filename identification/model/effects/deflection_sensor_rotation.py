@@ -14,7 +14,11 @@ class DeflectionSensorRotation(OfReading):
     """`(Rot(r) - 1) d`: 1 degree mixes 1.7 % of the sideways motion in."""
 
     name = "deflection_sensor_rotation"
-    parameters = along_axes("r{}_rad", "rad", 0.025, 0.2)
+    formula_source = "engineering judgement: the three sensors sit on one bracket, which turns as a rigid body"
+    parameters = along_axes(
+        "r{}_rad", "rad", 0.025, 0.2,
+        source="engineering judgement: 1 to 2 degrees, their geometric mean, what a bracket set up by eye is off",
+        bounds_source="engineering judgement: 11 degrees are seen by eye")
     sentence = "the deflection sensors are turned against the robot's base axes"
     settles = "jog the robot along base x, y and z without force and read the sensors"
 

@@ -13,7 +13,12 @@ class Drift(OfReading):
     """Rate times the time since the unloaded reference was taken."""
 
     name = "drift"
-    parameters = along_axes("{}_m_per_s", "m/s", 8.3e-9, 1e-6)
+    formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
+    parameters = along_axes(
+        "{}_m_per_s", "m/s", 8.3e-9, 1e-6,
+        source="Pollack Periodica 15(3), p. 60, 2020: a laser tracker warms up for two hours and is off by up to tenths of "
+               "a millimetre, 1.4e-8 m/s for one; 30 um an hour for a bracket is engineering judgement",
+        bounds_source="engineering judgement: nothing in a hall warms up by 3.6 mm an hour")
     sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
     settles = "leave the robot unloaded and read the sensors every ten minutes"
 

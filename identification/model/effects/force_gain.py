@@ -16,7 +16,13 @@ class ForceGain(OfWrench):
 
     name = "force_gain"
     family = "force measurement"
-    parameters = (Parameter("relative", "1", 0.05, -0.5, 0.5),)
+    formula_source = "the paper, eq. 3: the twist is in proportion to the torque, and so to the wrench"
+    parameters = (
+        Parameter("relative", "1", 0.05, -0.5, 0.5,
+                  source="engineering judgement: 1 % of the full scale of a 1500 N sensor at the 300 N of the paper's sect. "
+                         "4",
+                  bounds_source="engineering judgement: beyond, it is a wrong unit and no scale error"),
+    )
     sentence = "the force sensor's scale is off"
     settles = "hang a dead weight on the tool, or read the second force sensor"
 

@@ -15,7 +15,11 @@ class ForceMisalignment(OfWrench):
 
     name = "force_misalignment"
     family = "force measurement"
-    parameters = along_axes("r{}_rad", "rad", 0.021, 0.2)
+    formula_source = "the paper, eq. 4 and 5, with the force turned"
+    parameters = along_axes(
+        "r{}_rad", "rad", 0.021, 0.2,
+        source="engineering judgement: 1 to 1.5 degrees, what a level and a square leave",
+        bounds_source="engineering judgement: 11 degrees are seen by eye")
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
 

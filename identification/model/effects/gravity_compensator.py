@@ -16,8 +16,17 @@ class GravityCompensator(SizeAndAngle, GearTwist):
     name = "gravity_compensator"
     joints = (2,)
     gear_law = False
-    parameters = (Parameter("amplitude", "1", 0.27, 0.0, 1.0),
-                  Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
+    formula_source = ("A. Klimchik et al., Identification of geometrical and elastostatic parameters of heavy industrial "
+                      "robots, arXiv 1311.6810, 2013: compensators complicate the stiffness model; the second harmonic of "
+                      "the angle: engineering judgement")
+    parameters = (
+        Parameter("amplitude", "1", 0.27, 0.0, 1.0,
+                  source="engineering judgement: 0.15 to 0.5, their geometric mean",
+                  bounds_source="engineering judgement: beyond 1 the joint's compliance would be negative at some angle"),
+        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
+                  source="engineering judgement: no angle is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
     sentence = "the gravity compensator makes joint 2 stiffer at some angles than at others"
     settles = "measure at more angles of joint 2"
 

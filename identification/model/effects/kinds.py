@@ -93,6 +93,9 @@ def _polar(coefficients: Array) -> Array:
     return np.array([np.hypot(*coefficients), np.arctan2(coefficients[1], coefficients[0])])
 
 
-def along_axes(name: str, unit: str, typical: float, bound: float) -> tuple[Parameter, ...]:
+def along_axes(
+    name: str, unit: str, typical: float, bound: float, *, source: str = "", bounds_source: str = "",
+) -> tuple[Parameter, ...]:
     """Three parameters of either sign, alike along x, y and z: `{}` in the name stands for the axis."""
-    return tuple(Parameter(name.format(axis), unit, typical, -bound, bound) for axis in "xyz")
+    return tuple(Parameter(name.format(axis), unit, typical, -bound, bound, source=source, bounds_source=bounds_source)
+                 for axis in "xyz")

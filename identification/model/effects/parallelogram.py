@@ -16,7 +16,14 @@ class Parallelogram(Effect):
     name = "parallelogram"
     family = "gear"
     of_robot = True
-    parameters = (Parameter("ratio", "1", 1.0, -0.5, 1.5),)
+    formula_source = ("docs/architecture.md, Springs, with -ratio as the element of L that couples axis 3 to drive 2; the "
+                      "coupling: the paper, eq. 7")
+    parameters = (
+        Parameter("ratio", "1", 1.0, -0.5, 1.5,
+                  source="docs/architecture.md, Springs: 1 is a rod as it is mechanically, 0 the paper's eq. 3 to 5 as "
+                         "published",
+                  bounds_source="engineering judgement: half beyond either reading"),
+    )
     sentence = "the load does not go through the parallel rod as the model assumes"
     settles = "ask the maker where gear 3 sits, or load the forearm at two angles of joint 2"
 

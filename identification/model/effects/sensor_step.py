@@ -19,7 +19,11 @@ class SensorStep(OfReading):
     weight (noise.py) and named by diagnosis/gross.py."""
 
     name = "sensor_step"
-    parameters = along_axes("{}_m", "m", 1e-5, 1e-2)
+    formula_source = "engineering judgement: a sensor that was touched stays where it is"
+    parameters = along_axes(
+        "{}_m", "m", 1e-5, 1e-2,
+        source="engineering judgement: ten times the 1 um of the paper's sensors (sect. 4)",
+        bounds_source="the paper, sect. 4: the sensors measure +-5 mm, from one end to the other")
     sentence = "a deflection sensor was bumped or re-seated"
     settles = "repeat the rows about the step"
 

@@ -17,8 +17,16 @@ class SideLoad(SizeAndAngle, OfWrench):
 
     name = "side_load"
     family = "load path"
-    parameters = (Parameter("ratio", "1", 0.032, 0.0, 0.5),
-                  Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
+    formula_source = ("engineering judgement: a guide that rubs pushes in proportion to its load, with the sign of its "
+                      "motion")
+    parameters = (
+        Parameter("ratio", "1", 0.032, 0.0, 0.5,
+                  source="engineering judgement: 2 to 5 % of the load, their geometric mean",
+                  bounds_source="engineering judgement: none, to the friction of dry steel; the sign is the angle's"),
+        Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
+                  source="engineering judgement: no direction is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
     sentence = "the loading device pushes sideways too, in the direction it moves"
     settles = "read both force sensors, or put a ball between cylinder and tool"
 

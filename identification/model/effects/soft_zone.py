@@ -6,11 +6,12 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
+from identification.model.effects.documents import HARMONIC_DRIVE
 from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
-# K3 / K1 - 1 of harmonic gears, 1.5 to 1.9 in data sheets.
+# K3 / K1 - 1 of strain wave gears (the source of `extra_rad`).
 SOFTER = 0.8
 
 
@@ -20,8 +21,19 @@ class SoftZone(GearTwist):
 
     name = "soft_zone"
     of_gravity = True
-    parameters = (Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3),
-                  Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True),)
+    formula_source = (f"{HARMONIC_DRIVE}, fig. 11: straight lines of stiffness K1, K2, K3 between the torques T1 and T2; "
+                      "here two lines")
+    parameters = (
+        Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
+                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
+                         "joint 1 of the paper's Table 1",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 41: the whole twist up to T2 is 6.5 to 13.4 arcmin; 3e-3 rad is "
+                                "10.3 arcmin"),
+        Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True,
+                  source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
+                                "m; 5 to 1500 N m of that is engineering judgement"),
+    )
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
 

@@ -13,7 +13,11 @@ class TargetCurvature(OfReading):
     """`t^2 / 2R` on each laser, t^2 the sum of squares of both sideways motions; the value is 1/R."""
 
     name = "target_curvature"
-    parameters = along_axes("{}_per_m", "1/m", 100.0, 1000.0)
+    formula_source = "Edmund Optics, Sag tech tool: R - sqrt(R^2 - t^2), to second order in t"
+    parameters = along_axes(
+        "{}_per_m", "1/m", 100.0, 1000.0,
+        source="engineering judgement: R = 10 mm, the shank of a tool of 20 mm",
+        bounds_source="engineering judgement: R = 1 mm, an edge, hollow or round")
     sentence = "the deflection sensor looks at a curved target: sideways motion shows as distance"
     settles = "repeat with the load's sign turned round: curvature reads the same, a spring the opposite"
 

@@ -14,7 +14,11 @@ class ToolPoint(OfWrench):
 
     name = "tool_point"
     family = "load path"
-    parameters = along_axes("{}_m", "m", 0.008, 0.1)
+    formula_source = "the paper, eq. 5, with another lever"
+    parameters = along_axes(
+        "{}_m", "m", 0.008, 0.1,
+        source="engineering judgement: 3 to 20 mm, their geometric mean: a cylinder put to a tool by eye",
+        bounds_source="engineering judgement: 100 mm, a tool's own length")
     sentence = "the load did not act at the modelled tool point"
     settles = "measure where the cylinder touches the tool"
 
