@@ -1,4 +1,4 @@
-"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (physics 6).
+"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (docs/architecture.md).
 
 Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
 `theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau

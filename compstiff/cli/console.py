@@ -1,4 +1,4 @@
-"""What every command does the same way: options, messages, `--json`, exit codes (FORMATS.md).
+"""What every command does the same way: options, messages, `--json`, exit codes (docs/formats.md#commands).
 
 Results go to stdout or the named file, messages to stderr; `--json` prints exactly one document on stdout, also when the
 command fails. Only this module and the command modules talk.

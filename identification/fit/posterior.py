@@ -2,12 +2,12 @@
 
     -2 ln posterior(x) = |z - eta(x)|^2 (Sigma^-1) + prior(x)
 
-eta is the finite model at equilibrium (with the effects of extension.py where there are any, whose parameters follow in x),
+eta is the finite model at equilibrium (with the effects of fitted_model.py where there are any, whose parameters follow in x),
 Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal by default; the paper's Gaussian in k with the
 weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
-2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior (sizes.py), and every draw
+2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior, and every draw
    of x has one of them. This widens the posterior where a few rows must tell both, and gives it heavier tails than normal.
 3. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
    barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals

@@ -1,6 +1,6 @@
 """Wrench -> joint torque -> joint deflection -> TCP deviation, and its derivatives.
 
-The plain model (DESIGN.md, physics 1 and 2; paper eq. 2-6): six linear torsion springs with compliances `c` [rad/(N m)].
+The plain model (docs/architecture.md, Springs; paper eq. 2-6): six linear torsion springs with compliances `c` [rad/(N m)].
 With L the robot's load matrix (the coupling where the springs sit at the drives) the springs yield by `dq`,
 
     tau = L^T J~(theta~ + L dq)^T w ,    dq = c * tau ,    deviation = FK(theta~ + L dq) - FK(theta~) ,
@@ -221,7 +221,7 @@ def displacement(loaded: Frame, planned: Frame) -> tuple[Array, Array]:
 
 
 def signature(robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array) -> Array:
-    """A (N, 6, 6) of the first-order model `deviation = A c` (DESIGN.md, physics 3): column i is `J_i tau_i`.
+    """A (N, 6, 6) of the first-order model `deviation = A c` (eq. 3 and 6 linearised): column i is `J_i tau_i`.
 
     Rows: position [m per rad/(N m)], then rotation [rad per rad/(N m)].
     """

@@ -94,7 +94,7 @@ def jacobian(
     """Geometric Jacobian of the TCP in the base frame (N, 6, 6): rows m/rad and rad/rad, one column an axis.
 
     theta (N, 6) controller angles [rad]. axes: "serial" for J~; "drive" for J = J~ C; "springs" for J~ L, the axes the
-    robot's springs sit at (DESIGN.md, physics 1 and 2).
+    robot's springs sit at (docs/architecture.md, Springs).
     """
     matrix = {"springs": robot.load_matrix, "drive": robot.coupling, "serial": np.eye(6)}[axes]
     result = np.empty((len(theta), 6, 6))

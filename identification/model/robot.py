@@ -66,7 +66,7 @@ class _Link(Strict):
 
 
 class RobotFile(Strict):
-    """robot.yaml (FORMATS.md)."""
+    """robot.yaml (docs/formats.md#robotyaml)."""
 
     name: str
     manufacturer: str = ""

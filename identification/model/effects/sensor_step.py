@@ -16,7 +16,7 @@ MOST_ROWS = 400
 
 class SensorStep(OfReading):
     """A constant on the readings from one row on (until the next reference) or of one pose. A single bad row is found by its
-    weight (noise.py) and named by diagnosis/gross.py."""
+    weight (fit/noise.py) and named by diagnosis/gross.py."""
 
     name = "sensor_step"
     formula_source = "engineering judgement: a sensor that was touched stays where it is"
