@@ -77,7 +77,7 @@ def chain(robot: RobotModel, serial: Array) -> Chain:
 
 
 def forward(robot: RobotModel, theta: Array, flange_from_tcp: Frame) -> Frame:
-    """base_from_tcp (N) at controller angles `theta` (N, 6) [rad]."""
+    """base_from_tcp (N) at controller angles `theta` (N, 6) [rad] (paper eq. 1 and 7)."""
     count = len(theta)
     rotation, position = np.empty((count, 3, 3)), np.empty((count, 3))
     for part in chunks(count):
