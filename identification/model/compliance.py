@@ -197,7 +197,7 @@ def equilibrium(
 def loaded_pose(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
 ) -> Frame:
-    """base_from_tcp (N) of the robot commanded to `theta`, yielding under `wrench` (paper eq. 2); arguments as `equilibrium`."""
+    """base_from_tcp (N) of the robot commanded to `theta`, yielding under `wrench` (eq. 2); arguments as `equilibrium`."""
     state = equilibrium(robot, theta, flange_from_tcp, wrench, compliance)
     return forward(robot, loaded_angles(robot, theta, state.deflection), flange_from_tcp)
 
