@@ -97,7 +97,7 @@ def _defect(session: Session, defect: Exception) -> Finding:
 
 
 def document(session: Session, outcome: Outcome, status: str, code: int) -> dict[str, Any]:
-    """What `--json` prints of one job (FORMATS.md, Exit codes)."""
+    """What `--json` prints of one job (docs/formats.md#commands)."""
     from identification.common.findings import fold
 
     findings = outcome.findings if session.verbose else fold(outcome.findings)

@@ -1,10 +1,10 @@
-"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (physics 6).
+"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (docs/architecture.md).
 
 Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
 `theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau
 is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. Effects in force displace the
 tool from where the springs hold it: then the springs shall hold it at angles from which the effects bring it to the plan
-(`loading.resting_angles`), and these take the place of theta~_plan. That the tool lands there is not
+(`forward.resting_angles`), and these take the place of theta~_plan. That the tool lands there is not
 taken on trust: `correct_path` loads the commanded pose with the iterated forward model and reports what is left.
 """
 

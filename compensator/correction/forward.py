@@ -1,4 +1,4 @@
-"""The forward model along a program: where the tool of each target comes to rest under its force, effects in force included.
+"""The forward model along a program (docs/architecture.md): where each target's tool rests under its force, effects included.
 
 The springs are those of compliance.py. Effects beyond them are evaluated over all targets of the program in their order, air
 moves with zero load among them, as one visit from zero load: what a gear remembers of its load passes from target to target,

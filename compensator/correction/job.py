@@ -103,7 +103,7 @@ class Corrected:
 def read_toolpath(
     path: Path, cell: Cell, settings: Settings = DEFAULTS
 ) -> tuple[RapidProgram, NDArray[np.bool_]]:
-    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Also returns which targets (N,)
+    """Reads a toolpath by its suffix; APT and CSV are posted first (posting/post.py). Also returns which targets (N,)
     are known to be reached in the air. Raises CompstiffError: CS4201 for formats that are not read, and what the readers and
     `post` raise."""
     suffix = path.suffix.lower()
@@ -361,7 +361,7 @@ def rapid_suffix(toolpath: Path) -> str:
 
 
 def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
-    """OUT.mod.json: what was made from what (FORMATS.md, correct). files: the program, and its parts where it was split."""
+    """OUT.mod.json: what was made from what (docs/formats.md). files: the program, and its parts where it was split."""
     import hashlib
 
     inputs, settings = corrected.predicted.inputs, corrected.predicted.settings

@@ -1,4 +1,4 @@
-"""offsets.csv and deviation.csv: one row a target, corrected or not (FORMATS.md, correct)."""
+"""offsets.csv and deviation.csv: one row a target, corrected or not (docs/formats.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ForceLog -> one quasi-static wrench a target, with the number of samples behind each (FORMATS.md, forces.csv)."""
+"""ForceLog -> one quasi-static wrench a target, with the number of samples behind each (docs/formats.md#force-logs)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 With b_i, a_i the deviation of place i before and after (vectors of the components measured in both), the ratio of RMS is
 R = sqrt(mean |b|^2 / mean |a|^2). ln R has the influence values (|b_i|^2 / mean |b|^2 - |a_i|^2 / mean |a|^2) / 2, one a place,
-so pairs stay together; the mean of these along the path gives its interval (along_path.py).
+so pairs stay together; the mean of these along the path gives its interval (batch_means.py).
 
 The scale s makes s p the best fit of the measured m to the predicted p (least squares through the origin: what does not yield
 has no deviation). Its influence values are p_i . (m_i - s p_i) n / sum |p|^2. A constant beside it, as from a set-up error, is

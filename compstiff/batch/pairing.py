@@ -1,4 +1,4 @@
-"""Many programs: which belong together with which log, and which files each is to become (FORMATS.md, Commands).
+"""Many programs: which belong together with which log, and which files each is to become (docs/formats.md).
 
 A program and its log share their stem: `part.mod`, `part.forces.csv`. Nothing here reads what is inside the files.
 """

@@ -1,4 +1,4 @@
-"""The limits of a run as smooth inequalities `g <= 0` of order one, with their derivatives by angles and by the load's line.
+"""The limits of a run (paper eq. 19-21) as smooth inequalities `g <= 0` of order one, with derivatives by angles and load line.
 
     wrist, elbow   sin(margin)^2 - sin(angle)^2 <= 0, angle of axis 5, or between the arm's two links
     shoulder       1 - (distance of the wrist's centre from axis 1 / margin)^2 <= 0

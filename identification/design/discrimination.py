@@ -1,7 +1,7 @@
 """Runs after a diagnosis that could not decide: those under which the rivals, each fitted to what was measured, differ most.
 
 The rivals are fitted again from the measurements, among the names that diagnosis.json lists; the choice among the admissible
-runs is diagnosis/settle.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
+runs is diagnosis/discrimination.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which runs are admissible (paper eq. 19-21, DESIGN.md physics 5), and a random pool of such runs.
+"""Which runs are admissible (paper eq. 19-21), and a random pool of such runs.
 
     joints    inside their limits by a margin, the parallel rod's angle inside its window by the same
     place     the TCP at one of the given positions, or anywhere in a box

@@ -1,4 +1,4 @@
-"""design.csv: the plan as a measurement file whose deflection columns are still empty (FORMATS.md, measurements.csv).
+"""design.csv: the plan as a measurement file whose deflection columns are still empty (docs/formats.md#measurementscsv).
 
 The sensors are set to zero anew at each pose, so each visit has its own `reference`; `time_s` runs on from the first.
 """

@@ -1,4 +1,4 @@
-"""`convert`: a public log, or a sensor's own, as the columns of FORMATS.md."""
+"""`convert`: a public log, or a sensor's own, as the columns of docs/formats.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ForceSamples: forces over time, as public logs and sensors give them, and their form as forces.csv (FORMATS.md)."""
+"""ForceSamples: forces over time, as public logs and sensors give them, and their form as forces.csv (docs/formats.md)."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ NEEDED = (("rec", "time_cont"), ("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_
 
 
 def read_record(path: str | Path) -> dict[str, Array]:
-    """The record as columns of a joint deflection log (FORMATS.md): the torque on the gear side.
+    """The record as columns of a joint deflection log (docs/formats.md): the torque on the gear side.
 
     Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
     """

@@ -1,4 +1,4 @@
-"""IdentifiedModel: joint stiffnesses and the effects in force, with their covariance; writes stiffness.json (FORMATS.md)."""
+"""IdentifiedModel: joint stiffnesses and effects in force, with their covariance; writes stiffness.json (docs/formats.md)."""
 
 from __future__ import annotations
 

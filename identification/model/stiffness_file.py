@@ -1,4 +1,4 @@
-"""Reads stiffness.json for a cell (FORMATS.md)."""
+"""Reads stiffness.json for a cell (docs/formats.md#stiffnessjson)."""
 
 from __future__ import annotations
 

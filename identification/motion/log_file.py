@@ -1,4 +1,4 @@
-"""MotionLog: reads a joint deflection log (FORMATS.md), CSV, Parquet or a public KUKA record."""
+"""MotionLog: reads a joint deflection log (docs/formats.md), CSV, Parquet or a public KUKA record."""
 
 from __future__ import annotations
 

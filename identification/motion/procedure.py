@@ -1,6 +1,6 @@
 """What a plain spring gets wrong in joint deflection logs: detect, name, extend, test what is left, measure the gain.
 
-The rules are those of measured TCP deflections (EFFECTS.md), joint by joint; the noise is autocorrelated everywhere.
+The rules are those of measured TCP deflections (docs/effects.md), joint by joint; the noise is autocorrelated everywhere.
 """
 
 from __future__ import annotations

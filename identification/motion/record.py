@@ -1,4 +1,4 @@
-"""diagnosis.json, stiffness.json, words and findings of joint deflection logs (FORMATS.md)."""
+"""diagnosis.json, stiffness.json, words and findings of joint deflection logs (docs/formats.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An effect is hidden in simulated logs (gear.py): it is named, or a set with it in, and never another alone."""
+"""An effect is hidden in simulated logs (simulated_joint.py): it is named, or a set with it in, and never another alone."""
 
 from __future__ import annotations
 
