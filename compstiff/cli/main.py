@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from compstiff.cli import console
+from compstiff.cli.cell import cell
 from compstiff.cli.console import CONTEXT
 from compstiff.cli.convert import convert
 from compstiff.cli.correct import correct
@@ -15,7 +16,7 @@ from compstiff.cli.explain import explain
 from compstiff.cli.identify import identify
 from compstiff.cli.post import post
 from compstiff.cli.predict import predict
-from compstiff.cli.push import cell, push
+from compstiff.cli.push import push
 from compstiff.cli.robots import robots
 from compstiff.cli.tare import tare
 from compstiff.cli.verify import verify
