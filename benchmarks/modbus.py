@@ -27,9 +27,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from compensator.modbus.link import Address, Link
-from compensator.modbus.push import push_table
 from compensator.modbus.server import Loopback
-from tests.compensator.modbus import tables_and_cells as kit
+from compensator.modbus.transfer import push_table
+from tests.compensator.modbus import tables_and_devices as kit
 from tests.compensator.modbus.faults import network_faults
 from tests.compensator.modbus.proxy import Fault, Proxy
 
@@ -65,19 +65,19 @@ def rates() -> None:
     bare = subprocess.Popen([sys.executable, "-c", BARE_SERVER], stdout=subprocess.PIPE, text=True)
     assert bare.stdout
     found: dict[str, list[float]] = {"bare": [], "pages": [], "memory": [], "disk": []}
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other, kit.CellProcess(
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as other, kit.DeviceProcess(
         Path(folder)
-    ) as disk, kit.CellProcess(Path(other), keeps=False) as memory:
+    ) as disk, kit.DeviceProcess(Path(other), keeps=False) as memory:
         client = ModbusTcpClient("127.0.0.1", port=int(bare.stdout.readline()))
         client.connect()
-        words = list(range(123))
+        registers = list(range(123))
         for round_number in range(ROUNDS):
             begun = time.perf_counter()
             for _ in range(ROWS // 41):
-                client.write_registers(0, words, device_id=1)
+                client.write_registers(0, registers, device_id=1)
             found["bare"].append(ROWS // 41 * 41 / (time.perf_counter() - begun))
-            for name, cell in (("memory", memory), ("disk", disk)):
-                seconds, pages = _timed_push(cell.port, kit.table(round_number, rows=ROWS))
+            for name, device in (("memory", memory), ("disk", disk)):
+                seconds, pages = _timed_push(device.port, kit.random_table(round_number, rows=ROWS))
                 found[name].append(ROWS / seconds)
             found["pages"].append((ROWS - 40) / pages)
         client.close()
@@ -88,12 +88,12 @@ def rates() -> None:
     for name, text in (("bare", "bare pymodbus, 41 rows a write"), ("pages", "pages of a push, 40 rows a write"),
                        ("memory", "whole push with commit and read-back, cell without --state"),
                        ("disk", "whole push, the cell puts the table onto the disk (fsync)")):
-        share = statistics.median([one / other for one, other in zip(found[name], found["bare"], strict=True)])
+        share = statistics.median([rate / bare for rate, bare in zip(found[name], found["bare"], strict=True)])
         print(f"{text:60s} {statistics.median(found[name]):10.0f} rows/s  {100 * share:4.0f} % of bare")
     print(f"bare: {statistics.median(found['bare']) / 41:.0f} writes/s")
 
 
-def _timed_push(port: int, table: kit.Table) -> tuple[float, float]:
+def _timed_push(port: int, table: kit.OffsetTable) -> tuple[float, float]:
     """Seconds of a whole push, and from its first page to its last."""
     pages: list[float] = []
     with Link(Address("127.0.0.1", port, 1, 10.0)) as link:
@@ -131,9 +131,9 @@ def faults() -> bool:
 
 
 def _on_the_wire(folder: Path, found: list[Fault], endings: Counter[str], failures: list[str]) -> None:
-    cell, old, new = kit.machine(folder), kit.table(1), kit.table(2)
-    kit.load(cell, old)
-    with Loopback(cell) as server, Proxy(server.port, 1.5 * kit.TIMEOUT_S) as proxy:
+    device, old, new = kit.offset_device(folder), kit.random_table(1), kit.random_table(2)
+    kit.load(device, old)
+    with Loopback(device) as server, Proxy(server.port, 1.5 * kit.TIMEOUT_S) as proxy:
         for fault in found:
             proxy.arm(fault)
             ending = kit.push(proxy.port, new)
@@ -142,32 +142,32 @@ def _on_the_wire(folder: Path, found: list[Fault], endings: Counter[str], failur
 
 
 def _killed(folder: Path, phase: str, endings: Counter[str], failures: list[str]) -> None:
-    old, new = kit.table(1), kit.table(2)
-    with kit.CellProcess(folder) as cell, Proxy(cell.port, 0) as proxy:
-        assert kit.push(cell.port, old, timeout_s=10).code == 0
+    old, new = kit.random_table(1), kit.random_table(2)
+    with kit.DeviceProcess(folder) as device, Proxy(device.port, 0) as proxy:
+        assert kit.push(device.port, old, timeout_s=10).code == 0
 
         running = threading.Event()
 
         def restart() -> None:
             running.clear()
-            cell.kill()
-            cell.start()
+            device.kill()
+            device.start()
             running.set()
 
         for number, (kind, request) in enumerate(KILLS[phase]):
             proxy.arm(Fault(kind, request), restart)
             ending = kit.push(proxy.port, new, timeout_s=10, retries=10 if number % 2 else 1)
             assert running.wait(60)
-            _judge(f"kill -9 {kind} {request}", ending, proxy.fired, cell.state, cell.port, old, new, endings, failures)
+            _judge(f"kill -9 {kind} {request}", ending, proxy.fired, device.state, device.port, old, new, endings, failures)
             old, new = new, old
 
 
 def _disk_full(folder: Path, endings: Counter[str], failures: list[str]) -> int:
     """No space at the first, second ... call that touches the disk; for good, so that no repetition helps."""
-    cell, old, new = kit.machine(folder), kit.table(1), kit.table(2)
-    kit.load(cell, old)
+    device, old, new = kit.offset_device(folder), kit.random_table(1), kit.random_table(2)
+    kit.load(device, old)
     points = [(name, calls) for name in ("fsync", "replace") for calls in (0, 1)]
-    with Loopback(cell) as server, Proxy(server.port, 0) as proxy:
+    with Loopback(device) as server, Proxy(server.port, 0) as proxy:
         for name, calls in points:
             proxy.arm(Fault("duplicate reply", kit.BEFORE))
             with _no_space(name, calls):
@@ -196,7 +196,7 @@ def _no_space(name: str, calls: int) -> Iterator[None]:
 
 
 def _judge(
-    name: str, ending: kit.Ending, fired: bool, folder: Path, port: int, old: kit.Table, new: kit.Table,
+    name: str, ending: kit.Ending, fired: bool, folder: Path, port: int, old: kit.OffsetTable, new: kit.OffsetTable,
     endings: Counter[str], failures: list[str],
 ) -> None:
     try:

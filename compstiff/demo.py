@@ -65,20 +65,14 @@ def run_demo(session: Session, folder: Path) -> Outcome:
 
 
 def _pushed(cell: Cell, offsets_file: Path) -> list[str]:
-    """Sends the offsets over Modbus to an embedded cell in this process, on loopback."""
-    from compensator.modbus.job import limit_um, lines, plan_push
-    from compensator.modbus.link import Address, Link
-    from compensator.modbus.machine import CellMachine
-    from compensator.modbus.offset_file import check_offsets, read_offsets
-    from compensator.modbus.push import PATIENCE_S, push_table
+    """Sends the offsets over Modbus to an offset device in this process, on loopback."""
+    from compensator.modbus.embedded import device_of
+    from compensator.modbus.link import Address
+    from compensator.modbus.offset_file import read_offsets
+    from compensator.modbus.push import push
     from compensator.modbus.server import Loopback
-    from compensator.modbus.state import TableStore
 
     offsets = read_offsets(offsets_file, reach_mm=10.0)
-    check_offsets(offsets, cell.max_offset)
-    with Loopback(CellMachine(TableStore(), limit_um(cell), cell.robot.name)) as server:
-        address = Address("127.0.0.1", server.port, unit=1)
-        plan = plan_push(cell, offsets, address, needed=True)
-        with Link(address) as link:
-            how = push_table(link, plan.tables[0], PATIENCE_S, lambda page, pages: None)
-    return [*lines(plan, address, cell.max_offset)[1:], f"new table active (read back): {plan.tables[0].header.name}, {how}"]
+    with Loopback(device_of(cell)) as server:
+        pushed = push(cell, offsets, Address("127.0.0.1", server.port, unit=1), apply=True)
+    return pushed.lines()[1:]

@@ -31,7 +31,7 @@ NAMES = {1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "de
 
 @dataclass(frozen=True)
 class Address:
-    """Where the cell listens. timeout_s bounds the connection and every reply, retries how often a request is repeated."""
+    """Where the device listens. timeout_s bounds the connection and every reply, retries how often a request is repeated."""
 
     host: str
     port: int
@@ -49,7 +49,7 @@ class LinkLost(Exception):
 
 
 class ExceptionReply(Exception):
-    """The cell answered by a Modbus exception."""
+    """The device answered by a Modbus exception."""
 
     def __init__(self, code: int) -> None:
         self.code = code
@@ -80,22 +80,21 @@ class Link:
             self._client = None
 
     def read(self, address: int, count: int) -> list[int]:
-        """Registers (count,), in as many requests as it takes. Raises LinkLost, ExceptionReply."""
-        words: list[int] = []
-        while len(words) < count:
-            place, some = address + len(words), min(MOST_READ, count - len(words))
-            words += self._read_some(place, some)
-        return words
+        """The values of `count` registers, in as many requests as it takes. Raises LinkLost, ExceptionReply."""
+        values: list[int] = []
+        while len(values) < count:
+            values += self._read_once(address + len(values), min(MOST_READ, count - len(values)))
+        return values
 
-    def _read_some(self, address: int, count: int) -> list[int]:
+    def _read_once(self, address: int, count: int) -> list[int]:
         reply = self._ask(lambda client: client.read_holding_registers(address, count=count, device_id=self.address.unit),
                           lambda reply: len(reply.registers) == count)
         return list(reply.registers)
 
-    def write(self, address: int, words: list[int]) -> None:
+    def write(self, address: int, values: list[int]) -> None:
         """One write of up to 123 registers. Raises LinkLost, ExceptionReply."""
-        self._ask(lambda client: client.write_registers(address, words, device_id=self.address.unit),
-                  lambda reply: (reply.address, reply.count) == (address, len(words)))
+        self._ask(lambda client: client.write_registers(address, values, device_id=self.address.unit),
+                  lambda reply: (reply.address, reply.count) == (address, len(values)))
 
     def _ask(self, request: Callable[[ModbusTcpClient], Any], sound: Callable[[Any], bool]) -> Any:
         """The reply of the first attempt that has a sound one."""

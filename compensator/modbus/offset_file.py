@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.modbus.push import Table
-from compensator.modbus.wire import LARGEST_UM, Header, to_words
+from compensator.modbus.wire import LARGEST_UM, OffsetTable, to_registers
 from identification.common.findings import Finding, Refused, counted, error
 
 Array = NDArray[np.float64]
@@ -76,7 +75,7 @@ def read_offsets(path: Path, reach_mm: float) -> Offsets:
     turn = np.full(len(table), np.nan)
     if TURN[0] in table.numbers:
         turn = np.radians(np.linalg.norm(table.stack(*TURN), axis=1))
-    findings.append(_not_sent(table.numbers["target"], turn, reach_mm, path))
+    findings.append(_turn_not_sent(table.numbers["target"], turn, reach_mm, path))
     first = int(table.numbers["target"][0])
     return Offsets(str(path), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings))
 
@@ -99,17 +98,17 @@ def check_offsets(offsets: Offsets, limit: float) -> None:
                               target=offsets.first + row, hint=f"nothing was sent{hint}"))
 
 
-def windows(offsets: Offsets, window_rows: int) -> list[Table]:
-    """The tables, one where the cell holds them all."""
-    words = to_words(offsets.micrometres)
-    count = -(-len(words) // window_rows)
+def tables_of(offsets: Offsets, window_rows: int) -> list[OffsetTable]:
+    """The tables of up to `window_rows` rows, one where the device holds them all. Raises Refused (CS5004)."""
+    registers = to_registers(offsets.micrometres)
+    count = -(-len(registers) // window_rows)
     if count > 0xFFFF:
         raise Refused(Finding("CS5004", "error", f"{count} windows of {window_rows} rows: more than a register counts"))
     tables = []
     for number in range(count):
-        rows = words[number * window_rows:(number + 1) * window_rows]
+        rows = registers[number * window_rows:(number + 1) * window_rows]
         first = offsets.first + number * window_rows
-        tables.append(Table(Header.of(rows, first, offsets.first + len(words), number + 1, count), rows))
+        tables.append(OffsetTable.of(rows, first, offsets.first + len(registers), number + 1, count))
     return tables
 
 
@@ -126,7 +125,7 @@ def _check_targets(target: Array, line: NDArray[np.intp], path: Path) -> None:
                     hint="one row a target, counted up without gaps, as correct --offsets writes them")
 
 
-def _not_sent(target: Array, turn: Array, reach_mm: float, path: Path) -> Finding:
+def _turn_not_sent(target: Array, turn: Array, reach_mm: float, path: Path) -> Finding:
     """What is left because only positions are sent."""
     if not np.isfinite(turn).any():
         return Finding("CS5007", "note", "the file does not say by how much the correction turns the tool; only positions are "

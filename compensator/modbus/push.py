@@ -1,197 +1,227 @@
-"""One table into the cell: begin, pages, commit, read back; and when that fails, find out what is active.
-
-A table's id is made from its content, and every step may be repeated. Whatever happens on the way, `push_table` ends in one
-of these: the table is active and read back; the one before is, read back after this transfer was withdrawn so that nothing
-late can commit it; another one is; or nothing can be said.
-"""
+"""`push`: the offsets of a program into the device, dry or applied: check, compare with what is active, transfer, log."""
 
 from __future__ import annotations
 
-import time
-import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from compensator.modbus import registers as at
+from compensator.modbus import audit
 from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
-from compensator.modbus.registers import Command, Refusal, Result
-from compensator.modbus.wire import EMPTY, HEADER_WORDS, PAGE_ROWS, Header, Words, page_words
-from identification.common.findings import CompstiffError, Finding, Refused, Unconfirmed
-
-# Transfers that lose their place (a restarted cell, another writer) begin again this often.
-ROUNDS = 5
-PATIENCE_S = 12.0
-POLL_S = 0.1
-OLD, UNKNOWN = "old table active (read back)", "state unknown"
-AGAIN = "pushing again is safe and settles it"
-
-Progress = Callable[[int, int], None]
+from compensator.modbus.offset_file import Offsets, check_offsets, tables_of
+from compensator.modbus.receiver import Receiver
+from compensator.modbus.registers import WINDOW_ROWS
+from compensator.modbus.transfer import (
+    OLD,
+    PATIENCE_S,
+    UNKNOWN,
+    Identity,
+    Progress,
+    identify,
+    read_table,
+    unreachable,
+    withdraw,
+)
+from compensator.modbus.windows import ROBOT_PATIENCE_S, push_windows
+from compensator.modbus.wire import ROUNDING_UM, OffsetTable, to_micrometres
+from identification.common.files import sha256
+from identification.common.findings import CompstiffError, Finding, Refused
+from identification.model.cell import Cell
 
 
 @dataclass(frozen=True)
-class Device:
-    """What the cell says of itself: rows of a table at most, longest offset [um]."""
+class Waiting:
+    """How long to wait: patience_s for a busy device, robot_s for a sign of the robot. restart: from the first window."""
 
-    window_rows: int
-    limit_um: int
+    patience_s: float = PATIENCE_S
+    robot_s: float = ROBOT_PATIENCE_S
+    restart: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """A table to push: header and words (rows, 3)."""
+class PushResult:
+    """What a push would send, or has sent. limit [m] of an offset; tables: the offsets as the device wants them; active: the
+    table that was active before, None if not asked; endings: how each window went, none in a dry run."""
 
-    header: Header
-    words: Words
+    offsets: Offsets
+    address: Address
+    limit: float
+    tables: list[OffsetTable]
+    active: OffsetTable | None
+    findings: tuple[Finding, ...]
+    endings: tuple[str, ...] = ()
 
+    @property
+    def applied(self) -> bool:
+        """Whether anything was sent."""
+        return bool(self.endings)
 
-class _OutOfSequence(Exception):
-    """The cell does not know this transfer (any more)."""
+    @property
+    def difference(self) -> dict[str, Any] | None:
+        """What the first window changes in the active table (JSON values); None where the device was not asked."""
+        if self.active is None:
+            return None
+        new, old = self.tables[0], self.active
+        if new.header.window != old.header.window or new.header.windows != old.header.windows:
+            new = next((table for table in self.tables if table.header == old.header), new)
+        first = max(new.header.first, old.header.first)
+        count = max(min(new.header.first + new.header.rows, old.header.first + old.header.rows) - first, 0)
+        change = (to_micrometres(new.registers[first - new.header.first:][:count])
+                  - to_micrometres(old.registers[first - old.header.first:][:count])) if count else np.zeros((0, 3))
+        return {"same": new.header == old.header, "rows_in_both": count, "rows_changed": int(change.any(axis=1).sum()),
+                "rows_only_new": new.header.rows - count, "rows_only_active": old.header.rows - count,
+                "largest_change_mm": round(1e-3 * float(np.linalg.norm(change, axis=1).max()), 6) if count else 0.0}
 
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        offsets, address = self.offsets, self.address
+        turn = np.degrees(np.nanmax(offsets.turn)) if np.isfinite(offsets.turn).any() else None
+        return {
+            "target": {"host": address.host, "port": address.port, "unit": address.unit, "tls": address.tls is not None},
+            "rows": len(offsets.offset), "first_target": offsets.first,
+            "largest_offset_mm": round(1e3 * float(offsets.length.max()), 6),
+            "largest_at_target": offsets.first + offsets.worst,
+            "limit_mm": round(1e3 * self.limit, 6), "turn_not_sent_deg": turn,
+            "tables": [table.header.as_dict() for table in self.tables],
+            "active_before": self.active.header.as_dict() if self.active and self.active.header else None,
+            "difference": self.difference, "applied": self.applied, "results": list(self.endings),
+        }
 
-def identify(link: Link, robot: str) -> Device:
-    """Reads the identity registers. Raises Refused (CS5010) for another device or robot; LinkLost, ExceptionReply."""
-    try:
-        words = link.read(at.IDENTITY, at.IDENTITY_WORDS)
-    except ExceptionReply as reply:
-        if reply.code in (Refusal.FUNCTION, Refusal.ADDRESS):
-            raise _wrong_device(link.address, str(reply)) from reply
-        raise
-    if tuple(words[:2]) != at.MAGIC:
-        raise _wrong_device(link.address, f"registers 0 and 1 are {words[0]} and {words[1]}")
-    if words[2] != at.MAP_VERSION:
-        raise _wrong_device(link.address, f"its register map has version {words[2]}, this program knows {at.MAP_VERSION}")
-    if words[3] != PAGE_ROWS or not words[4]:
-        raise _wrong_device(link.address, f"it states pages of {words[3]} and windows of {words[4]} rows")
-    if words[6] << 16 | words[7] != zlib.crc32(robot.encode()):
-        raise _wrong_device(link.address, f"it is not the cell of the robot {robot}")
-    return Device(min(words[4], at.WINDOW_ROWS), words[5])
+    def lines(self) -> list[str]:
+        """What the terminal shows."""
+        offsets, tables = self.offsets, self.tables
+        last = offsets.first + len(offsets.offset) - 1
+        cut = f"table {tables[0].header.name}" if len(tables) == 1 else f"{len(tables)} windows"
+        pages = sum(table.header.pages for table in tables)
+        end = (f"new table active (read back): {tables[-1].header.name}, {self.endings[-1]}" if self.applied
+               else "dry run: nothing was sent")
+        return [
+            f"cell: {self.address}",
+            f"rows: {len(offsets.offset)}, targets {offsets.first} to {last}, {pages} pages, {cut}",
+            f"largest offset: {1e3 * offsets.length.max():.4f} mm at target {offsets.first + offsets.worst}, limit "
+            f"{1e3 * self.limit:g} mm; sent in whole micrometres",
+            *self._difference_lines(), end]
 
-
-def read_active(link: Link) -> Header:
-    """The header of the active table, EMPTY where there is none."""
-    return Header.from_words(link.read(at.ACTIVE, HEADER_WORDS))
-
-
-def read_table(link: Link) -> Table:
-    """The active table with its offsets, read until the header is the same before and after."""
-    for _ in range(ROUNDS):
-        header = read_active(link)
+    def _difference_lines(self) -> list[str]:
+        change = self.difference
+        if self.active is None or change is None:
+            return []
+        header = self.active.header
         if not header:
-            break
-        words = np.array(link.read(at.TABLE, 3 * header.rows), np.uint16).reshape(-1, 3)
-        if read_active(link) == header:
-            return Table(header, words)
-    return Table(EMPTY, np.empty((0, 3), np.uint16))
+            return ["active table: none"]
+        if change["same"]:
+            return [f"active table: {header.name}, {header.rows} rows: this one, nothing differs"]
+        return [f"active table: {header.name}, {header.rows} rows: {change['rows_changed']} of {change['rows_in_both']} "
+                f"common rows differ, by up to {change['largest_change_mm']:.3f} mm; {change['rows_only_new']} rows are new, "
+                f"{change['rows_only_active']} go"]
 
 
-def push_table(link: Link, table: Table, patience_s: float, progress: Progress) -> str:
-    """Makes the table the active one and reads it back; returns how it went, for the log.
+class Interrupted(CompstiffError):
+    """Ctrl-C while a table was under way; the finding says what is active (exit code 130)."""
 
-    Raises Unconfirmed: CS5012 the cell is lost or does not confirm, CS5013 busy. Refused: CS5011 it refuses the content,
-    CS5014 another table is active after the commit.
+    exit_code = 130
+
+
+def push(
+    cell: Cell, offsets: Offsets, address: Address, *, apply: bool = False, waiting: Waiting | None = None,
+    receiver: Receiver | None = None, log: Path | None = None, progress: Progress = lambda page, pages: None,
+    say: Callable[[str], None] = lambda text: None,
+) -> PushResult:
+    """Sends the offsets to the device at the address if `apply`; else says what would be sent (a dry run needs no device).
+
+    receiver: the RAPID module to write, before anything is sent. log: file that keeps every push that is applied. progress:
+    called with page and pages; say: with a line for each of several windows. Raises Refused: CS5003 over the cell's limit,
+    CS5004 too large for a register, CS5010 another device, CS5011 over the device's limit, CS5014 another writer;
+    Unconfirmed: CS5012 the device is lost or does not confirm (of a dry run a warning, CS5015), CS5013 busy, CS5016 no sign
+    of the robot; Interrupted (CS5018); CompstiffError: CS0003 the receiver exists, CS0004 a file cannot be written.
     """
-    sent_commit = False
-    before: Header | None = None
+    check_offsets(offsets, cell.max_offset)
+    result = _compared(cell, offsets, address, needed=apply)
+    if receiver:
+        receiver.write(result.tables, cell.max_offset, offsets.source)
+    if not apply:
+        return result
     try:
-        before = read_active(link)
-        if before == table.header:
-            return "already active"
-        for _ in range(ROUNDS):
-            try:
-                _send_pages(link, table, patience_s, progress)
-                sent_commit = True
-                _write(link, at.COMMAND, [Command.COMMIT, *table.header.words()], patience_s)
-                break
-            except _OutOfSequence:
-                active = read_active(link)
-                if sent_commit and active not in (before, EMPTY):
-                    break
-        active = read_active(link)
+        endings = _transferred(result, waiting or Waiting(), log, progress, say)
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(_after_interrupt(result)) from interrupt
+    return replace(result, endings=tuple(endings))
+
+
+def _compared(cell: Cell, offsets: Offsets, address: Address, *, needed: bool) -> PushResult:
+    """Asks the device what it holds. needed: raise Unconfirmed (CS5012) if it cannot be asked, else a warning (CS5015)."""
+    try:
+        with Link(address if needed else replace(address, retries=0)) as link:
+            identity = identify(link, cell.robot.name)
+            _check_limit(offsets, identity)
+            active = read_table(link)
     except (LinkLost, ExceptionReply) as reason:
-        return _settle(link, table, before, reason, sent_commit)
-    if active == table.header:
-        return "committed"
-    if active == before:
-        return _settle(link, table, before, LinkLost(f"the transfer lost its place {ROUNDS} times"), sent_commit)
-    raise Refused(another(active))
+        if needed:
+            raise unreachable(address, reason) from reason
+        warning = Finding("CS5015", "warning", f"the cell at {address} could not be asked ({reason}): not compared with the "
+                          "active table", hint="start the cell, or check modbus.host and port")
+        return PushResult(offsets, address, cell.max_offset, tables_of(offsets, WINDOW_ROWS), None,
+                          (*offsets.findings, warning))
+    tables = tables_of(offsets, identity.window_rows)
+    findings = () if len(tables) == 1 else (Finding(
+        "CS5021", "note", f"{len(offsets.offset)} rows go in {len(tables)} windows of up to {identity.window_rows}: each is "
+        "active whole or not at all, the program as a whole is not"),)
+    return PushResult(offsets, address, cell.max_offset, tables, active, (*offsets.findings, *findings))
 
 
-def withdraw(link: Link, table: Table) -> Header:
-    """Withdraws the transfer, so that no late commit can succeed, and reads what is active."""
-    link.write(at.COMMAND, [Command.ABORT, *table.header.words()])
-    return read_active(link)
+def _check_limit(offsets: Offsets, identity: Identity) -> None:
+    largest = int(np.ceil(1e6 * offsets.length.max() - 1e-6))
+    if largest > identity.limit_um + ROUNDING_UM:
+        raise Refused(Finding("CS5011", "error", f"the largest offset, {1e-3 * largest:.3f} mm at target "
+                              f"{offsets.first + offsets.worst}, is over the cell's own limit, {1e-3 * identity.limit_um:.3f} "
+                              "mm", file=offsets.source, hint="nothing was sent; compare limits.max_offset_mm of both sides"))
 
 
-def _send_pages(link: Link, table: Table, patience_s: float, progress: Progress) -> None:
-    header = table.header
-    _write(link, at.COMMAND, [Command.BEGIN, *header.words()], patience_s)
-    for page in range(header.pages):
-        _write(link, at.PAGE, page_words(header, table.words, page), patience_s)
-        progress(page + 1, header.pages)
+def _transferred(
+    planned: PushResult, waiting: Waiting, log: Path | None, progress: Progress, say: Callable[[str], None]
+) -> list[str]:
+    """Pushes all windows and logs it; returns how each went. Raises what push_windows raises, CS0004 for the log."""
+    offsets, address = planned.offsets, planned.address
+    entry = {"offsets": offsets.source, "sha256": sha256(offsets.source), "cell": str(address),
+             "tables": [table.header.name for table in planned.tables], "rows": len(offsets.offset)}
 
+    def keep(**more: Any) -> None:
+        if log:
+            audit.append(log, {**entry, **more})
 
-def _write(link: Link, address: int, words: list[int], patience_s: float) -> None:
-    """A write that waits while the cell is busy. Raises _OutOfSequence, LinkLost, ExceptionReply."""
-    until = time.monotonic() + patience_s
-    while True:
-        try:
-            return link.write(address, words)
-        except ExceptionReply as reply:
-            if reply.code == Refusal.SEQUENCE:
-                raise _OutOfSequence from reply
-            if reply.code != Refusal.BUSY or time.monotonic() > until:
-                raise
-        time.sleep(POLL_S)
-
-
-def _settle(link: Link, table: Table, before: Header | None, reason: Exception, sent_commit: bool) -> str:
-    """After a failure: what is active? Returns where it is this table after all, else raises."""
-    why = ""
+    keep(result="started")
     try:
-        active = withdraw(link, table)
-        if isinstance(reason, ExceptionReply):
-            why = _explained(link.read(at.RESULT, 1)[0])
+        with Link(address) as link:
+            try:
+                endings = push_windows(link, planned.tables, patience_s=waiting.patience_s, robot_s=waiting.robot_s,
+                                       restart=waiting.restart, progress=progress, say=say)
+            except (LinkLost, ExceptionReply) as reason:
+                raise unreachable(address, reason) from reason
+    except CompstiffError as stopped:
+        keep(result=stopped.findings[0].message, exit_code=stopped.exit_code)
+        raise
+    except KeyboardInterrupt:
+        keep(result="interrupted", exit_code=Interrupted.exit_code)
+        raise
+    keep(result="; ".join(endings), exit_code=0)
+    return endings
+
+
+def _after_interrupt(planned: PushResult) -> Finding:
+    """Withdraws what Ctrl-C left half done and says what is active."""
+    before = planned.active.header if planned.active else None
+    try:
+        with Link(replace(planned.address, retries=0)) as link:
+            for table in planned.tables:
+                active = withdraw(link, table)
     except (LinkLost, ExceptionReply):
-        sent = "a commit was sent" if sent_commit else "no commit was sent, so this call changed nothing"
-        raise Unconfirmed(Finding("CS5012", "error", f"the cell at {link.address} is not reachable or did not confirm: "
-                                  f"{reason}; {UNKNOWN} ({sent})", hint=AGAIN)) from reason
-    if active == table.header:
-        return "committed, the reply was lost"
-    if before is not None and active != before:
-        raise Refused(another(active)) from reason
-    state = OLD if active else f"{OLD}: none"
-    code = reason.code if isinstance(reason, ExceptionReply) else 0
-    if code == Refusal.VALUE:
-        raise Refused(Finding("CS5011", "error", f"the cell refused the table{why}; {state}",
-                              hint="compare limits.max_offset_mm of both sides")) from reason
-    if code == Refusal.BUSY:
-        raise Unconfirmed(Finding("CS5013", "error", f"the cell is busy{why}; {state}", hint=AGAIN)) from reason
-    raise Unconfirmed(Finding("CS5012", "error", f"the cell at {link.address} did not confirm: {reason}{why}; {state}",
-                              hint=AGAIN)) from reason
-
-
-def _explained(result: int) -> str:
-    texts = {Result.OFFSET: "an offset over its limit", Result.STORAGE: "its state directory cannot be written",
-             Result.OTHER_WRITER: "another writer's transfer is under way", Result.HEADER: "the header of the table",
-             Result.ROBOT_RUNNING: "the robot is running with the active table", Result.PAGE_LENGTH: "the length of a page"}
-    known = {int(key): text for key, text in texts.items()}
-    return f": {known[result]}" if result in known else ""
-
-
-def another(active: Header) -> Finding:
-    what = f"table {active.name} with {active.rows} rows is active (read back)" if active else "no table is active (read back)"
-    return Finding("CS5014", "error", f"the active table is neither this one nor the one before: {what}",
-                   hint="somebody else pushed at the same time; settle who may, then push again")
-
-
-def unreachable(address: Address, reason: Exception) -> Unconfirmed:
-    """A cell that could not even be asked."""
-    return Unconfirmed(Finding("CS5012", "error", f"the cell at {address} is not reachable or did not confirm: {reason}; "
-                               f"{UNKNOWN} (nothing was sent, so this call changed nothing)", hint=AGAIN))
-
-
-def _wrong_device(address: Address, why: str) -> CompstiffError:
-    return Refused(Finding("CS5010", "error", f"what listens at {address} is not this cell: {why}",
-                           hint="check modbus.host, port and unit in cell.yaml, and robot"))
+        return Finding("CS5018", "error", f"interrupted; {UNKNOWN}", hint="push again to settle it")
+    ours = next((table.header for table in planned.tables if table.header == active), None)
+    if ours and ours != before:
+        state = f"window {ours.window} of {ours.windows} of the new table is active (read back)"
+    else:
+        state = OLD if active == before else f"table {active.name} is active (read back)"
+    return Finding("CS5018", "error", f"interrupted; {state}")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from compensator.modbus.wire import HEADER_WORDS, PAGE_ROWS
+from compensator.modbus.wire import HEADER_REGISTERS, PAGE_ROWS
 
 MAGIC = (0x4353, 0x4D42)            # "CSMB"
 MAP_VERSION = 1
 
 IDENTITY, STATUS, ACTIVE, ROBOT, ANSWER, COMMAND, PAGE, TABLE = 0, 16, 32, 48, 64, 96, 128, 4096
 RESULT, FINISHED = STATUS + 1, STATUS + 7
-IDENTITY_WORDS, ROBOT_WORDS, ANSWER_WORDS = 8, 6, 11
-COMMAND_WORDS = 1 + HEADER_WORDS
-PAGE_WORDS = 3 + 3 * PAGE_ROWS
+IDENTITY_REGISTERS, ROBOT_REGISTERS, ANSWER_REGISTERS = 8, 6, 11
+COMMAND_REGISTERS = 1 + HEADER_REGISTERS
+PAGE_REGISTERS = 3 + 3 * PAGE_ROWS
 # A table must be readable at 65 536 addresses, three a row, above the other registers: 20 480 rows at most, of which
 # 20 000 are used. It is also above what a RAPID module of one program part holds (2 500 to 5 000 moves).
 WINDOW_ROWS = 20_000
@@ -22,7 +22,7 @@ LAST_ADDRESS = TABLE + 3 * WINDOW_ROWS - 1
 
 
 class Command(IntEnum):
-    """First word of a command."""
+    """First register of a command."""
 
     BEGIN = 1
     COMMIT = 2
@@ -45,7 +45,7 @@ class Robot(IntEnum):
 
 
 class Result(IntEnum):
-    """Why the cell refused last; docs/modbus.md."""
+    """Why the device refused last; docs/modbus.md."""
 
     NONE = 0
     HEADER = 1
@@ -72,10 +72,10 @@ class Refusal(IntEnum):
 
 @dataclass(frozen=True)
 class Register:
-    """One entry of the map: `words` registers from `address`; access "r" or "rw" or "w"."""
+    """One entry of the map: `count` registers from `address`; access "r" or "rw" or "w"."""
 
     address: int
-    words: int
+    count: int
     access: str
     name: str
     meaning: str
@@ -108,7 +108,7 @@ MAP = (
     Register(69, 3, "r", "offset x y z", "of that row, offset-binary micrometres; 0 where there is no such row"),
     Register(72, 1, "r", "check", "(row + x + y + z) modulo 65536: a reader sees a torn update"),
     Register(73, 2, "r", "window, windows", "of the active table"),
-    Register(96, COMMAND_WORDS, "w", "command", "1 begin, 2 commit, 3 abort, then the header; in one write"),
-    Register(128, PAGE_WORDS, "w", "page", "id (2), page number from 0, up to 40 rows of x y z; in one write"),
+    Register(96, COMMAND_REGISTERS, "w", "command", "1 begin, 2 commit, 3 abort, then the header; in one write"),
+    Register(128, PAGE_REGISTERS, "w", "page", "id (2), page number from 0, up to 40 rows of x y z; in one write"),
     Register(4096, 3 * WINDOW_ROWS, "r", "table", "the active table's offsets x y z, row after row; none beyond its rows"),
 )

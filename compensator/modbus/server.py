@@ -1,18 +1,19 @@
-"""The embedded cell on pymodbus' server."""
+"""An offset device on pymodbus' server: its address, its loop, and one in a thread of this process."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import socket
-import ssl
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 from typing import cast
 
 from compensator.modbus import registers as at
-from compensator.modbus.machine import CellMachine, RefusedWrite
+from compensator.modbus.device import OffsetDevice, RefusedWrite
+from compensator.modbus.tls import TlsFiles
 from identification.common.findings import error
 
 # pymodbus reads a single written register back, with the same function code 6.
@@ -20,11 +21,19 @@ READS, WRITES = (3, 4, 6), (6, 16)
 START_S = 10.0
 
 
-async def serve(
-    machine: CellMachine, host: str, port: int, unit: int, tls: ssl.SSLContext | None, stop: asyncio.Event,
-    ready: Callable[[int], None],
-) -> None:
-    """Serves until `stop` is set; ready is called with the port. Raises CompstiffError (CS5103) where it cannot listen."""
+@dataclass(frozen=True)
+class Endpoint:
+    """Where a device listens. port 0: any free one; tls: certificates of the server's side, None without."""
+
+    host: str
+    port: int
+    unit: int = 1
+    tls: TlsFiles | None = None
+
+
+async def serve(device: OffsetDevice, endpoint: Endpoint, stop: asyncio.Event, ready: Callable[[int], None]) -> None:
+    """Serves until `stop` is set; ready is called with the port. Raises CompstiffError: CS5103 it cannot listen,
+    CS5105 a file of its certificates."""
     from pymodbus import FramerType
     from pymodbus.constants import ExcCodes
     from pymodbus.server import ModbusTcpServer, ModbusTlsServer
@@ -38,28 +47,30 @@ async def serve(
             if new is None:
                 if function not in READS:
                     return ExcCodes.ILLEGAL_FUNCTION
-                current[address - start:address - start + count] = machine.read(address, count)
+                current[address - start:address - start + count] = device.read(address, count)
             elif function in WRITES:
-                machine.write(address, cast(list[int], new))
+                device.write(address, cast(list[int], new))
             else:
                 return ExcCodes.ILLEGAL_FUNCTION
         except RefusedWrite as refused:
             return ExcCodes(int(refused.code))
         return None
 
+    context = endpoint.tls.context("server") if endpoint.tls else None
     quiet_pymodbus()
-    _check_free(host, port)
+    _check_free(endpoint)
     registers = SimData(0, values=[0] * (at.LAST_ADDRESS + 1), datatype=DataType.REGISTERS)
-    device = SimDevice(unit, simdata=registers, action=action)
-    if tls is None:
-        server = ModbusTcpServer(device, address=(host, port))
+    simulated = SimDevice(endpoint.unit, simdata=registers, action=action)
+    address = (endpoint.host, endpoint.port)
+    if context is None:
+        server = ModbusTcpServer(simulated, address=address)
     else:
         # The framer of plain sockets: it counts the bytes of a frame, the TLS one takes whatever arrives together.
-        server = ModbusTlsServer(device, address=(host, port), sslctx=tls, framer=FramerType.SOCKET)
+        server = ModbusTlsServer(simulated, address=address, sslctx=context, framer=FramerType.SOCKET)
     try:
         await server.serve_forever(background=True)
     except RuntimeError as reason:
-        raise _cannot_listen(host, port, str(reason)) from reason
+        raise _cannot_listen(endpoint, str(reason)) from reason
     try:
         ready(server.transport.sockets[0].getsockname()[1])  # type: ignore[attr-defined]
         await stop.wait()
@@ -70,17 +81,17 @@ async def serve(
 
 
 class Loopback:
-    """A cell in a thread of this process, on 127.0.0.1: `with Loopback(machine) as cell: ... cell.port`."""
+    """A device in a thread of this process, on 127.0.0.1: `with Loopback(device) as server: ... server.port`."""
 
-    def __init__(self, machine: CellMachine, unit: int = 1, tls: ssl.SSLContext | None = None, port: int = 0) -> None:
-        self.machine, self.unit, self.tls, self.port = machine, unit, tls, port
+    def __init__(self, device: OffsetDevice, unit: int = 1, tls: TlsFiles | None = None) -> None:
+        self.device, self.endpoint, self.port = device, Endpoint("127.0.0.1", 0, unit, tls), 0
         self._ready = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()), daemon=True)
 
     def __enter__(self) -> Loopback:
         self._thread.start()
         if not self._ready.wait(START_S):
-            raise _cannot_listen("127.0.0.1", self.port, "the server did not start")
+            raise _cannot_listen(self.endpoint, "the server did not start")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
@@ -89,7 +100,7 @@ class Loopback:
 
     async def _run(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        await serve(self.machine, "127.0.0.1", self.port, self.unit, self.tls, self._stop, self._started)
+        await serve(self.device, self.endpoint, self._stop, self._started)
 
     def _started(self, port: int) -> None:
         self.port = port
@@ -104,14 +115,16 @@ def quiet_pymodbus() -> None:
         logger.addHandler(logging.NullHandler())
 
 
-def _check_free(host: str, port: int) -> None:
+def _check_free(endpoint: Endpoint) -> None:
     """Binds once by itself, because pymodbus does not say why it could not."""
     try:
-        with socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET):
+        family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
+        with socket.create_server((endpoint.host, endpoint.port), family=family):
             pass
     except OSError as reason:
-        raise _cannot_listen(host, port, reason.strerror or str(reason)) from reason
+        raise _cannot_listen(endpoint, reason.strerror or str(reason)) from reason
 
 
-def _cannot_listen(host: str, port: int, why: str) -> Exception:
-    return error("CS5103", f"cannot listen on {host}:{port}: {why}", hint="give another --port, or stop what listens there")
+def _cannot_listen(endpoint: Endpoint, why: str) -> Exception:
+    return error("CS5103", f"cannot listen on {endpoint.host}:{endpoint.port}: {why}",
+                 hint="give another --port, or stop what listens there")

@@ -12,34 +12,25 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from compensator.modbus.wire import Header, Words, crc32, to_micrometres, to_words
+from compensator.modbus.wire import Header, OffsetTable, crc32, to_micrometres, to_registers
 from identification.common.files import write_whole
 from identification.common.findings import CompstiffError, error
 
 COLUMNS = "target,ox_um,oy_um,oz_um"
 
 
-@dataclass(frozen=True, eq=False)
-class Active:
-    """A table that was committed: words (N, 3)."""
-
-    header: Header
-    words: Words
-
-
 class TableStore:
-    """Keeps nothing: a cell without a state directory."""
+    """Keeps nothing: a device without a state directory."""
 
-    def load(self) -> Active | None:
+    def load(self) -> OffsetTable | None:
         """The table committed last."""
         return None
 
-    def commit(self, table: Active) -> None:
+    def commit(self, table: OffsetTable) -> None:
         """Makes the table the one that a restart finds. Raises CompstiffError (CS0004); then the one before is."""
 
 
@@ -50,7 +41,7 @@ class TableFiles(TableStore):
         self.table, self.headers = folder / "active.csv", folder / "active.json"
         self.known: dict[str, dict[str, int]] = {}
 
-    def load(self) -> Active | None:
+    def load(self) -> OffsetTable | None:
         for left in self.table.parent.glob(".active.*.part"):
             left.unlink()
         if not self.table.exists():
@@ -60,16 +51,16 @@ class TableFiles(TableStore):
             digest = hashlib.sha256(content).hexdigest()
             header = Header(**json.loads(self.headers.read_text())["tables"][digest])
             rows = np.loadtxt(content.decode().splitlines()[1:], delimiter=",", dtype=np.int64, ndmin=2)
-            words = to_words(rows[:, 1:])
+            registers = to_registers(rows[:, 1:])
         except (OSError, ValueError, KeyError, TypeError) as reason:
             why = f"{self.headers.name} does not know it" if isinstance(reason, KeyError) else str(reason)
             raise _not_ours(self.table, why) from reason
-        if (len(words), crc32(words)) != (header.rows, header.crc):
+        if (len(registers), crc32(registers)) != (header.rows, header.crc):
             raise _not_ours(self.table, "count or CRC differ")
         self.known = {digest: header.as_dict()}
-        return Active(header, words)
+        return OffsetTable(header, registers)
 
-    def commit(self, table: Active) -> None:
+    def commit(self, table: OffsetTable) -> None:
         content = table_csv(table)
         digest = hashlib.sha256(content).hexdigest()
         headers = {**self.known, digest: table.header.as_dict()}
@@ -81,9 +72,9 @@ class TableFiles(TableStore):
             _sync_folder(self.table.parent)
 
 
-def table_csv(table: Active) -> bytes:
+def table_csv(table: OffsetTable) -> bytes:
     """active.csv: every row of the table."""
-    offset = to_micrometres(table.words)
+    offset = to_micrometres(table.registers)
     rows = np.column_stack([table.header.first + np.arange(len(offset)), offset])
     # One format for all rows: twice as fast as row by row, and the client waits for it.
     return (COLUMNS + "\n" + "%d,%d,%d,%d\n" * len(rows) % tuple(rows.ravel().tolist())).encode()

@@ -1,6 +1,6 @@
 """What stands in a register: offset-binary micrometres, pages of rows, the header of a transfer, its CRC-32.
 
-An offset of `um` micrometres is the unsigned word 32768 + um, because ABB group inputs are unsigned. The words 0 (an
+An offset of `um` micrometres is the register value 32768 + um, because ABB group inputs are unsigned. The values 0 (an
 unconnected or cleared input) and 65535 (all bits set, a failed one) are never an offset: both ends refuse them, so an offset
 component lies within +-32766 um. The RAPID receiver is rendered from the same constants.
 """
@@ -14,47 +14,47 @@ from dataclasses import asdict, astuple, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Words = NDArray[np.uint16]
+Registers = NDArray[np.uint16]
 Micrometres = NDArray[np.int64]
 
-ZERO_WORD = 32768
+ZERO = 32768
 UM_PER_MM = 1000
 LARGEST_UM = 32766
 NO_OFFSET = (0, 65535)
-# 3 words of id and page number and 40 rows of 3: 123 registers, the most that one Modbus write holds.
+# 3 registers of id and page number and 40 rows of 3: 123, the most that one Modbus write holds.
 PAGE_ROWS = 40
 # Rounding three components to a micrometre lengthens an offset by at most sqrt(3)/2 um.
 ROUNDING_UM = 1
 
 
-def to_words(offset_um: Micrometres) -> Words:
+def to_registers(offset_um: Micrometres) -> Registers:
     """Offsets (N, 3) [um] as registers (N, 3). Raises ValueError where one does not fit."""
     if offset_um.size and np.abs(offset_um).max() > LARGEST_UM:
         raise ValueError(f"an offset of {np.abs(offset_um).max()} um does not fit into 16 bits (+-{LARGEST_UM} um)")
-    return (offset_um + ZERO_WORD).astype(np.uint16)
+    return (offset_um + ZERO).astype(np.uint16)
 
 
-def to_micrometres(words: Words) -> Micrometres:
+def to_micrometres(registers: Registers) -> Micrometres:
     """Registers (N, 3) as offsets (N, 3) [um]."""
-    return words.astype(np.int64) - ZERO_WORD
+    return registers.astype(np.int64) - ZERO
 
 
-def from_bytes(content: bytes) -> Words:
+def from_bytes(content: bytes) -> Registers:
     """The bytes on the wire as registers (N, 3)."""
     return np.frombuffer(content, ">u2").astype(np.uint16).reshape(-1, 3)
 
 
-def acceptable(words: Words, limit_um: int) -> bool:
+def acceptable(registers: Registers, limit_um: int) -> bool:
     """Whether every row is an offset, and none longer than the limit (its rounding to a micrometre allowed)."""
-    if words.min() == NO_OFFSET[0] or words.max() == NO_OFFSET[1]:
+    if registers.min() == NO_OFFSET[0] or registers.max() == NO_OFFSET[1]:
         return False
-    offset = words.astype(np.int64) - ZERO_WORD
+    offset = registers.astype(np.int64) - ZERO
     return bool(np.einsum("ij,ij->i", offset, offset).max() <= (limit_um + ROUNDING_UM) ** 2)
 
 
-def crc32(words: Words) -> int:
+def crc32(registers: Registers) -> int:
     """CRC-32 (ISO 3309, as in zlib) of the rows' bytes, high byte first, row after row."""
-    return zlib.crc32(words.astype(">u2").tobytes())
+    return zlib.crc32(registers.astype(">u2").tobytes())
 
 
 @dataclass(frozen=True)
@@ -74,19 +74,20 @@ class Header:
     windows: int
 
     @classmethod
-    def of(cls, words: Words, first: int, total: int, window: int, windows: int) -> Header:
+    def of(cls, registers: Registers, first: int, total: int, window: int, windows: int) -> Header:
         """The header of a table (N, 3)."""
-        crc = crc32(words)
-        text = f"compstiff table 1,{len(words)},{first},{total},{window},{windows},".encode()
-        digest = hashlib.sha256(text + words.astype(">u2").tobytes()).digest()
-        return cls(int.from_bytes(digest[:4], "big") or 1, len(words), crc, first, total, window, windows)
+        crc = crc32(registers)
+        text = f"compstiff table 1,{len(registers)},{first},{total},{window},{windows},".encode()
+        digest = hashlib.sha256(text + registers.astype(">u2").tobytes()).digest()
+        return cls(int.from_bytes(digest[:4], "big") or 1, len(registers), crc, first, total, window, windows)
 
     @classmethod
-    def from_words(cls, words: list[int]) -> Header:
+    def from_registers(cls, registers: list[int]) -> Header:
         """From its 11 registers."""
-        return cls(_joined(words[0:2]), words[2], _joined(words[3:5]), _joined(words[5:7]), _joined(words[7:9]), *words[9:11])
+        return cls(joined(registers[0:2]), registers[2], joined(registers[3:5]), joined(registers[5:7]), joined(registers[7:9]),
+                   *registers[9:11])
 
-    def words(self) -> list[int]:
+    def registers(self) -> list[int]:
         """Its 11 registers, high word first."""
         return [*split(self.id), self.rows, *split(self.crc), *split(self.first), *split(self.total), self.window, self.windows]
 
@@ -112,14 +113,26 @@ class Header:
         return any(astuple(self))
 
 
-HEADER_WORDS = 11
+HEADER_REGISTERS = 11
 EMPTY = Header(0, 0, 0, 0, 0, 0, 0)
 
 
-def page_words(header: Header, words: Words, page: int) -> list[int]:
-    """One page as it is written: id, page number from 0, its rows."""
-    rows = words[page * PAGE_ROWS:(page + 1) * PAGE_ROWS]
-    return [*split(header.id), page, *rows.ravel().tolist()]
+@dataclass(frozen=True, eq=False)
+class OffsetTable:
+    """Offsets that are active together: their header, and what stands in the registers (rows, 3)."""
+
+    header: Header
+    registers: Registers
+
+    @classmethod
+    def of(cls, registers: Registers, first: int, total: int, window: int = 1, windows: int = 1) -> OffsetTable:
+        """The table with its header."""
+        return cls(Header.of(registers, first, total, window, windows), registers)
+
+    def page(self, number: int) -> list[int]:
+        """One page as it is written: id, page number from 0, its rows."""
+        rows = self.registers[number * PAGE_ROWS:(number + 1) * PAGE_ROWS]
+        return [*split(self.header.id), number, *rows.ravel().tolist()]
 
 
 def split(value: int) -> tuple[int, int]:
@@ -127,5 +140,6 @@ def split(value: int) -> tuple[int, int]:
     return value >> 16, value & 0xFFFF
 
 
-def _joined(words: list[int]) -> int:
-    return words[0] << 16 | words[1]
+def joined(registers: list[int]) -> int:
+    """The 32 bits of two registers, high word first."""
+    return registers[0] << 16 | registers[1]

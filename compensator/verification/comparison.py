@@ -1,4 +1,4 @@
-"""The acceptance step: the measured deviation before and after a correction, and how much of it had been predicted.
+"""The measured deviation before and after a correction, and how much of it had been predicted.
 
 With b_i, a_i the deviation of place i before and after (vectors of the components measured in both), the ratio of RMS is
 R = sqrt(mean |b|^2 / mean |a|^2). ln R has the influence values (|b_i|^2 / mean |b|^2 - |a_i|^2 / mean |a|^2) / 2, one a place,
@@ -79,9 +79,9 @@ def compare(before: Readings, after: Readings) -> Comparison:
     """Paired readings, row by row; components that are not measured in both are left out."""
     both = ~(np.isnan(before.deviation) | np.isnan(after.deviation))
     kept = both.any(axis=1)
-    b, a = (np.where(both, one.deviation, 0.0)[kept] for one in (before, after))
-    sigmas = [np.where(both, one.sigma, 0.0)[kept] for one in (before, after)]
-    squares = np.array([np.sum(one**2, axis=1) for one in (b, a)])
+    b, a = (np.where(both, readings.deviation, 0.0)[kept] for readings in (before, after))
+    sigmas = [np.where(both, readings.sigma, 0.0)[kept] for readings in (before, after)]
+    squares = np.array([np.sum(deviation**2, axis=1) for deviation in (b, a)])
     size, power = np.sqrt(squares), squares.mean(axis=1)
     ratio, interval, log_ratio = None, None, None
     if (power > 0).all():
@@ -91,8 +91,8 @@ def compare(before: Readings, after: Readings) -> Comparison:
             factor = float(np.exp(log_ratio.half_width))
             interval = (ratio / factor, ratio * factor)
     # The noise of a size: that of the components along the deviation itself.
-    along = [np.sqrt(np.sum((one / np.maximum(length, 1e-15)[:, None] * sigma) ** 2, axis=1))
-             for one, length, sigma in zip((b, a), size, sigmas, strict=True)]
+    along = [np.sqrt(np.sum((deviation / np.maximum(length, 1e-15)[:, None] * sigma) ** 2, axis=1))
+             for deviation, length, sigma in zip((b, a), size, sigmas, strict=True)]
     worse = int((size[1] - size[0] > WORSE_SIGMAS * np.hypot(*along)).sum())
     by_axis = {name: (_figures(b[measured, axis]), _figures(a[measured, axis]))
                for axis, name in enumerate(before.axes) if (measured := both[kept][:, axis]).any()}
@@ -152,14 +152,14 @@ def estimate_scale(measured: Array, predicted: Array) -> Scale | None:
     known = ~(np.isnan(measured) | np.isnan(predicted))
     kept = known.any(axis=1)
     known = known[kept]
-    m, p = (np.where(known, one[kept], 0.0) for one in (measured, predicted))
+    m, p = (np.where(known, deviation[kept], 0.0) for deviation in (measured, predicted))
     power = float(np.sum(m**2))
     through = _slope(m, p)
     if through is None or power <= 0:
         return None
     scale, mean = through[0], mean_along(through[1])
     number = np.maximum(known.sum(axis=0), 1)
-    centred = [np.where(known, one - one.sum(axis=0) / number, 0.0) for one in (m, p)]
+    centred = [np.where(known, deviation - deviation.sum(axis=0) / number, 0.0) for deviation in (m, p)]
     beside = _slope(centred[0], centred[1])
     constant, shown = np.zeros(m.shape[1]), False
     if beside is not None:

@@ -32,9 +32,9 @@ def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, i
         # Several readings may lie about one target, so the nearest is taken one way only.
         from scipy.spatial import cKDTree
 
-        distance, found = (np.asarray(one) for one in cKDTree(1e-3 * table.stack(*POSITION)).query(readings.place))
+        distance, closest = map(np.asarray, cKDTree(1e-3 * table.stack(*POSITION)).query(readings.place))
         mine = np.flatnonzero(distance <= within)
-        rows = found[mine]
+        rows = closest[mine]
     else:
         raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(path))
     predicted = np.full((len(readings), 3), np.nan)

@@ -164,7 +164,7 @@ def nearest(first: Array, second: Array, within: float) -> tuple[Indices, Indice
     """Rows of places (n, d) and (m, d) that are each other's nearest and at most `within` apart."""
     from scipy.spatial import cKDTree
 
-    distance, there = (np.asarray(one) for one in cKDTree(second).query(first))
+    distance, there = map(np.asarray, cKDTree(second).query(first))
     back = np.asarray(cKDTree(first).query(second)[1])
     mine = np.flatnonzero((back[there] == np.arange(len(first))) & (distance <= within))
     return mine, there[mine].astype(np.intp)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from compensator.verification.acceptance import Acceptance, words
 from compensator.verification.comparison import Figures, Scale
+from compensator.verification.verify import Verification
 from identification.common.report import AXIS_COLOURS, Figure, ReportTable, render
 
 BEFORE, AFTER = "#c0392b", "#2b6ca3"
@@ -17,7 +17,7 @@ GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
 MOST_POINTS = 20_000
 
 
-def verify_report(result: Acceptance) -> str:
+def verify_report(result: Verification) -> str:
     """The report of one pair of measured passes."""
     comparison = result.comparison
     rows = [_row("size", comparison.before, comparison.after)]
@@ -26,13 +26,13 @@ def verify_report(result: Acceptance) -> str:
                           numbers=(1, 2, 3, 4, 5))]
     figures = [_along(result)]
     if result.scale is not None:
-        scales = {"overall": result.scale, **{f"along {name}": one for name, one in result.axis_scales.items()}}
+        scales = {"overall": result.scale, **{f"along {name}": scale for name, scale in result.axis_scales.items()}}
         tables.append(ReportTable(
             "Measured before against predicted", ["", "places", "scale (95 %)", "explained as it stands", "with the scale",
                                                   "left, RMS [um]"],
-            [_scale_row(name, one) for name, one in scales.items()], numbers=(1, 2, 3, 4, 5)))
+            [_scale_row(name, scale) for name, scale in scales.items()], numbers=(1, 2, 3, 4, 5)))
         figures.append(_against(result))
-    return render(f"Verified: {Path(result.before.source).name} and {Path(result.after.source).name}", words(result), tables,
+    return render(f"Verified: {Path(result.before.source).name} and {Path(result.after.source).name}", result.lines(), tables,
                   figures, result.findings, result.as_dict())
 
 
@@ -48,7 +48,7 @@ def _scale_row(name: str, scale: Scale) -> list[str]:
             f"{100 * scale.share_scaled:.1f} %", f"{scale.residual_rms_um:.1f}"]
 
 
-def _along(result: Acceptance) -> Figure:
+def _along(result: Verification) -> Figure:
     before, after = result.before.select(result.rows_before), result.after.select(result.rows_after)
     step = -(-len(before) // MOST_POINTS)
     if before.key == "x_mm y_mm z_mm":
@@ -57,9 +57,9 @@ def _along(result: Acceptance) -> Figure:
         unit, title = (1.0, "target") if before.key == "target" else (1e3, "path length [mm]")
         place = unit * before.place[:, 0]
     data: list[dict[str, Any]] = [
-        {"type": "scatter", "mode": "lines", "x": place[::step], "y": 1e6 * one.size[::step], "name": name,
+        {"type": "scatter", "mode": "lines", "x": place[::step], "y": 1e6 * readings.size[::step], "name": name,
          "line": {"color": colour, "width": 1.5}}
-        for one, name, colour in ((before, "before", BEFORE), (after, "after", AFTER))]
+        for readings, name, colour in ((before, "before", BEFORE), (after, "after", AFTER))]
     layout: dict[str, Any] = {"xaxis": {"title": {"text": title}, **GRID},
                               "yaxis": {"title": {"text": "size of the deviation [um]"}, "rangemode": "tozero", **GRID}}
     if result.tolerance_um is not None:
@@ -71,7 +71,7 @@ def _along(result: Acceptance) -> Figure:
     return Figure("Measured deviation along the path", caption, data, layout)
 
 
-def _against(result: Acceptance) -> Figure:
+def _against(result: Verification) -> Figure:
     assert result.predicted is not None
     assert result.scale is not None
     predicted, measured = 1e6 * result.predicted, 1e6 * result.before.deviation

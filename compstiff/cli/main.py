@@ -9,23 +9,23 @@ import click
 from compstiff.cli import console
 from compstiff.cli.console import CONTEXT
 
-# The file of each command in compstiff/cli and the first sentence of its help, which a test holds against the command's own.
-COMMANDS: dict[str, tuple[str, str]] = {
-    "cell": ("push", "Serve the register map: the embedded Modbus cell, until Ctrl-C or SIGTERM."),
-    "convert": ("convert", "Turn a public or a sensor's own log into columns that the other commands read."),
-    "correct": ("correct", "Correct a milling program for the deflection under its logged forces."),
-    "demo": ("demo", "Run identify and correct on the shipped samples, into DIR."),
-    "design": ("design", "Plan the poses and loads that tell most, and certify how good the plan is."),
-    "diagnose": ("diagnose", "Show what the model gets wrong, name the cause, measure the gain."),
-    "explain": ("explain", "Explain a finding: its cause, its effect, what to do; without CODE, list them."),
-    "identify": ("identify", "Learn the joint stiffnesses from measured loads and deflections."),
-    "post": ("post", "Post an APT or CSV toolpath as the planned RAPID program."),
-    "predict": ("predict", "Predict how far the tool is pushed off its path."),
-    "push": ("push", "Send offsets to the cell over Modbus; a dry run unless --apply."),
-    "robots": ("robots", "List the built-in robots."),
-    "tare": ("tare", "Find what hangs on the force sensor, and its bias, from still readings."),
-    "verify": ("verify", "Compare the deviation measured before and after a correction."),
-    "watch": ("watch", "Correct every finished program that appears in a folder, once."),
+# Each command, in the file of its name, and the first sentence of its help, which a test holds against the command's own.
+COMMANDS = {
+    "cell": "Serve the register map: the embedded Modbus cell, until Ctrl-C or SIGTERM.",
+    "convert": "Turn a public or a sensor's own log into columns that the other commands read.",
+    "correct": "Correct a milling program for the deflection under its logged forces.",
+    "demo": "Run identify and correct on the shipped samples, into DIR.",
+    "design": "Plan the poses and loads that tell most, and certify how good the plan is.",
+    "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
+    "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
+    "identify": "Learn the joint stiffnesses from measured loads and deflections.",
+    "post": "Post an APT or CSV toolpath as the planned RAPID program.",
+    "predict": "Predict how far the tool is pushed off its path.",
+    "push": "Send offsets to the cell over Modbus; a dry run unless --apply.",
+    "robots": "List the built-in robots.",
+    "tare": "Find what hangs on the force sensor, and its bias, from still readings.",
+    "verify": "Compare the deviation measured before and after a correction.",
+    "watch": "Correct every finished program that appears in a folder, once.",
 }
 
 
@@ -38,14 +38,14 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        found: click.Command = getattr(import_module(f"compstiff.cli.{COMMANDS[cmd_name][0]}"), cmd_name)
+        found: click.Command = getattr(import_module(f"compstiff.cli.{cmd_name}"), cmd_name)
         return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         room = formatter.width - 6 - max(map(len, COMMANDS))
         with formatter.section("Commands"):
             formatter.write_dl([(name, click.Command(name, help=sentence).get_short_help_str(room))
-                                for name, (_, sentence) in COMMANDS.items()])
+                                for name, sentence in COMMANDS.items()])
 
 
 @click.group(cls=Commands, context_settings=CONTEXT)

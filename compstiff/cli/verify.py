@@ -33,14 +33,14 @@ def verify(
     CELL is cell.yaml. BEFORE and AFTER are CSV files of the part, or of the tool, measured along the path: target, path_mm or
     x_mm y_mm z_mm, with dx_um dy_um dz_um (any of them) or dn_um along the normal.
     """
-    from compensator.verification.acceptance import accept, words
+    from compensator.verification.verify import verify
     from identification.common.files import check_writable, write_whole
     from identification.model.cell import read_cell
 
     session.inputs += [cell_file, before_file, after_file, *([predicted_file] if predicted_file else [])]
     if report:
         check_writable([report], overwrite=session.overwrite)
-    result = accept(read_cell(cell_file), before_file, after_file, predicted_file, tolerance_um=tolerance_um,
+    result = verify(read_cell(cell_file), before_file, after_file, predicted_file, tolerance_um=tolerance_um,
                     within=1e-3 * within_mm, frame=frame)
     if report:
         from compensator.verification.report import verify_report
@@ -52,7 +52,4 @@ def verify(
         step = f"compstiff correct ... --scale {result.scale.advised:g}"
     elif result.scale is None and result.comparison.verdict != "worse":
         step = "add --predicted offsets.csv to see how much was predicted and whether a scale would help"
-    return Outcome(result.as_dict(), result.findings, words(result), step, REFUSED if result.accepted is False else DONE)
-
-
-COMMANDS = (verify,)
+    return Outcome(result.as_dict(), result.findings, result.lines(), step, REFUSED if result.accepted is False else DONE)

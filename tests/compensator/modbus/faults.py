@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.compensator.modbus.proxy import Fault
-from tests.compensator.modbus.tables_and_cells import BEFORE, BEGIN, COMMIT, IDENTITY, PAGES, READ_BACK
+from tests.compensator.modbus.tables_and_devices import BEFORE, BEGIN, COMMIT, IDENTITY, PAGES, READ_BACK
 
 # Bytes of frames: 7 of MBAP, 1 function, then a read request 4, a write request 5 + 2 a word, a write reply 4.
 READ_REQUEST, WRITE_REPLY, COMMAND_REQUEST, PAGE_REQUEST = 12, 12, 13 + 2 * 12, 13 + 2 * 123

@@ -51,8 +51,8 @@ class Proxy:
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
-        for one in list(self._sockets):
-            _wake(one)
+        for connection in list(self._sockets):
+            _wake(connection)
         for thread in self._threads:
             thread.join(5)
 
@@ -176,13 +176,13 @@ class _Pair:
 
     def _end(self) -> None:
         """Wakes both threads; what they close then ends with a reset."""
-        for one in (self.client, self.server):
-            _wake(one)
+        for connection in (self.client, self.server):
+            _wake(connection)
 
-    def _close(self, one: socket.socket) -> None:
+    def _close(self, connection: socket.socket) -> None:
         with self.lock:
-            self.proxy._sockets.discard(one)
-            one.close()
+            self.proxy._sockets.discard(connection)
+            connection.close()
 
 
 def exception(frame: bytes, code: int) -> bytes:
@@ -206,13 +206,13 @@ def _frames(source: socket.socket):
             buffer = buffer[size:]
 
 
-def _wake(one: socket.socket) -> None:
+def _wake(connection: socket.socket) -> None:
     """Ends the wait of the thread that reads from it; closing it then sends a reset."""
     with contextlib.suppress(OSError):
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        one.shutdown(socket.SHUT_RD)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.shutdown(socket.SHUT_RD)
 
 
-def _reset(one: socket.socket) -> None:
-    _wake(one)
-    one.close()
+def _reset(connection: socket.socket) -> None:
+    _wake(connection)
+    connection.close()

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from compensator.modbus.server import Loopback
 from compstiff.cli.push import push
-from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus import tables_and_devices as kit
 from tests.support import compstiff
 
 LIMITS = "limits: {max_offset_mm: 2.0}"
@@ -29,8 +29,8 @@ def cell_yaml(folder: Path, port: int, more: str = LIMITS) -> Path:
     return file
 
 
-def rows_mm(one) -> list[list[object]]:
-    return [[target, *(f"{um / 1000:.3f}" for um in row)] for target, row in enumerate(kit.offsets_of(one))]
+def rows_mm(table) -> list[list[object]]:
+    return [[target, *(f"{um / 1000:.3f}" for um in row)] for target, row in enumerate(kit.offsets_of(table))]
 
 
 def call(*arguments: object) -> tuple[int, dict]:
@@ -47,38 +47,38 @@ def listener():
 
 
 def test_dry_run_then_apply_then_again(tmp_path):
-    cell = kit.machine(tmp_path / "state")
+    device = kit.offset_device(tmp_path / "state")
     (tmp_path / "state").mkdir()
-    one = kit.table(1)
-    file = offsets_csv(tmp_path, rows_mm(one))
-    with Loopback(cell) as server:
+    table = kit.random_table(1)
+    file = offsets_csv(tmp_path, rows_mm(table))
+    with Loopback(device) as server:
         described = cell_yaml(tmp_path, server.port)
         shown = CliRunner().invoke(push, [str(described), str(file)])
         assert shown.exit_code == 0
-        largest = np.linalg.norm(np.array(kit.offsets_of(one)), axis=1)
+        largest = np.linalg.norm(np.array(kit.offsets_of(table)), axis=1)
         for text in (f"127.0.0.1:{server.port}", "90", f"{largest.max() / 1000:.4f} mm at target {largest.argmax()}",
                      "limit 2 mm", "active table: none", "dry run"):
             assert text in shown.stdout
-        assert (cell.active, list((tmp_path / "state").iterdir())) == (None, [])
+        assert (device.active, list((tmp_path / "state").iterdir())) == (None, [])
         assert not (tmp_path / "push-log.jsonl").exists()
 
         code, document = call(described, file, "--apply")
         assert (code, document["result"]["results"]) == (0, ["committed"])
-        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
 
         code, document = call(described, file, "--apply")
         assert (code, document["result"]["results"]) == (0, ["already active"])
 
-        changed = rows_mm(one)
+        changed = rows_mm(table)
         changed[4][2] = "0.001"
         code, document = call(described, offsets_csv(tmp_path, changed))
         assert document["result"]["difference"] == {
             "same": False, "rows_in_both": 90, "rows_changed": 1, "rows_only_new": 0, "rows_only_active": 0,
-            "largest_change_mm": abs(kit.offsets_of(one)[4][1] - 1) / 1000}
-        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+            "largest_change_mm": abs(kit.offsets_of(table)[4][1] - 1) / 1000}
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
     log = [json.loads(line) for line in (tmp_path / "push-log.jsonl").read_text().splitlines()]
     assert [line["result"] for line in log] == ["started", "committed", "started", "already active"]
-    assert all(line["sha256"] and line["user"] and line["time"] and line["tables"] == [one.header.name] for line in log)
+    assert all(line["sha256"] and line["user"] and line["time"] and line["tables"] == [table.header.name] for line in log)
 
 
 @pytest.mark.parametrize(("row", "code", "exit_code"), [
@@ -105,23 +105,23 @@ def test_what_does_not_fit_into_16_bits_is_refused(tmp_path, listener, mm, exit_
 
 
 def test_exactly_the_limit_passes(tmp_path):
-    cell = kit.machine()
-    with Loopback(cell) as server:
+    device = kit.offset_device()
+    with Loopback(device) as server:
         file = offsets_csv(tmp_path, [[0, 1.2, -1.6, 0], [1, 2, 0, 0], [2, 0, 0, -2.0], [3, 1.154700, 1.154700, 1.154700]])
         assert call(cell_yaml(tmp_path, server.port), file, "--apply")[0] == 0
-    sent = (cell.active.words.astype(int) - 32768).tolist()
+    sent = (device.active.registers.astype(int) - 32768).tolist()
     assert sent == [[1200, -1600, 0], [2000, 0, 0], [0, 0, -2000], [1155, 1155, 1155]]
 
 
 def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
-    cell = kit.machine()
-    with Loopback(cell) as server:
+    device = kit.offset_device()
+    with Loopback(device) as server:
         file = offsets_csv(tmp_path, [[7, "", "", "", 0, 0, 0], [8, 0.1, 0, 0, 0.03, 0, 0.04]],
                            "target,ox_mm,oy_mm,oz_mm,orx_deg,ory_deg,orz_deg")
         code, document = call(cell_yaml(tmp_path, server.port), file, "--apply", "--reach", "20")
     assert code == 0
-    assert cell.active.header.first == 7
-    assert (cell.active.words.astype(int) - 32768).tolist() == [[0, 0, 0], [100, 0, 0]]
+    assert device.active.header.first == 7
+    assert (device.active.registers.astype(int) - 32768).tolist() == [[0, 0, 0], [100, 0, 0]]
     said = {finding["code"]: finding["message"] for finding in document["findings"]}
     assert "1 target without an offset" in said["CS5002"]
     # 0.05 degrees at 20 mm: 17.45 um.
@@ -130,15 +130,15 @@ def test_empty_offsets_go_as_zero_and_the_turn_not_sent_is_said(tmp_path):
 
 
 def test_the_receiver_is_written_by_the_dry_run_and_not_in_the_way_of_the_same_call_with_apply(tmp_path):
-    cell, module = kit.machine(), tmp_path / "receiver.mod"
-    with Loopback(cell) as server:
-        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(1)))
+    device, module = kit.offset_device(), tmp_path / "receiver.mod"
+    with Loopback(device) as server:
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.random_table(1)))
         assert call(described, file, "--receiver", module)[0] == 0
-        assert f"nCsIdLo:={kit.table(1).header.id & 65535};" in module.read_text()
+        assert f"nCsIdLo:={kit.random_table(1).header.id & 65535};" in module.read_text()
         assert call(described, file, "--receiver", module, "--apply")[0] == 0
-        other = offsets_csv(tmp_path, rows_mm(kit.table(2)))
+        other = offsets_csv(tmp_path, rows_mm(kit.random_table(2)))
         code, document = call(described, other, "--receiver", module, "--apply")
-        assert (code, document["findings"][0]["code"], cell.active.header) == (1, "CS0003", kit.table(1).header)
+        assert (code, document["findings"][0]["code"], device.active.header) == (1, "CS0003", kit.random_table(1).header)
         assert call(described, other, "--receiver", module, "--apply", "--force")[0] == 0
 
 
@@ -172,32 +172,32 @@ def test_a_wrong_device_and_another_robots_cell_are_refused(tmp_path):
     finally:
         other.stop()
     assert (code, document["findings"][0]["code"]) == (3, "CS5010")
-    cell = kit.machine()
-    cell.robot_id ^= 1
-    with Loopback(cell) as server:
+    device = kit.offset_device()
+    device.robot_id ^= 1
+    with Loopback(device) as server:
         code, document = call(cell_yaml(tmp_path, server.port), file, "--apply")
-    assert (code, document["findings"][0]["code"], cell.active) == (3, "CS5010", None)
+    assert (code, document["findings"][0]["code"], device.active) == (3, "CS5010", None)
 
 
 def test_a_cell_with_a_lower_limit_refuses_too(tmp_path):
-    cell = kit.machine()
-    cell.limit_um = 500
-    with Loopback(cell) as server:
+    device = kit.offset_device()
+    device.limit_um = 500
+    with Loopback(device) as server:
         code, document = call(cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, [[0, 0, 0.6, 0]]), "--apply")
         assert (code, document["findings"][0]["code"]) == (3, "CS5011")
         # and one that only says so when the page comes
-        words = kit.to_words(np.array([[0, 600, 0]]))
-        ending = kit.push(server.port, kit.Table(kit.Header.of(words, 0, 1, 1, 1), words))
-    assert (ending.code, cell.active) == (3, None)
+        registers = kit.to_registers(np.array([[0, 600, 0]]))
+        ending = kit.push(server.port, kit.OffsetTable.of(registers, 0, 1, 1, 1))
+    assert (ending.code, device.active) == (3, None)
     assert "an offset over its limit; old table active (read back)" in ending.text
 
 
 def test_a_log_that_cannot_be_written_stops_the_push(tmp_path):
-    cell = kit.machine()
-    with Loopback(cell) as server:
+    device = kit.offset_device()
+    with Loopback(device) as server:
         code, document = call(cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, [[0, 0, 0, 0]]), "--apply", "--log",
                               tmp_path / "no" / "log")
-    assert (code, document["findings"][0]["code"], cell.active) == (1, "CS0004", None)
+    assert (code, document["findings"][0]["code"], device.active) == (1, "CS0004", None)
 
 
 def test_the_cell_command_says_what_is_wrong(tmp_path, listener):
@@ -238,15 +238,15 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
     import subprocess
     import time
 
-    cell, old = kit.machine(lease_s=60.0), kit.table(1)
-    kit.load(cell, old)
-    with Loopback(cell) as server:
-        cell.write(96, [1, *kit.table(3).header.words()])
-        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.table(2)))
+    device, old = kit.offset_device(lease_s=60.0), kit.random_table(1)
+    kit.load(device, old)
+    with Loopback(device) as server:
+        device.write(96, [1, *kit.random_table(3).header.registers()])
+        described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.random_table(2)))
         process = subprocess.Popen([sys.executable, "-m", "compstiff", "push", str(described), str(file), "--apply",
                                     "--patience", "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         until = time.monotonic() + 20
-        while cell.result != 7 and time.monotonic() < until:
+        while device.result != 7 and time.monotonic() < until:
             time.sleep(0.02)
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=20)
@@ -257,8 +257,8 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
 
 @pytest.mark.parametrize("unit", [0, 255])
 def test_any_unit(tmp_path, unit):
-    cell = kit.machine()
-    with Loopback(cell, unit=unit) as server:
+    device = kit.offset_device()
+    with Loopback(device, unit=unit) as server:
         file = offsets_csv(tmp_path, [[0, 0.5, 0, 0]])
         assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", unit)[0] == 0
         if unit:

@@ -3,7 +3,7 @@
 import pytest
 
 from compensator.modbus.server import Loopback
-from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus import tables_and_devices as kit
 from tests.compensator.modbus.faults import network_faults
 from tests.compensator.modbus.proxy import Proxy
 
@@ -12,10 +12,10 @@ from tests.compensator.modbus.proxy import Proxy
 def test_after_a_fault_the_table_is_whole_the_answer_true_and_a_second_push_completes(phase, tmp_path):
     faults = network_faults()[phase]
     share = faults[::max(1, len(faults) // 8)]
-    cell, old, new = kit.machine(tmp_path), kit.table(1), kit.table(2)
-    kit.load(cell, old)
+    device, old, new = kit.offset_device(tmp_path), kit.random_table(1), kit.random_table(2)
+    kit.load(device, old)
     fired = 0
-    with Loopback(cell) as server, Proxy(server.port, 1.5 * kit.TIMEOUT_S) as proxy:
+    with Loopback(device) as server, Proxy(server.port, 1.5 * kit.TIMEOUT_S) as proxy:
         for fault in share:
             proxy.arm(fault)
             ending = kit.push(proxy.port, new)

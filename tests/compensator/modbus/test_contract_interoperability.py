@@ -7,12 +7,12 @@ import pytest
 from pyModbusTCP.client import ModbusClient
 
 from compensator.modbus.server import Loopback
-from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus import tables_and_devices as kit
 
 
 @pytest.fixture
 def served(tmp_path):
-    with Loopback(kit.machine(tmp_path)) as server:
+    with Loopback(kit.offset_device(tmp_path)) as server:
         client = ModbusClient("127.0.0.1", server.port, unit_id=1, timeout=3.0, auto_open=True)
         yield client, server, tmp_path
         client.close()
@@ -20,12 +20,12 @@ def served(tmp_path):
 
 def transfer(client: ModbusClient, identity: int, um: list[list[int]]) -> list[bool | None]:
     """By docs/modbus.md alone, with none of the project's code."""
-    words = [32768 + component for row in um for component in row]
-    crc = binascii.crc32(struct.pack(f">{len(words)}H", *words))
+    registers = [32768 + component for row in um for component in row]
+    crc = binascii.crc32(struct.pack(f">{len(registers)}H", *registers))
     header = [identity >> 16, identity & 65535, len(um), crc >> 16, crc & 65535, 0, 0, 0, len(um), 1, 1]
     answers = [client.write_multiple_registers(96, [1, *header])]
     for page in range(-(-len(um) // 40)):
-        rows = words[120 * page:120 * page + 120]
+        rows = registers[120 * page:120 * page + 120]
         answers.append(client.write_multiple_registers(128, [identity >> 16, identity & 65535, page, *rows]))
     return [*answers, client.write_multiple_registers(96, [2, *header])]
 
@@ -41,18 +41,18 @@ def test_another_client_writes_a_table_and_reads_it_back(served):
     table = [word for row in range(97) for word in client.read_holding_registers(4096 + 3 * row, 3)]
     assert table == [32768 + component for row in um for component in row]
     # compstiff reads what the other wrote as the old table, and replaces it.
-    assert kit.push(server.port, kit.table(1), timeout_s=3.0).text == "committed"
-    assert client.read_holding_registers(32, 11) == kit.table(1).header.words()
+    assert kit.push(server.port, kit.random_table(1), timeout_s=3.0).text == "committed"
+    assert client.read_holding_registers(32, 11) == kit.random_table(1).header.registers()
 
 
 def test_a_gateway_asks_for_rows_with_single_writes(served):
     client, server, _ = served
-    one = kit.table(1)
-    kit.push(server.port, one, timeout_s=3.0)
+    table = kit.random_table(1)
+    kit.push(server.port, table, timeout_s=3.0)
     for row in (0, 41, 89):
         assert client.write_single_register(50, row)
         answer = client.read_input_registers(64, 11)
-        assert answer[4:8] == [row, *one.words[row].tolist()]
+        assert answer[4:8] == [row, *table.registers[row].tolist()]
 
 
 def test_the_exceptions_of_the_map(served):

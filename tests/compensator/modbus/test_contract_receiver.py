@@ -9,14 +9,16 @@ import pytest
 
 from compensator.modbus.receiver import receiver_text
 from compensator.modbus.registers import MAP
-from identification.common.shipped import shipped
-from tests.compensator.modbus.tables_and_cells import table
+from tests.compensator.modbus.tables_and_devices import random_table
 from tests.compensator.rapid.test_contract_checker import CONFIGURATION
+
+FIRST = random_table(1, rows=100, window=1, windows=2, total=150)
+SECOND = random_table(2, rows=50, first=100, window=2, windows=2, total=150)
 
 
 def text(corrwrite: bool = False) -> str:
-    tables = [table(1, rows=100, window=1, windows=2, total=150), table(2, rows=50, first=100, window=2, windows=2, total=150)]
-    return receiver_text(tables, 2e-3, shipped("rapid_templates"), "offsets", "offsets.csv", corrwrite=corrwrite)
+    tables = [FIRST, SECOND]
+    return receiver_text(tables, 2e-3, "offsets", "offsets.csv", corrwrite=corrwrite)
 
 
 @pytest.mark.parametrize("corrwrite", [False, True])
@@ -31,16 +33,15 @@ def test_rapidchecker_accepts_it(tmp_path, corrwrite):
 
 
 def test_it_names_each_window_once():
-    for number, (rows, first, one) in enumerate(((100, 0, table(1, rows=100, window=1, windows=2, total=150)),
-                                                 (50, 100, table(2, rows=50, first=100, window=2, windows=2, total=150))), 1):
+    for number, (rows, first, table) in enumerate(((100, 0, FIRST), (50, 100, SECOND)), 1):
         body = re.search(rf"IF window={number} THEN\n(.*?)ELSE", text(), re.S)
         assert body
-        found = dict(re.findall(r"(nCs\w+):=(\d+);", body[1]))
-        assert found == {"nCsIdHi": str(one.header.id >> 16), "nCsIdLo": str(one.header.id & 65535), "nCsRows": str(rows),
-                         "nCsFirst": str(first)}
+        constants = dict(re.findall(r"(nCs\w+):=(\d+);", body[1]))
+        assert constants == {"nCsIdHi": str(table.header.id >> 16), "nCsIdLo": str(table.header.id & 65535),
+                             "nCsRows": str(rows), "nCsFirst": str(first)}
 
 
-def test_its_scale_turns_words_into_the_millimetres_that_were_sent():
+def test_its_scale_turns_registers_into_the_millimetres_that_were_sent():
     """The module's own constants and formula, evaluated in single precision as RAPID does."""
     module = text()
     constants = {name: np.float32(value) for name, value in re.findall(r"CONST num (CS_\w+):=([\d.]+);", module)}

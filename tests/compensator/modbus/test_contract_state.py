@@ -10,16 +10,16 @@ import pytest
 from compensator.modbus.registers import Refusal, Result
 from compensator.modbus.state import TableFiles, locked
 from identification.common.findings import CompstiffError
-from tests.compensator.modbus.tables_and_cells import load, machine, offsets_of, push, rows_on_disk, table
-from tests.compensator.modbus.test_contract_machine import begin, commit, page, refused
+from tests.compensator.modbus.tables_and_devices import load, offset_device, offsets_of, push, random_table, rows_on_disk
+from tests.compensator.modbus.test_contract_device import begin, commit, page, refused
 
 # Dies, as by kill -9, at the n-th call of what touches the disk.
 DIE = """
 import os, sys
 from pathlib import Path
-from tests.compensator.cell.kit import load, machine, table
+from tests.compensator.modbus.tables_and_devices import load, offset_device, random_table
 folder, left = Path(sys.argv[1]), int(sys.argv[2])
-cell = machine(folder)
+device = offset_device(folder)
 def dying(call):
     def instead(*arguments, **options):
         global left
@@ -30,27 +30,27 @@ def dying(call):
     return instead
 for name in ("open", "fsync", "replace", "chmod", "fdopen"):
     setattr(os, name, dying(getattr(os, name)))
-load(cell, table(2))
+load(device, random_table(2))
 print("done", flush=True)
 os._exit(0)
 """
 
 
 def test_a_restart_finds_the_old_table_or_the_new_one_whole(tmp_path):
-    old, new = table(1), table(2)
+    old, new = random_table(1), random_table(2)
     seen = []
     for calls in range(40):
         folder = tmp_path / str(calls)
         folder.mkdir()
-        load(machine(folder), old)
+        load(offset_device(folder), old)
         run = subprocess.run([sys.executable, "-c", DIE, str(folder), str(calls)], capture_output=True, text=True, timeout=60)
-        found = machine(folder).active
-        assert found
-        assert found.header in (old.header, new.header), run.stderr
-        assert (found.words == (old if found.header == old.header else new).words).all()
-        assert rows_on_disk(folder) == offsets_of(old if found.header == old.header else new)
+        active = offset_device(folder).active
+        assert active
+        assert active.header in (old.header, new.header), run.stderr
+        assert (active.registers == (old if active.header == old.header else new).registers).all()
+        assert rows_on_disk(folder) == offsets_of(old if active.header == old.header else new)
         assert sorted(path.name for path in folder.iterdir()) == ["active.csv", "active.json"]
-        seen.append(found.header == new.header)
+        seen.append(active.header == new.header)
         if run.returncode == 0:
             break
         assert run.returncode == 9, run.stderr
@@ -63,12 +63,12 @@ def test_a_restart_finds_the_old_table_or_the_new_one_whole(tmp_path):
 @pytest.mark.parametrize("name", ["fsync", "replace"])
 @pytest.mark.parametrize("calls", [0, 1])
 def test_a_full_disk_leaves_the_old_table(tmp_path, monkeypatch, name, calls):
-    old, new = table(1), table(2)
-    cell = machine(tmp_path)
-    load(cell, old)
-    begin(cell, new)
+    old, new = random_table(1), random_table(2)
+    device = offset_device(tmp_path)
+    load(device, old)
+    begin(device, new)
     for number in range(3):
-        page(cell, new, number)
+        page(device, new, number)
     real, left = getattr(os, name), [calls]
 
     def full(*arguments):
@@ -78,11 +78,11 @@ def test_a_full_disk_leaves_the_old_table(tmp_path, monkeypatch, name, calls):
         return real(*arguments)
 
     monkeypatch.setattr(os, name, full)
-    refused(Refusal.FAILURE, Result.STORAGE, cell, commit, new)
-    assert machine(tmp_path).active.header == old.header
+    refused(Refusal.FAILURE, Result.STORAGE, device, commit, new)
+    assert offset_device(tmp_path).active.header == old.header
     assert rows_on_disk(tmp_path) == offsets_of(old)
     monkeypatch.undo()
-    commit(cell, new)
+    commit(device, new)
     assert rows_on_disk(tmp_path) == offsets_of(new)
 
 
@@ -91,36 +91,36 @@ def test_a_push_onto_a_full_disk_says_so(tmp_path, monkeypatch):
     from compensator.modbus.server import Loopback
     from identification.common.findings import error
 
-    cell = machine(tmp_path)
-    load(cell, table(1))
+    device = offset_device(tmp_path)
+    load(device, random_table(1))
 
     def full(files):
         raise error("CS0004", "No space left on device")
 
-    with Loopback(cell) as server:
+    with Loopback(device) as server:
         monkeypatch.setattr(state, "write_whole", full)
-        ending = push(server.port, table(2))
+        ending = push(server.port, random_table(2))
         assert ending.code == 4
         assert "state directory cannot be written; old table active (read back)" in ending.text
-        assert rows_on_disk(tmp_path) == offsets_of(table(1))
+        assert rows_on_disk(tmp_path) == offsets_of(random_table(1))
         monkeypatch.undo()
-        assert push(server.port, table(2)).code == 0
+        assert push(server.port, random_table(2)).code == 0
 
 
 def test_no_file_before_the_first_commit(tmp_path):
-    cell = machine(tmp_path)
-    begin(cell, table(1))
+    device = offset_device(tmp_path)
+    begin(device, random_table(1))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_targets_in_the_file_are_those_of_the_window(tmp_path):
-    load(machine(tmp_path), table(1, first=500, total=590, window=2, windows=2))
+    load(offset_device(tmp_path), random_table(1, first=500, total=590, window=2, windows=2))
     lines = (tmp_path / "active.csv").read_text().splitlines()
     assert (lines[0], lines[1].split(",")[0], lines[-1].split(",")[0]) == ("target,ox_um,oy_um,oz_um", "500", "589")
 
 
 def test_a_table_that_somebody_changed_is_not_served(tmp_path):
-    load(machine(tmp_path), table(1))
+    load(offset_device(tmp_path), random_table(1))
     file = tmp_path / "active.csv"
     content = file.read_text()
     for changed in (content.replace(",", ",1", 5), content[:-5], ""):
@@ -128,7 +128,7 @@ def test_a_table_that_somebody_changed_is_not_served(tmp_path):
         with pytest.raises(CompstiffError, match="CS5102"):
             TableFiles(tmp_path).load()
     file.write_text(content)
-    assert TableFiles(tmp_path).load().header == table(1).header
+    assert TableFiles(tmp_path).load().header == random_table(1).header
     (tmp_path / "active.json").unlink()
     with pytest.raises(CompstiffError, match="CS5102"):
         TableFiles(tmp_path).load()

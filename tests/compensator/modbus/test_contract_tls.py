@@ -8,7 +8,7 @@ import trustme
 from compensator.modbus.server import Loopback
 from compensator.modbus.tls import TlsFiles
 from identification.common.findings import CompstiffError
-from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus import tables_and_devices as kit
 
 
 @pytest.fixture
@@ -28,25 +28,26 @@ def certificates(tmp_path):
 
 def test_a_push_over_tls(tmp_path, certificates):
     (tmp_path / "state").mkdir()
-    one = kit.table(1, rows=500)
-    with Loopback(kit.machine(tmp_path / "state"), tls=certificates["127.0.0.1"].context("server")) as server:
-        ending = kit.push(server.port, one, timeout_s=3.0, tls=certificates["client"].context("client"))
+    table = kit.random_table(1, rows=500)
+    with Loopback(kit.offset_device(tmp_path / "state"), tls=certificates["127.0.0.1"]) as server:
+        ending = kit.push(server.port, table, timeout_s=3.0, tls=certificates["client"].context("client"))
         assert (ending.code, ending.text) == (0, "committed")
-        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+        assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
         # Without TLS, without a certificate, with another authority's: nothing.
         bare = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         bare.load_verify_locations(certificates["client"].ca)
         for context in (None, bare, certificates["stranger"].context("client")):
-            assert kit.push(server.port, kit.table(2), timeout_s=0.5, retries=0, tls=context).code == 4
-    assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(one)
+            assert kit.push(server.port, kit.random_table(2), timeout_s=0.5, retries=0, tls=context).code == 4
+    assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
 
 
 def test_a_client_refuses_a_cell_it_cannot_trust(certificates):
     """A certificate of the same authority, but for another host."""
-    cell = kit.machine()
-    with Loopback(cell, tls=certificates["client"].context("server")) as server:
-        ending = kit.push(server.port, kit.table(1), timeout_s=0.5, retries=0, tls=certificates["client"].context("client"))
-    assert (ending.code, cell.active) == (4, None)
+    device = kit.offset_device()
+    with Loopback(device, tls=certificates["client"]) as server:
+        trusting = certificates["client"].context("client")
+        ending = kit.push(server.port, kit.random_table(1), timeout_s=0.5, retries=0, tls=trusting)
+    assert (ending.code, device.active) == (4, None)
     assert "certificate verify failed" in ending.text.lower()
 
 

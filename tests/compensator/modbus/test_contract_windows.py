@@ -8,13 +8,13 @@ import pytest
 
 from compensator.modbus import registers as at
 from compensator.modbus.link import Address, Link
-from compensator.modbus.offset_file import Offsets, windows
+from compensator.modbus.offset_file import Offsets, tables_of
 from compensator.modbus.registers import Robot
 from compensator.modbus.server import Loopback
-from compensator.modbus.walk import push_windows
+from compensator.modbus.windows import push_windows
 from compensator.modbus.wire import split
 from identification.common.findings import Unconfirmed
-from tests.compensator.modbus import tables_and_cells as kit
+from tests.compensator.modbus import tables_and_devices as kit
 
 ROWS, WINDOW = 250, 100
 
@@ -35,16 +35,16 @@ class SimulatedRobot(threading.Thread):
     def run(self) -> None:
         with Link(Address("127.0.0.1", self.port, 1, 5.0)) as link:
             for number, identity in enumerate(self.expected, 1):
-                answer = link.read(at.ANSWER, at.ANSWER_WORDS)
+                answer = link.read(at.ANSWER, at.ANSWER_REGISTERS)
                 while [*answer[:2], answer[9]] != [*identity, number]:
                     time.sleep(0.01)
-                    answer = link.read(at.ANSWER, at.ANSWER_WORDS)
+                    answer = link.read(at.ANSWER, at.ANSWER_REGISTERS)
                 link.write(at.ROBOT + 3, identity)
                 link.write(at.ROBOT + 1, [Robot.RUNNING])
                 for row in range(answer[2]):
                     link.write(at.ROBOT, [row % 7])
                     link.write(at.ROBOT + 2, [row])
-                    seen = link.read(at.ANSWER, at.ANSWER_WORDS)
+                    seen = link.read(at.ANSWER, at.ANSWER_REGISTERS)
                     assert seen[:2] == identity
                     assert seen[4] == row
                     assert seen[8] == sum(seen[4:8]) % 65536
@@ -60,18 +60,18 @@ def walk(port: int, tables, *, robot_s: float = 5.0, restart: bool = False) -> l
 
 
 def test_one_window_is_the_simple_case():
-    tables = windows(program(), at.WINDOW_ROWS)
-    assert [(one.header.rows, one.header.window, one.header.windows) for one in tables] == [(ROWS, 1, 1)]
+    tables = tables_of(program(), at.WINDOW_ROWS)
+    assert [(table.header.rows, table.header.window, table.header.windows) for table in tables] == [(ROWS, 1, 1)]
 
 
 def test_the_robot_gets_every_offset_of_all_windows_in_order():
     offsets = program()
-    tables = windows(offsets, WINDOW)
-    cut = [(one.header.first, one.header.rows, one.header.window) for one in tables]
+    tables = tables_of(offsets, WINDOW)
+    cut = [(table.header.first, table.header.rows, table.header.window) for table in tables]
     assert cut == [(0, 100, 1), (100, 100, 2), (200, 50, 3)]
-    cell = kit.machine(window_rows=WINDOW)
-    with Loopback(cell) as server:
-        robot = SimulatedRobot(server.port, [list(split(one.header.id)) for one in tables])
+    device = kit.offset_device(window_rows=WINDOW)
+    with Loopback(device) as server:
+        robot = SimulatedRobot(server.port, [list(split(table.header.id)) for table in tables])
         robot.start()
         assert walk(server.port, tables) == ["committed"] * 3
         robot.join(20)
@@ -79,30 +79,30 @@ def test_the_robot_gets_every_offset_of_all_windows_in_order():
 
 
 def test_a_robot_that_gives_no_sign_stops_the_walk_and_a_second_push_goes_on():
-    tables = windows(program(), WINDOW)
-    cell = kit.machine(window_rows=WINDOW)
-    with Loopback(cell) as server:
+    tables = tables_of(program(), WINDOW)
+    device = kit.offset_device(window_rows=WINDOW)
+    with Loopback(device) as server:
         with pytest.raises(Unconfirmed, match=r"CS5016.*no sign of the robot.*window 1 of 3 is active"):
             walk(server.port, tables, robot_s=0.3)
-        assert cell.active.header == tables[0].header
+        assert device.active.header == tables[0].header
         for number in (1, 2):
             identity = split(tables[number - 1].header.id)
             # Done, but left over from an earlier run: it has not run since the commit.
-            cell.write(at.ROBOT, [number, Robot.WINDOW_DONE, 0, *identity, number])
+            device.write(at.ROBOT, [number, Robot.WINDOW_DONE, 0, *identity, number])
             with pytest.raises(Unconfirmed, match=f"window {number} of 3 is active"):
                 walk(server.port, tables, robot_s=0.3)
-            cell.write(at.ROBOT, [number, Robot.RUNNING, 0, *identity])
-            cell.write(at.ROBOT, [number, Robot.WINDOW_DONE, 0, *identity, number])
+            device.write(at.ROBOT, [number, Robot.RUNNING, 0, *identity])
+            device.write(at.ROBOT, [number, Robot.WINDOW_DONE, 0, *identity, number])
             with pytest.raises(Unconfirmed) if number == 1 else _nothing():
                 assert walk(server.port, tables, robot_s=0.3)[-1] == "committed"
-            assert cell.active.header == tables[number].header
+            assert device.active.header == tables[number].header
         assert walk(server.port, tables[:1], restart=True) == ["committed"]
 
 
 def test_windows_of_equal_rows_are_told_apart():
     """All offsets zero: the windows differ only by their place in the program."""
     zero = Offsets("offsets.csv", 0, np.zeros((200, 3)), np.zeros(200), np.arange(200), ())
-    ids = {one.header.id for one in windows(zero, WINDOW)}
+    ids = {table.header.id for table in tables_of(zero, WINDOW)}
     assert len(ids) == 2
 
 

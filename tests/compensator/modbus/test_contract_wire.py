@@ -8,73 +8,71 @@ import numpy as np
 import pytest
 
 from compensator.modbus import registers, wire
-from compensator.modbus.push import Table
-from tests.compensator.modbus.tables_and_cells import table
+from tests.compensator.modbus.tables_and_devices import random_table
 
 
 def test_offset_binary_micrometres():
     um = np.array([[0, 1, -1], [2000, -2000, 32766], [-32766, 0, 0]])
-    words = wire.to_words(um)
-    assert words.tolist() == [[32768, 32769, 32767], [34768, 30768, 65534], [2, 32768, 32768]]
-    assert (wire.to_micrometres(words) == um).all()
+    registers = wire.to_registers(um)
+    assert registers.tolist() == [[32768, 32769, 32767], [34768, 30768, 65534], [2, 32768, 32768]]
+    assert (wire.to_micrometres(registers) == um).all()
     for outside in (32767, -32767, -32768):
         with pytest.raises(ValueError, match="does not fit"):
-            wire.to_words(np.array([[0, outside, 0]]))
+            wire.to_registers(np.array([[0, outside, 0]]))
 
 
-def test_the_words_of_a_dead_input_are_no_offset():
-    good = wire.to_words(np.array([[10, 20, 30]]))
+def test_the_values_of_a_dead_input_are_no_offset():
+    good = wire.to_registers(np.array([[10, 20, 30]]))
     assert wire.acceptable(good, 100)
     for dead in (0, 65535):
-        words = good.copy()
-        words[0, 1] = dead
-        assert not wire.acceptable(words, 65535)
+        registers = good.copy()
+        registers[0, 1] = dead
+        assert not wire.acceptable(registers, 65535)
 
 
 def test_the_limit_is_the_length_of_the_offset():
     # 3-4-5: 1200, 1600 has the length 2000 exactly; a micrometre is allowed for the rounding of the components.
-    assert wire.acceptable(wire.to_words(np.array([[1200, 1600, 0]])), 2000)
-    assert wire.acceptable(wire.to_words(np.array([[0, 0, -2001]])), 2000)
-    assert not wire.acceptable(wire.to_words(np.array([[0, 0, -2002]])), 2000)
-    assert not wire.acceptable(wire.to_words(np.array([[1500, 1500, 0]])), 2000)
+    assert wire.acceptable(wire.to_registers(np.array([[1200, 1600, 0]])), 2000)
+    assert wire.acceptable(wire.to_registers(np.array([[0, 0, -2001]])), 2000)
+    assert not wire.acceptable(wire.to_registers(np.array([[0, 0, -2002]])), 2000)
+    assert not wire.acceptable(wire.to_registers(np.array([[1500, 1500, 0]])), 2000)
 
 
 def test_crc_is_the_common_one_over_the_bytes_on_the_wire():
     # The check value of CRC-32/ISO-HDLC is that of the text "123456789"; with a tenth character it fills five registers.
-    words = np.frombuffer(b"1234567890..", ">u2").astype(np.uint16).reshape(-1, 3)
-    assert wire.crc32(words) == binascii.crc32(b"1234567890..")
+    registers = np.frombuffer(b"1234567890..", ">u2").astype(np.uint16).reshape(-1, 3)
+    assert wire.crc32(registers) == binascii.crc32(b"1234567890..")
     assert binascii.crc32(b"123456789") == 0xCBF43926
 
 
 def test_a_header_goes_there_and_back_and_the_id_follows_the_content():
-    one = table(1)
-    assert wire.Header.from_words(one.header.words()) == one.header
-    assert len(one.header.words()) == wire.HEADER_WORDS
-    assert table(1).header == one.header
-    ids = {one.header.id, table(2).header.id, table(1, rows=89).header.id, table(1, total=91).header.id,
-           table(1, window=1, windows=2).header.id, table(1, first=1, total=91).header.id}
+    table = random_table(1)
+    assert wire.Header.from_registers(table.header.registers()) == table.header
+    assert len(table.header.registers()) == wire.HEADER_REGISTERS
+    assert random_table(1).header == table.header
+    ids = {table.header.id, random_table(2).header.id, random_table(1, rows=89).header.id, random_table(1, total=91).header.id,
+           random_table(1, window=1, windows=2).header.id, random_table(1, first=1, total=91).header.id}
     assert len(ids) == 6
     assert 0 not in ids
 
 
 def test_pages_put_together_are_the_table():
-    one = table(3, rows=81)
-    pages = [wire.page_words(one.header, one.words, page) for page in range(one.header.pages)]
+    table = random_table(3, rows=81)
+    pages = [table.page(page) for page in range(table.header.pages)]
     assert [len(page) for page in pages] == [123, 123, 6]
     assert [page[2] for page in pages] == [0, 1, 2]
-    assert [word for page in pages for word in page[3:]] == one.words.ravel().tolist()
+    assert [word for page in pages for word in page[3:]] == table.registers.ravel().tolist()
 
 
 def test_the_map_has_no_overlaps_and_fits_the_address_space():
     end = 0
     for register in registers.MAP:
         assert register.address >= end
-        end = register.address + register.words
+        end = register.address + register.count
     assert end - 1 == registers.LAST_ADDRESS <= 65535
-    assert isinstance(table(1), Table)
 
 
 def test_the_documented_map_is_the_map():
     text = (Path(__file__).parents[3] / "docs" / "modbus.md").read_text()
     rows = re.findall(r"^\| (\d+) \| (\d+) \| (r|rw|w) \| (.+?) \| (.+?) \|$", text, re.M)
-    assert rows == [(str(item.address), str(item.words), item.access, item.name, item.meaning) for item in registers.MAP]
+    assert rows == [(str(item.address), str(item.count), item.access, item.name, item.meaning) for item in registers.MAP]

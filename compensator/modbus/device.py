@@ -1,6 +1,7 @@
-"""The cell's side of the register map: sequence, CRC, limits, one writer at a time, a table active whole or not at all.
+"""The device's side of the register map: sequence, CRC, limits, one writer at a time, a table active whole or not at all.
 
-No Modbus in here: `read` and `write` take addresses and words and raise `Refused` with a Modbus exception code.
+No Modbus in here: `read` and `write` take addresses and register values and raise `RefusedWrite` with a Modbus
+exception code.
 """
 
 from __future__ import annotations
@@ -14,8 +15,19 @@ from dataclasses import dataclass
 
 from compensator.modbus import registers as at
 from compensator.modbus.registers import Command, Refusal, Result, Robot, State
-from compensator.modbus.state import Active, TableStore
-from compensator.modbus.wire import EMPTY, NO_OFFSET, PAGE_ROWS, Header, acceptable, crc32, from_bytes, split
+from compensator.modbus.state import TableStore
+from compensator.modbus.wire import (
+    EMPTY,
+    NO_OFFSET,
+    PAGE_ROWS,
+    Header,
+    OffsetTable,
+    acceptable,
+    crc32,
+    from_bytes,
+    joined,
+    split,
+)
 from identification.common.findings import CompstiffError
 
 # A writer that has been silent this long has lost its transfer to whoever begins the next.
@@ -41,8 +53,8 @@ class Receiving:
     touched: float
 
 
-class CellMachine:
-    """State of a cell. limit_um: longest offset accepted; robot: its name; clock in seconds."""
+class OffsetDevice:
+    """A Modbus device that holds one table of offsets. limit_um: longest offset accepted; robot: its name; clock in seconds."""
 
     def __init__(
         self, store: TableStore, limit_um: int, robot: str, clock: Callable[[], float] = time.monotonic,
@@ -54,7 +66,7 @@ class CellMachine:
         self.receiving: Receiving | None = None
         self.result = Result.NONE
         self.commits = 0
-        self.robot = [0] * at.ROBOT_WORDS
+        self.robot = [0] * at.ROBOT_REGISTERS
         self.robot_seen = -math.inf
         # Whether the robot has run with the active table; a restart cannot know and believes it.
         self.ran = self.active is not None
@@ -64,41 +76,41 @@ class CellMachine:
     def read(self, address: int, count: int) -> list[int]:
         """Registers `address` ... Raises RefusedWrite(ADDRESS) outside the map."""
         if address >= at.TABLE:
-            words = self._table[address - at.TABLE:address - at.TABLE + count]
-        elif address < at.IDENTITY + at.IDENTITY_WORDS:
-            words = self._identity()[address:address + count]
+            values = self._table[address - at.TABLE:address - at.TABLE + count]
+        elif address < at.IDENTITY + at.IDENTITY_REGISTERS:
+            values = self._identity()[address:address + count]
         else:
-            words = []
+            values = []
             for start, block in ((at.STATUS, self._status), (at.ACTIVE, self._header), (at.ROBOT, lambda: self.robot),
                                  (at.ANSWER, self._answer)):
-                values = block() if start <= address < start + 16 else []
-                words = words or values[address - start:address - start + count]
-        if len(words) != count:
+                if start <= address < start + 16:
+                    values = block()[address - start:address - start + count]
+        if len(values) != count:
             raise RefusedWrite(Refusal.ADDRESS)
-        return words
+        return values
 
-    def write(self, address: int, words: list[int]) -> None:
+    def write(self, address: int, values: list[int]) -> None:
         """One write request. Raises RefusedWrite; what is refused changes nothing but the register `last result`."""
         try:
             if address == at.PAGE:
-                self._page(words)
+                self._page(values)
             elif address == at.COMMAND:
-                self._command(words)
-            elif address >= at.ROBOT and address + len(words) <= at.ROBOT + at.ROBOT_WORDS:
-                self._robot(address - at.ROBOT, words)
+                self._command(values)
+            elif address >= at.ROBOT and address + len(values) <= at.ROBOT + at.ROBOT_REGISTERS:
+                self._robot(address - at.ROBOT, values)
             else:
                 raise RefusedWrite(Refusal.ADDRESS)
         except RefusedWrite as refused:
             self.result = refused.result or self.result
             raise
 
-    def _command(self, words: list[int]) -> None:
-        if len(words) != at.COMMAND_WORDS or words[0] not in tuple(Command):
+    def _command(self, values: list[int]) -> None:
+        if len(values) != at.COMMAND_REGISTERS or values[0] not in tuple(Command):
             raise RefusedWrite(Refusal.VALUE, Result.HEADER)
-        header = Header.from_words(words[1:])
-        if words[0] == Command.BEGIN:
+        header = Header.from_registers(values[1:])
+        if values[0] == Command.BEGIN:
             self._begin(header)
-        elif words[0] == Command.COMMIT:
+        elif values[0] == Command.COMMIT:
             self._commit(header)
         elif self.receiving and self.receiving.header.id == header.id:
             self.receiving = None
@@ -115,17 +127,17 @@ class CellMachine:
             raise RefusedWrite(Refusal.BUSY, Result.OTHER_WRITER)
         self.receiving = Receiving(header, [], now)
 
-    def _page(self, words: list[int]) -> None:
+    def _page(self, values: list[int]) -> None:
         receiving = self.receiving
-        if len(words) < 3:
+        if len(values) < 3:
             raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
-        page = words[2]
-        if not receiving or receiving.header.id != words[0] << 16 | words[1] or page > len(receiving.pages):
+        page = values[2]
+        if not receiving or receiving.header.id != joined(values[:2]) or page > len(receiving.pages):
             raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
-        if page >= receiving.header.pages or len(words) != 3 + 3 * receiving.header.page_rows(page):
+        if page >= receiving.header.pages or len(values) != 3 + 3 * receiving.header.page_rows(page):
             raise RefusedWrite(Refusal.VALUE, Result.PAGE_LENGTH)
         # Kept as it came; what it says is judged at the commit, over the whole table at once.
-        rows = struct.pack(f">{len(words) - 3}H", *words[3:])
+        rows = struct.pack(f">{len(values) - 3}H", *values[3:])
         if page == len(receiving.pages):
             receiving.pages.append(rows)
         elif receiving.pages[page] != rows:
@@ -142,17 +154,17 @@ class CellMachine:
         receiving = self.receiving
         if not receiving or receiving.header != header or len(receiving.pages) < header.pages:
             raise RefusedWrite(Refusal.SEQUENCE, Result.SEQUENCE)
-        words = from_bytes(b"".join(receiving.pages))
-        if crc32(words) != header.crc:
+        registers = from_bytes(b"".join(receiving.pages))
+        if crc32(registers) != header.crc:
             self.receiving = None
             raise RefusedWrite(Refusal.SEQUENCE, Result.CRC)
-        if not acceptable(words, self.limit_um):
+        if not acceptable(registers, self.limit_um):
             self.receiving = None
             raise RefusedWrite(Refusal.VALUE, Result.OFFSET)
         receiving.touched = self.clock()
         if self.robot[1] == Robot.RUNNING and self.clock() - self.robot_seen < ROBOT_STALE_S:
             raise RefusedWrite(Refusal.BUSY, Result.ROBOT_RUNNING)
-        table = Active(header, words)
+        table = OffsetTable(header, registers)
         try:
             self.store.commit(table)
         except CompstiffError as reason:
@@ -162,10 +174,10 @@ class CellMachine:
         self.ran = False
         self._show_table()
 
-    def _robot(self, place: int, words: list[int]) -> None:
-        if place == 0 and words[0] != self.robot[0]:
+    def _robot(self, place: int, values: list[int]) -> None:
+        if place == 0 and values[0] != self.robot[0]:
             self.robot_seen = self.clock()
-        self.robot[place:place + len(words)] = words
+        self.robot[place:place + len(values)] = values
         self.ran = self.ran or (self.robot[1] == Robot.RUNNING and self._robot_has_active())
 
     def _robot_has_active(self) -> bool:
@@ -180,7 +192,7 @@ class CellMachine:
         return self.active.header if self.active else EMPTY
 
     def _show_table(self) -> None:
-        self._table = self.active.words.ravel().tolist() if self.active else []
+        self._table = self.active.registers.ravel().tolist() if self.active else []
 
     def _heartbeat(self) -> int:
         return int(2 * self.clock()) & 0xFFFF
@@ -195,7 +207,7 @@ class CellMachine:
                 self._finished()]
 
     def _header(self) -> list[int]:
-        return self._active_header().words()
+        return self._active_header().registers()
 
     def _answer(self) -> list[int]:
         header, row = self._active_header(), self.robot[2]

@@ -1,4 +1,4 @@
-"""What the Modbus tests share: tables, a cell in this process, a push with short timeouts, and what must hold after it."""
+"""What the Modbus tests share: tables, a device in this process, a push with short timeouts, and what must hold after it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 
 from compensator.modbus import link as linking
 from compensator.modbus import registers as at
+from compensator.modbus.device import OffsetDevice
 from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
-from compensator.modbus.machine import CellMachine
-from compensator.modbus.push import OLD, UNKNOWN, Table, identify, push_table
 from compensator.modbus.registers import Command
 from compensator.modbus.state import TableFiles, TableStore
-from compensator.modbus.wire import Header, page_words, to_words
+from compensator.modbus.transfer import OLD, UNKNOWN, identify, push_table
+from compensator.modbus.wire import OffsetTable, to_registers
 from identification.common.findings import Refused, Unconfirmed
 
 ROBOT = "irb6660-205-1.90"
@@ -30,24 +30,26 @@ IDENTITY, BEFORE, BEGIN, PAGES, COMMIT, READ_BACK = 0, 1, 2, (3, 4, 5), 6, 7
 linking.FIRST_PAUSE_S = 0.005
 
 
-def table(seed: int, rows: int = ROWS, window: int = 1, windows: int = 1, first: int = 0, total: int | None = None) -> Table:
+def random_table(
+    seed: int, rows: int = ROWS, window: int = 1, windows: int = 1, first: int = 0, total: int | None = None
+) -> OffsetTable:
     """Random offsets up to 1 mm a component."""
-    words = to_words(np.random.default_rng(seed).integers(-1000, 1001, (rows, 3)))
-    return Table(Header.of(words, first, rows if total is None else total, window, windows), words)
+    registers = to_registers(np.random.default_rng(seed).integers(-1000, 1001, (rows, 3)))
+    return OffsetTable.of(registers, first, rows if total is None else total, window, windows)
 
 
-def machine(folder: Path | None = None, **options) -> CellMachine:
-    return CellMachine(TableFiles(folder) if folder else TableStore(), LIMIT_UM, ROBOT, **{"lease_s": LEASE_S, **options})
+def offset_device(folder: Path | None = None, **options) -> OffsetDevice:
+    return OffsetDevice(TableFiles(folder) if folder else TableStore(), LIMIT_UM, ROBOT, **{"lease_s": LEASE_S, **options})
 
 
-def load(cell: CellMachine, one: Table) -> None:
+def load(device: OffsetDevice, table: OffsetTable) -> None:
     """Commits a table without a network."""
-    for words in ([Command.ABORT, *(cell.receiving.header.words() if cell.receiving else one.header.words())],
-                  [Command.BEGIN, *one.header.words()]):
-        cell.write(at.COMMAND, words)
-    for page in range(one.header.pages):
-        cell.write(at.PAGE, page_words(one.header, one.words, page))
-    cell.write(at.COMMAND, [Command.COMMIT, *one.header.words()])
+    for command in ([Command.ABORT, *(device.receiving.header.registers() if device.receiving else table.header.registers())],
+                    [Command.BEGIN, *table.header.registers()]):
+        device.write(at.COMMAND, command)
+    for page in range(table.header.pages):
+        device.write(at.PAGE, table.page(page))
+    device.write(at.COMMAND, [Command.COMMIT, *table.header.registers()])
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,14 @@ class Ending:
     text: str
 
 
-def push(port: int, one: Table, *, timeout_s: float = TIMEOUT_S, retries: int = 2, patience_s: float = 1.0, tls=None) -> Ending:
+def push(
+    port: int, table: OffsetTable, *, timeout_s: float = TIMEOUT_S, retries: int = 2, patience_s: float = 1.0, tls=None
+) -> Ending:
     """One push, as the command does it, with short timeouts."""
     with Link(Address("127.0.0.1", port, 1, timeout_s, retries, tls)) as link:
         try:
             identify(link, ROBOT)
-            return Ending(0, push_table(link, one, patience_s, lambda page, pages: None))
+            return Ending(0, push_table(link, table, patience_s, lambda page, pages: None))
         except (LinkLost, ExceptionReply) as reason:
             return Ending(4, f"{UNKNOWN}: {reason}")
         except (Refused, Unconfirmed) as stopped:
@@ -79,14 +83,14 @@ def rows_on_disk(folder: Path) -> list[list[int]] | None:
         rows = list(csv.reader(stream))
     assert rows[0] == ["target", "ox_um", "oy_um", "oz_um"]
     assert [int(row[0]) for row in rows[1:]] == list(range(len(rows) - 1))
-    return [[int(cell) for cell in row[1:]] for row in rows[1:]]
+    return [[int(um) for um in row[1:]] for row in rows[1:]]
 
 
-def offsets_of(one: Table) -> list[list[int]]:
-    return (one.words.astype(int) - 32768).tolist()
+def offsets_of(table: OffsetTable) -> list[list[int]]:
+    return (table.registers.astype(int) - 32768).tolist()
 
 
-def check_honest(ending: Ending, active: list[list[int]] | None, old: Table, new: Table) -> None:
+def check_honest(ending: Ending, active: list[list[int]] | None, old: OffsetTable, new: OffsetTable) -> None:
     """The active table is the old or the new one, whole, and the exit code and message say which."""
     assert active in (offsets_of(old), offsets_of(new))
     if ending.code == 0:
@@ -98,7 +102,7 @@ def check_honest(ending: Ending, active: list[list[int]] | None, old: Table, new
         assert ending.code == 4
 
 
-class CellProcess:
+class DeviceProcess:
     """`compstiff cell` as a process of its own, to be killed. cell.yaml and the state directory lie in `folder`."""
 
     def __init__(self, folder: Path, *, keeps: bool = True) -> None:
@@ -130,7 +134,7 @@ class CellProcess:
         self.process.stderr.close()
         return code
 
-    def __enter__(self) -> CellProcess:
+    def __enter__(self) -> DeviceProcess:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from compensator.modbus import registers as at
 from compensator.modbus.link import ExceptionReply, Link, LinkLost
-from compensator.modbus.push import AGAIN, OLD, UNKNOWN, Progress, Table, another, push_table, read_active
+from compensator.modbus.transfer import AGAIN, OLD, UNKNOWN, Progress, another, push_table, read_active
+from compensator.modbus.wire import OffsetTable
 from identification.common.findings import Finding, Refused, Unconfirmed
 
 POLL_S = 0.2
@@ -15,7 +16,7 @@ ROBOT_PATIENCE_S = 600.0
 
 
 def push_windows(
-    link: Link, tables: list[Table], *, patience_s: float, robot_s: float, restart: bool, progress: Progress,
+    link: Link, tables: list[OffsetTable], *, patience_s: float, robot_s: float, restart: bool, progress: Progress,
     say: Callable[[str], None],
 ) -> list[str]:
     """Pushes all tables; returns how each went. Where a window of this very program is active, goes on from there.
@@ -24,30 +25,30 @@ def push_windows(
     where the robot gives no sign for `robot_s`.
     """
     start = 0 if restart else _resume(link, tables)
-    done = []
+    endings = []
     for number, table in enumerate(tables[start:], start):
         if number > start:
             _wait_for_robot(link, tables[number - 1], robot_s)
-        done.append(push_table(link, table, patience_s, progress))
+        endings.append(push_table(link, table, patience_s, progress))
         if len(tables) > 1:
             say(f"window {number + 1} of {len(tables)}: targets {table.header.first} to "
-                f"{table.header.first + table.header.rows - 1}, {done[-1]}")
-    return done
+                f"{table.header.first + table.header.rows - 1}, {endings[-1]}")
+    return endings
 
 
-def _resume(link: Link, tables: list[Table]) -> int:
+def _resume(link: Link, tables: list[OffsetTable]) -> int:
     """Index of the window to begin with: the active one, if it is one of these and not the last."""
     active = read_active(link)
     return next((index for index, table in enumerate(tables[:-1]) if table.header == active), 0)
 
 
-def _wait_for_robot(link: Link, table: Table, robot_s: float) -> None:
+def _wait_for_robot(link: Link, table: OffsetTable, robot_s: float) -> None:
     """Until the robot says that it has finished this window."""
     heartbeat, seen = -1, time.monotonic()
     header = table.header
     while True:
         try:
-            [finished], words = link.read(at.FINISHED, 1), link.read(at.ROBOT, 1)
+            [finished], [beat] = link.read(at.FINISHED, 1), link.read(at.ROBOT, 1)
             active = read_active(link)
         except (LinkLost, ExceptionReply) as reason:
             raise Unconfirmed(Finding("CS5016", "error", f"the cell was lost while the robot worked on window {header.window} "
@@ -56,8 +57,8 @@ def _wait_for_robot(link: Link, table: Table, robot_s: float) -> None:
             raise Refused(another(active))
         if finished == header.window:
             return
-        if words[0] != heartbeat:
-            heartbeat, seen = words[0], time.monotonic()
+        if beat != heartbeat:
+            heartbeat, seen = beat, time.monotonic()
         if time.monotonic() - seen > robot_s:
             raise Unconfirmed(Finding(
                 "CS5016", "error", f"no sign of the robot for {robot_s:g} s; window {header.window} of {header.windows} is "

@@ -1,0 +1,195 @@
+"""`verify`: what a measured pass before and one after the correction say, in numbers, findings and sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from compensator.verification.comparison import SANE_SCALE, WORSE_SIGMAS, Comparison, Scale, compare, estimate_scale
+from compensator.verification.predicted_deviation import predicted_at
+from compensator.verification.readings import Array, Indices, Readings, pair, read_readings
+from identification.common.findings import Finding, counted, error
+from identification.model.cell import Cell
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Everything of one `verify`. rows_before, rows_after: the pairs. predicted (N, C) [m] at the readings before, scale
+    overall and by axis: None and empty without a prediction. over: readings after that exceed the tolerance."""
+
+    before: Readings
+    after: Readings
+    rows_before: Indices
+    rows_after: Indices
+    comparison: Comparison
+    predicted: Array | None
+    scale: Scale | None
+    axis_scales: dict[str, Scale]
+    tolerance_um: float | None
+    over: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def accepted(self) -> bool | None:
+        """Whether every reading after is within the tolerance; None without one."""
+        return None if self.tolerance_um is None else self.over == 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        scale = None if self.scale is None else self.scale.as_dict() | {
+            "axes": {axis: scale.as_dict() for axis, scale in self.axis_scales.items()}}
+        return {**self.comparison.as_dict(), "unpaired_before": len(self.before) - len(self.rows_before),
+                "unpaired_after": len(self.after) - len(self.rows_after), "tolerance_um": self.tolerance_um,
+                "within_tolerance": self.accepted, "over_tolerance": self.over, "predicted": scale}
+
+    def lines(self) -> list[str]:
+        """What was found and what to do, in sentences: the terminal shows them, and the report stands under them."""
+        comparison, points = self.comparison, self.comparison.before.points
+        share = comparison.worse / points
+        text = [_comparison_text(comparison),
+                f"{counted(comparison.worse, 'place')} ({100 * share:.1f} %) got worse by more than {WORSE_SIGMAS:g} sigma of "
+                "the readings; by chance some 2 % of equal ones would. The readings' own noise is "
+                f"{comparison.noise_um:.1f} um RMS of what is left."]
+        if self.tolerance_um is not None:
+            text.append(f"Tolerance {self.tolerance_um:g} um: " + (
+                f"accepted, all {len(self.after)} readings after are within it." if self.accepted
+                else f"not accepted, {self.over} of {len(self.after)} readings after exceed it."))
+        if self.scale is not None:
+            text.append(_scale_text(self.scale))
+        return text
+
+
+def verify(
+    cell: Cell, before_file: Path, after_file: Path, predicted_file: Path | None = None, *, tolerance_um: float | None = None,
+    within: float = 1e-3, frame: Literal["base", "workobject"] = "base",
+) -> Verification:
+    """Compares the deviation measured before and after a correction, place by place, and with what was predicted.
+
+    predicted_file: deviation.csv or offsets.csv of the measured program. tolerance_um: largest deviation that is accepted.
+    within [m]: how far apart places may be that belong together. frame: of the readings' components. Raises CompstiffError:
+    what `read_readings`, `pair` and `predicted_at` raise, CS6020 no component in both passes, CS6028 nothing predicted.
+    """
+    before, after = read_readings(before_file, cell), read_readings(after_file, cell)
+    rows_before, rows_after = pair(before, after, within)
+    findings = [*before.findings, *after.findings, *_unpaired(before, rows_before), *_unpaired(after, rows_after)]
+    first, second = before.select(rows_before), after.select(rows_after)
+    if not (~np.isnan(first.deviation) & ~np.isnan(second.deviation)).any():
+        raise error("CS6020", "no component was measured in both passes at the same place", file=after.source,
+                    hint="measure both passes alike")
+    comparison = compare(first, second)
+    predicted, scale = None, None
+    axis_scales: dict[str, Scale] = {}
+    if predicted_file is not None:
+        predicted, more = predicted_at(before, predicted_file, cell, within, in_object=frame == "workobject")
+        scale, axis_scales = _scales(before, predicted, predicted_file)
+        findings += [*more, *_scale_findings(scale, axis_scales, before.source)]
+    findings += _comparison_findings(comparison, after.source)
+    over = 0 if tolerance_um is None else int((1e6 * after.size > tolerance_um).sum())
+    if over:
+        findings.append(Finding("CS6026", "error", f"{over} of {counted(len(after), 'reading')} deviate by more than the "
+                                f"tolerance of {tolerance_um:g} um, the largest by {1e6 * after.size.max():.1f} um",
+                                file=after.source, hint="the part is not accepted; --predicted says whether a scale would "
+                                "help"))
+    return Verification(before, after, rows_before, rows_after, comparison, predicted, scale, axis_scales, tolerance_um, over,
+                        tuple(findings))
+
+
+def _unpaired(readings: Readings, rows: Indices) -> list[Finding]:
+    if len(rows) == len(readings):
+        return []
+    return [Finding("CS6022", "warning", f"{counted(len(readings) - len(rows), 'reading')} of {len(readings)} "
+                    "without a counterpart in the other pass; left out of the comparison", file=readings.source,
+                    hint="measure the same places in both passes")]
+
+
+def _scales(before: Readings, predicted: Array, predicted_file: Path) -> tuple[Scale, dict[str, Scale]]:
+    """Overall and by axis where there are several. Raises CompstiffError (CS6028) where nothing is predicted."""
+    overall = estimate_scale(before.deviation, predicted)
+    if overall is None:
+        raise error("CS6028", "predicts no deviation where it was measured", file=str(predicted_file),
+                    hint="is it of the program that was measured?")
+    axes = enumerate(before.axes) if len(before.axes) > 1 else ()
+    by_axis = {name: estimate_scale(before.deviation[:, [axis]], predicted[:, [axis]]) for axis, name in axes}
+    return overall, {name: scale for name, scale in by_axis.items() if scale is not None}
+
+
+def _comparison_findings(comparison: Comparison, source: str) -> list[Finding]:
+    findings = []
+    if comparison.verdict == "worse":
+        findings.append(Finding("CS6027", "warning", f"the deviation grew from {comparison.before.rms_um:.1f} to "
+                                f"{comparison.after.rms_um:.1f} um RMS", file=source,
+                                hint="do not use this correction; check sign and frame of the force log, and that the files "
+                                "are not exchanged"))
+    if comparison.log_ratio is not None and comparison.log_ratio.short:
+        known = "no interval is given" if comparison.interval is None else "the interval is rather too narrow"
+        findings.append(Finding("CS6024", "warning", f"{counted(comparison.before.points, 'place')} with deviations that are "
+                                f"alike over {comparison.log_ratio.memory:.0f} neighbours: {known}", file=source,
+                                hint="measure a longer stretch of the path"))
+    return findings
+
+
+def _scale_findings(scale: Scale, axis_scales: dict[str, Scale], source: str) -> list[Finding]:
+    findings = []
+    if scale.short:
+        known = "its interval is rather too narrow" if scale.interval else "it has no interval"
+        findings.append(Finding("CS6024", "warning", f"{counted(scale.points, 'place')}, too few for the memory of what the "
+                                f"scale leaves: {known}", file=source, hint="measure a longer stretch of the path"))
+    if scale.interval is not None and not (scale.shown and SANE_SCALE[0] <= scale.scale <= SANE_SCALE[1]):
+        low, high = SANE_SCALE
+        findings.append(Finding("CS6031", "warning", f"the measured deviation is {_times(scale)} the predicted: no scale is "
+                                f"advised outside {low:g} to {high:g}, or where 0 is not ruled out", file=source,
+                                hint="check sign and frame of the forces and of the measurement (--frame)"))
+    if scale.constant_shown and scale.with_constant is not None:
+        constant = ", ".join(f"{x:.0f}" for x in scale.constant_um)
+        findings.append(Finding("CS6029", "warning", f"a part of ({constant}) um does not follow the force; with it the "
+                                f"scale would be {scale.with_constant:.3f} in place of {scale.scale:.3f}", file=source,
+                                hint="a set-up error of the part or the probe? Take it out and verify again before you scale"))
+    for a, b in combinations(sorted(axis_scales), 2):
+        if _apart(axis_scales[a], axis_scales[b]):
+            findings.append(Finding("CS6030", "warning", f"along {a} the measured deviation is {_times(axis_scales[a])} the "
+                                    f"predicted, along {b} {_times(axis_scales[b])}: one scale does not mend both",
+                                    file=source, hint="diagnose the load tests, and check the frame of the measurement"))
+    return findings
+
+
+def _apart(a: Scale, b: Scale) -> bool:
+    """Whether the intervals have nothing in common."""
+    first, second = a.interval, b.interval
+    return first is not None and second is not None and (first[0] > second[1] or second[0] > first[1])
+
+
+def _times(scale: Scale) -> str:
+    between = f" (95 %: {scale.interval[0]:.3f} to {scale.interval[1]:.3f})" if scale.interval else ""
+    return f"{scale.scale:.3f} times{between}"
+
+
+def _comparison_text(comparison: Comparison) -> str:
+    before, after = comparison.before, comparison.after
+    text = (f"At {counted(before.points, 'place')} measured before and after the correction the deviation went from "
+            f"{before.rms_um:.1f} to {after.rms_um:.1f} um RMS, the largest from {before.max_um:.1f} to {after.max_um:.1f} um.")
+    if comparison.interval is None or comparison.ratio is None:
+        return text + " These are too few places to say how sure that is."
+    low, high = comparison.interval
+    return text + {
+        "better": f" It is {comparison.ratio:.2f} times smaller (95 %: {low:.2f} to {high:.2f}).",
+        "worse": f" It became larger: before over after is {comparison.ratio:.2f} (95 %: {low:.2f} to {high:.2f}). Do not "
+                 "use this correction.",
+        "no difference shown": f" Before over after is {comparison.ratio:.2f} (95 %: {low:.2f} to {high:.2f}): no "
+                               "difference is shown.",
+    }[comparison.verdict]
+
+
+def _scale_text(scale: Scale) -> str:
+    text = (f"The prediction as it stands explains {100 * scale.share:.1f} % of the mean square measured before; the measured "
+            f"deviation is {_times(scale)} the predicted.")
+    if scale.advised is not None:
+        why = " So it is where the load tests were taken at standstill." if scale.scale > 1 else ""
+        return text + why + (f" Advice: correct --scale {scale.advised:g}, which would explain {100 * scale.share_scaled:.1f} "
+                             f"% and leave {scale.residual_rms_um:.1f} um RMS.")
+    if scale.interval is not None and scale.interval[0] <= 1 <= scale.interval[1]:
+        return text + " 1 lies inside: no scale is needed."
+    return text + " No scale is advised; the findings say why."

@@ -1,0 +1,182 @@
+"""The device's rules, without a network: sequence, CRC, limit, one writer, the robot's hand on the table."""
+
+import numpy as np
+import pytest
+
+from compensator.modbus import registers as at
+from compensator.modbus.device import LEASE_S, ROBOT_STALE_S, RefusedWrite
+from compensator.modbus.registers import Command, Refusal, Result, Robot
+from compensator.modbus.wire import HEADER_REGISTERS, Header, OffsetTable, split, to_registers
+from tests.compensator.modbus.tables_and_devices import load, offset_device, random_table
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def begin(device, table: OffsetTable) -> None:
+    device.write(at.COMMAND, [Command.BEGIN, *table.header.registers()])
+
+
+def page(device, table: OffsetTable, number: int) -> None:
+    device.write(at.PAGE, table.page(number))
+
+
+def commit(device, table: OffsetTable) -> None:
+    device.write(at.COMMAND, [Command.COMMIT, *table.header.registers()])
+
+
+def refused(code: Refusal, result: Result, device, call, *arguments) -> None:
+    before = device.read(at.ACTIVE, HEADER_REGISTERS)
+    with pytest.raises(RefusedWrite) as caught:
+        call(device, *arguments)
+    assert (caught.value.code, device.read(at.RESULT, 1)) == (code, [result])
+    assert device.read(at.ACTIVE, HEADER_REGISTERS) == before
+
+
+def test_a_transfer_shows_only_after_its_commit():
+    device, table = offset_device(), random_table(1)
+    assert device.read(at.ACTIVE, HEADER_REGISTERS) == [0] * HEADER_REGISTERS
+    begin(device, table)
+    for number in range(3):
+        page(device, table, number)
+        assert device.read(at.ACTIVE, 1) == [0]
+        assert device.read(at.STATUS, 5) == [1, 0, *split(table.header.id), number + 1]
+    commit(device, table)
+    assert device.read(at.ACTIVE, HEADER_REGISTERS) == table.header.registers()
+    assert device.read(at.TABLE, 270) == table.registers.ravel().tolist()
+    with pytest.raises(RefusedWrite):
+        device.read(at.TABLE, 271)
+
+
+def test_every_step_may_be_repeated():
+    device, table = offset_device(), random_table(1)
+    for number in range(3):
+        begin(device, table)
+        begin(device, table)
+        page(device, table, number)
+        page(device, table, number)
+        page(device, table, 0)
+    for _ in range(3):
+        commit(device, table)
+    assert (device.read(at.ACTIVE, HEADER_REGISTERS), device.commits) == (table.header.registers(), 1)
+
+
+def test_out_of_sequence_is_refused():
+    device, table = offset_device(), random_table(1)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, page, table, 0)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, commit, table)
+    begin(device, table)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, page, table, 1)
+    page(device, table, 0)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, commit, table)
+    device.write(at.COMMAND, [Command.ABORT, *table.header.registers()])
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, page, table, 1)
+
+
+def test_a_wrong_crc_is_refused_and_the_transfer_dropped():
+    table = random_table(1)
+    wrong = OffsetTable(Header(**{**table.header.as_dict(), "crc": table.header.crc ^ 1}), table.registers)
+    device = offset_device()
+    load(device, random_table(2))
+    begin(device, wrong)
+    for number in range(3):
+        page(device, wrong, number)
+    refused(Refusal.SEQUENCE, Result.CRC, device, commit, wrong)
+    assert device.read(at.STATUS, 1) == [0]
+
+
+@pytest.mark.parametrize(("um", "result"), [(2500, Result.OFFSET), (-2500, Result.OFFSET), (32767, Result.OFFSET),
+                                            (-32768, Result.OFFSET)])
+def test_the_cell_refuses_an_offset_over_its_limit_by_itself(um, result):
+    registers = np.full((5, 3), 32768, np.uint16)
+    registers[3, 2] = 32768 + um
+    table = OffsetTable.of(registers, 0, 5, 1, 1)
+    device = offset_device()
+    begin(device, table)
+    page(device, table, 0)
+    refused(Refusal.VALUE, result, device, commit, table)
+    assert device.read(at.STATUS, 1) == [0]
+
+
+def test_headers_and_pages_that_make_no_sense_are_refused():
+    device, table = offset_device(window_rows=100), random_table(1)
+    for change in ({"id": 0}, {"rows": 0}, {"rows": 101, "total": 101}, {"first": 1}, {"window": 0}, {"window": 2}):
+        header = Header(**{**table.header.as_dict(), **change})
+        refused(Refusal.VALUE, Result.HEADER, device, begin, OffsetTable(header, table.registers))
+    refused(Refusal.VALUE, Result.HEADER, device, lambda device: device.write(at.COMMAND, [9, *table.header.registers()]))
+    refused(Refusal.VALUE, Result.HEADER, device, lambda device: device.write(at.COMMAND, [1]))
+    begin(device, table)
+    for wrong in ([], [1, 2], table.page(0)[:-1], [*split(table.header.id), 0]):
+        refused(Refusal.VALUE, Result.PAGE_LENGTH, device, lambda device, wrong=wrong: device.write(at.PAGE, wrong))
+
+
+@pytest.mark.parametrize("address", [0, 16, 32, 54, 64, 97, 129, 4096, 64095, 65535])
+def test_what_is_not_for_writing_is_not_written(address):
+    device = offset_device()
+    load(device, random_table(1))
+    before = device.read(at.IDENTITY, 8), device.read(at.ACTIVE, 11), device.read(at.TABLE, 270)
+    with pytest.raises(RefusedWrite) as caught:
+        device.write(address, [1])
+    assert caught.value.code == Refusal.ADDRESS
+    assert before == (device.read(at.IDENTITY, 8), device.read(at.ACTIVE, 11), device.read(at.TABLE, 270))
+
+
+def test_one_writer_at_a_time_until_it_has_been_silent_for_long():
+    clock = Clock()
+    device, table, other = offset_device(clock=clock, lease_s=LEASE_S), random_table(1), random_table(2)
+    begin(device, table)
+    clock.now += 0.9 * LEASE_S
+    refused(Refusal.BUSY, Result.OTHER_WRITER, device, begin, other)
+    page(device, table, 0)
+    clock.now += 0.9 * LEASE_S
+    refused(Refusal.BUSY, Result.OTHER_WRITER, device, begin, other)
+    clock.now += 0.2 * LEASE_S
+    begin(device, other)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, page, table, 1)
+    load(device, other)
+    refused(Refusal.SEQUENCE, Result.SEQUENCE, device, commit, table)
+
+
+def test_no_commit_under_a_running_robot_unless_it_is_dead():
+    clock = Clock()
+    device, old, new = offset_device(clock=clock, lease_s=100), random_table(1), random_table(2)
+    load(device, old)
+    device.write(at.ROBOT, [7, Robot.RUNNING, 0, *split(old.header.id)])
+    begin(device, new)
+    for number in range(3):
+        page(device, new, number)
+    refused(Refusal.BUSY, Result.ROBOT_RUNNING, device, commit, new)
+    clock.now += 0.9 * ROBOT_STALE_S
+    device.write(at.ROBOT, [8])
+    clock.now += 0.9 * ROBOT_STALE_S
+    refused(Refusal.BUSY, Result.ROBOT_RUNNING, device, commit, new)
+    clock.now += 0.2 * ROBOT_STALE_S
+    commit(device, new)
+    assert device.read(at.ACTIVE, 2) == list(split(new.header.id))
+
+
+def test_the_robot_gets_the_row_it_asks_for_and_a_sum_to_check():
+    device, table = offset_device(), random_table(1)
+    assert device.read(at.ANSWER + 5, 3) == [0, 0, 0]
+    load(device, table)
+    for row in (0, 57, 89):
+        device.write(at.ROBOT + 2, [row])
+        answer = device.read(at.ANSWER, at.ANSWER_REGISTERS)
+        assert answer[4:8] == [row, *table.registers[row].tolist()]
+        assert answer[8] == (row + int(table.registers[row].astype(int).sum())) % 65536
+        assert answer[:3] == [*split(table.header.id), 90]
+    device.write(at.ROBOT + 2, [90])
+    assert device.read(at.ANSWER + 4, 4) == [90, 0, 0, 0]
+
+
+def test_zero_offsets_are_a_table_too():
+    registers = to_registers(np.zeros((41, 3), int))
+    table = OffsetTable.of(registers, 0, 41, 1, 1)
+    device = offset_device()
+    load(device, table)
+    assert device.read(at.TABLE, 123) == [32768] * 123
