@@ -12,6 +12,7 @@ As smooth inequalities they stand in constraints.py. Collisions are not among th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,10 +52,15 @@ class Pool:
         """Some of them."""
         return Pool(self.theta[rows], self.slot[rows], self.place[rows], self.line[rows], self.information[rows])
 
+    @staticmethod
+    def of(pools: Sequence[Pool]) -> Pool:
+        """One or more pools as one."""
+        return Pool(*(np.concatenate([getattr(pool, name) for pool in pools])
+                      for name in ("theta", "slot", "place", "line", "information")))
+
     def joined(self, other: Pool) -> Pool:
         """Both."""
-        return Pool(*(np.concatenate([getattr(self, name), getattr(other, name)])
-                      for name in ("theta", "slot", "place", "line", "information")))
+        return Pool.of([self, other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,16 +147,13 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
                     f"{empty}: {len(theta)} are in reach and inside the joint limits, none also inside the orientation window, "
                     "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
                     hint="move the place with --position, widen --phi, or check the tool in cell.yaml")
-    result = pools[0]
-    for pool in pools[1:]:
-        result = result.joined(pool)
-    return result
+    return Pool.of(pools)
 
 
 def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tuple[Array, Indices, int]:
     """Angles (n, 6) [rad] inside the joint limits with the TCP in place, which place (n,), and how many were drawn."""
     robot, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
-    found: list[tuple[Array, Indices]] = []
+    drawn_poses: list[tuple[Array, Indices]] = []
     count = drawn = 0
     for _ in range(MOST_DRAWS):
         draws = max(poses, 200)
@@ -168,9 +171,9 @@ def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tup
         fits = solved.reachable.reshape(-1) & inside.all(axis=1)
         theta, spot = theta[fits], np.repeat(place, solved.theta.shape[1])[fits]
         drawn += draws
-        found.append((theta, spot.astype(np.intp)))
+        drawn_poses.append((theta, spot.astype(np.intp)))
         count += len(theta)
         if count >= poses:
             break
-    theta, place = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    theta, place = (np.concatenate(parts) for parts in zip(*drawn_poses, strict=True))
     return theta[:poses], place[:poses], drawn
