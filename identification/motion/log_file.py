@@ -76,9 +76,9 @@ def read_motion_log(path: str | Path) -> MotionLog:
     line: NDArray[np.intp] | None = None
     findings: list[Finding] = []
     if path.suffix.lower() == ".mat":
-        from identification.formats.kuka_kr300 import read_record
+        from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        columns = read_record(path)
+        columns = read_kuka_kr300(path)
     else:
         columns, line, findings = _table(path)
     name, time = str(path), columns["time_s"]
