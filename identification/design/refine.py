@@ -56,14 +56,14 @@ class _Point:
     x: Array
     robot: RobotModel
     theta: Array
-    seen: Stance
+    arm: Stance
     loads: Loads
     information: Array
 
     @cached_property
     def columns_slope(self) -> Array:
         """Derivative (N, 6, 3, 6) of the springs' columns by the angles."""
-        return columns_slope(self.robot, self.seen)
+        return columns_slope(self.robot, self.arm)
 
 
 class _Problem:
@@ -84,9 +84,9 @@ class _Problem:
         """The runs at x."""
         if self._last is None or not np.array_equal(self._last.x, x):
             theta, line = self.split(x)
-            seen, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
-            information = run_information(self.domain.rig, seen.columns, loads)
-            self._last = _Point(x.copy(), self.domain.rig.cell.robot, theta, seen, loads, information)
+            arm, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
+            information = run_information(self.domain.rig, arm.columns, loads)
+            self._last = _Point(x.copy(), self.domain.rig.cell.robot, theta, arm, loads, information)
         return self._last
 
     def value(self, x: Array) -> float:
@@ -96,7 +96,7 @@ class _Problem:
     def gradient(self, x: Array) -> Array:
         """Its derivative (N width,)."""
         point, rig = self.at(x), self.domain.rig
-        by_columns, by_force = information_slope(rig, point.seen.columns, point.loads, self.objective.slope(point.information))
+        by_columns, by_force = information_slope(rig, point.arm.columns, point.loads, self.objective.slope(point.information))
         by_theta = np.einsum("nai,nmai->nm", by_columns, point.columns_slope)
         by_line = np.einsum("nk,nka->na", point.loads.by_line, by_force)
         return self._joined(by_theta[:, :, None], by_line[:, :, None]).ravel()
@@ -104,17 +104,17 @@ class _Problem:
     def inequality(self, x: Array) -> Array:
         """-g (N q,), not negative where admissible."""
         point, domain = self.at(x), self.domain
-        return -inequalities(domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads).ravel()
+        return -inequalities(domain.rig, domain.margins, domain.box, point.theta, point.arm, point.loads).ravel()
 
     def inequality_slope(self, x: Array) -> Array:
         """Its derivative (N q, N width)."""
         point, domain = self.at(x), self.domain
         return -_block_rows(self._joined(*inequality_slopes(
-            domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads, point.columns_slope)))
+            domain.rig, domain.margins, domain.box, point.theta, point.arm, point.loads, point.columns_slope)))
 
     def equality(self, x: Array) -> Array:
         """TCP in place, and lines of length one; (N e,)."""
-        off = self.domain.equalities(self.at(x).seen, self.start.place)
+        off = self.domain.equalities(self.at(x).arm, self.start.place)
         if self.free:
             off = np.concatenate([off, np.sum(self.split(x)[1] ** 2, axis=1, keepdims=True) - 1], axis=1)
         return off.ravel()
@@ -124,7 +124,7 @@ class _Problem:
         point, count = self.at(x), len(self.start)
         by_theta: Array = np.zeros((count, 6, 0))
         if self.domain.positions is not None:
-            by_theta = by_angles(self.domain.rig.cell.robot, point.seen.serial)
+            by_theta = by_angles(self.domain.rig.cell.robot, point.arm.serial)
         by_line = np.zeros((count, 3, by_theta.shape[2]))
         if self.free:
             by_theta = np.concatenate([by_theta, np.zeros((count, 6, 1))], axis=2)
