@@ -73,7 +73,7 @@ def zero_of(
     if air is not None and not mass and form.kind != "base" and form.weight != "removed" and len(tare) > 1:
         found = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment)
         findings.append(_estimated(found, air, log))
-        if found is not None and found.mass > 3 * found.mass_std:
+        if found is not None and found.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
             mass, centre = found.mass, _in_flange(found, path, cell)
     held = np.zeros((len(path.toolpath), 6))
@@ -167,9 +167,9 @@ def _estimated(found: Payload | None, air: Air, log: ForceLog) -> Finding:
                        f"{np.degrees(turns(air.fall)[0]):.1f} deg: that does not tell a payload from the bias", file=log.source,
                        hint="compstiff tare finds it from still readings in orientations that differ more")
     text = f"payload {found.mass:.2f} +- {found.mass_std:.2f} kg"
-    if found.mass <= 3 * found.mass_std:
-        level: Level = "warning" if found.mass < -3 * found.mass_std else "note"
-        return Finding("CS3034", level, f"{text} in the stretches of --tare: the log holds no weight", file=log.source,
+    if not found.told_from_none:
+        level: Level = "warning" if found.negative else "note"
+        return Finding("CS3042" if found.negative else "CS3043", level, f"{text} in the stretches of --tare: the log holds no weight", file=log.source,
                        hint="a negative mass: check force_log.sign and the sensor's frame" if level == "warning" else "")
     if found.centre is not None and found.centre_std is not None:
         text += f", centre {_list(1e3 * found.centre, 1)} +- {_list(1e3 * found.centre_std, 1)} mm in the log's frame"
@@ -182,7 +182,7 @@ def _tared(log: ForceLog, each: Array, bias: Array, mass: float | None, tare: Se
                      "subtracted", file=log.source)]
     apart = float(np.linalg.norm(each[:, :3] - bias[:3], axis=1).max())
     if mass and apart > 0.1 * mass * FREE_FALL:
-        found.append(Finding("CS3034", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "
+        found.append(Finding("CS3046", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "
                              f"from their mean by up to {apart:.1f} N", file=log.source,
                              hint="is the mass right, and its weight still in the log (force_log.weight)?"))
     return found

@@ -155,7 +155,7 @@ def test_a_payload_that_is_not_told_from_none_is_not_written(tmp_path) -> None:
     still.write_text(header + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
     code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
     assert code == 0
-    assert "CS3034" in {finding["code"] for finding in said["findings"]}
+    assert "CS3043" in {finding["code"] for finding in said["findings"]}
     written = (tmp_path / "payload.yaml").read_text()
     assert "bias_n" in written
     assert "payload:" not in written
