@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
+from compensator.forces.program_time import air_moves
 from compensator.forces.target_rows import TargetRows
-from compensator.forces.time_alignment import air_moves
 from compensator.forces.zero import Range, Zero, base_from_log, zero_of
 from compensator.path.arc_length import arc_length, nearest_target
 from compensator.path.robot_path import RobotPath
