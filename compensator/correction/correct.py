@@ -1,279 +1,391 @@
-"""Predicted deviation with its covariance, and the commanded pose whose loaded pose is the planned one (physics 6).
-
-Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
-`theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau
-is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. Effects in force displace the
-tool from where the springs hold it: then the springs shall hold it at angles from which the effects bring it to the plan
-(`loading.resting_angles`), and these take the place of theta~_plan. That the tool lands there is not
-taken on trust: `correct_path` loads the commanded pose with the iterated forward model and reports what is left.
-"""
+"""The main job on one program: read, place the forces, predict, correct, write, and read back what was written."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.forward import each_tool, loaded_path, resting_angles
-from compensator.correction.prediction import Prediction
-from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
-from compensator.forces.placement import TargetForces
-from compensator.path.arc_length import arc_length
-from compensator.path.robot_path import RobotPath
-from identification.common.findings import CompstiffError, Finding, Refused, counted
-from identification.model.compliance import displacement, joint_torque, loaded_angles
-from identification.model.inverse import NEARLY_SINGULAR, configuration, nearest_angles, wrist_distance
-from identification.model.kinematics import forward
-from identification.model.rotations import Frame, rotation_matrix, rotation_vector
+from compensator.correction.corners import corners, with_tighter_zones
+from compensator.correction.correct import Correction, Restraint, correct_path, targets_to_correct
+from compensator.correction.engagement import engaged, left_as_logged, read_offsets, two_passes
+from compensator.correction.forward import loaded_path, segment_times
+from compensator.correction.intermediate_targets import densified
+from compensator.correction.posture import Advice, advise
+from compensator.correction.prediction import Prediction, predict_path
+from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Estimate, Settings
+from compensator.forces.log_path import on_path
+from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
+from compensator.path.arc_length import borders
+from compensator.path.feasibility import FeedCheck, check_feed
+from compensator.path.feasibility import figures as feed_figures
+from compensator.path.robot_path import RobotPath, robot_path
+from compensator.path.route import Poses
+from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
+from compensator.rapid import RapidProgram, read_rapid, rewrite
+from identification.common.files import sha256
+from identification.common.findings import CompstiffError, Finding, Refused, error, fold
+from identification.model.cell import Cell, read_cell
+from identification.model.inverse import nearest_angles
+from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
+from identification.model.stiffness_file import read_stiffness
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+RECORD = "compstiff-correction"
+RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
+# What is taken for a toolpath in a folder; a table is one only where it is named.
+TOOLPATH_SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES)
+# Half a unit of the last written decimal, in each coordinate [m], and what 8 decimals of a quaternion leave [rad].
+WRITTEN_POSITION = 1e-7
+WRITTEN_ROTATION = 1e-7
+# What is left for this cutting stiffness [N/m] is told where none is known.
+ASSUMED_CUTTING = 1e4
 
-# A converged correction leaves less than this between the loaded tool and the plan [m], [rad].
-RESIDUAL_LIMIT = 1e-8
-# Axis 5 closer than this to the wrist singularity [rad]: micrometres of correction become degrees of axes 4 and 6.
-SINGULAR = np.radians(0.1)
-# A correction that differs by less from the full one is the full one [m]: a tenth of what is written.
-HELD = 1e-8
+
+@dataclass(frozen=True)
+class Inputs:
+    """The files of one job."""
+
+    cell: Path
+    toolpath: Path
+    stiffness: Path
+    forces: Path
 
 
 @dataclass(frozen=True, eq=False)
-class Correction:
-    """Commanded poses of the `targets` (M,) in their work objects.
+class Predicted:
+    """One program with the deviation predicted for its targets with force.
 
-    object_from_tcp (M): position [m], rotation. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
-    object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
-    residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
-    full correction is made, below 1 where it is held back. harm (M,): probability that the point is farther from the plan
-    than without correction; NaN where no restraint was asked for.
+    model: scaled as the settings say. log: as read. rapid (N,): known to be reached in the air.
     """
 
-    targets: Indices
-    object_from_tcp: Frame
-    offset: Array
-    turn: Array
-    theta: Array
-    confdata: NDArray[np.int64]
-    residual: Array
-    share: Array
-    harm: Array
-    findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Restraint:
-    """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, the probability
-    with which it must make a point better, and the steepest change of the offset along the path [m/m]."""
-
+    inputs: Inputs
+    settings: Settings
+    cell: Cell
+    model: IdentifiedModel
+    program: RapidProgram
+    path: RobotPath
+    log: ForceLog
+    forces: TargetForces
     prediction: Prediction
-    confidence: float
-    slope: float
+    findings: tuple[Finding, ...]
+    rapid: NDArray[np.bool_]
 
 
-def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, list[Finding]]:
-    """The targets (M,) with force that can be corrected, and a finding for each that is left as it is.
-
-    Raises CompstiffError (CS4103: unusable quaternion) and Refused (CS4104: a move with force depends on a tool, work
-    object or external axis that is not understood; CS4105: not reachable, outside the joint limits).
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
+    it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
+    loaded tool from the plan with the numbers as written. cutting (M,) [m]: how far off a cutting stiffness of 10 N/mm
+    leaves the tool, None where the force was made to follow the cut. advice: on the posture, and feed: the feed check, where
+    they were asked for.
     """
-    toolpath = path.toolpath
-    forced = np.flatnonzero(forces.forced)
-    stopped = toolpath.block[forced] != ""
-    blocked, rest = forced[stopped].tolist(), forced[~stopped]
-    unusable = [i for i in blocked if np.isfinite(toolpath.position[i]).all() and np.isnan(toolpath.quaternion[i]).any()]
-    if unusable:
-        raise CompstiffError(*(path.finding(i, "CS4103", "error", f"a move with force: {toolpath.block[i]}",
-                                  "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
-    findings = [path.finding(i, "CS4101", "warning",
-                             f"a move with force stays uncorrected: {toolpath.block[i]}") for i in blocked]
-    by_joints = np.isnan(toolpath.position[rest]).any(axis=1)
-    joints, rest = rest[by_joints].tolist(), rest[~by_joints]
-    findings += [path.finding(i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
-                    "cut with MoveL, MoveC or MoveJ") for i in joints]
-    problems = []
-    unknown = [np.array([bool(frame.problem) for frame in frames], dtype=bool) for frames in (toolpath.tools,
-                                                                                              toolpath.workobjects)]
-    doubtful = (unknown[0][toolpath.tool[rest]] | unknown[1][toolpath.workobject[rest]]
-                | ~np.isnan(toolpath.external[rest]).all(axis=1))
-    for i in rest[doubtful]:
-        tool, item = toolpath.tools[toolpath.tool[i]], toolpath.workobjects[toolpath.workobject[i]]
-        for kind, name, problem in (("tool", tool.name, tool.problem), ("work object", item.name, item.problem)):
-            if problem:
-                problems.append(path.finding(int(i), "CS4104", "error", f"a move with force depends on {kind} {name}: "
-                                             f"{problem}",
-                                   "declare it with its numbers in this module, or in cell.yaml"))
-        used = [f"eax_{letter}" for letter, value in zip("abcdef", toolpath.external[i], strict=True) if not np.isnan(value)]
-        if used:
-            problems.append(path.finding(int(i), "CS4104", "error", "a move with force uses the external axis "
-                                         f"{', '.join(used)}, "
-                               "which is not understood: it moves the robot's base or the part",
-                               "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
-    if problems:
-        raise Refused(*problems)
-    lost = rest[~path.reached[rest]]
-    if len(lost):
-        raise Refused(*(path.finding(int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
-                           "check tool, work object and base frame") for i in lost[:20]))
-    _refuse_outside(path, rest, path.theta[rest], "as planned")
-    return rest, findings
+
+    planned: Predicted
+    predicted: Predicted
+    kept: Indices
+    correction: Correction
+    content: bytes
+    residual: Array
+    findings: tuple[Finding, ...]
+    cutting: Array | None = None
+    advice: Advice | None = None
+    feed: FeedCheck | None = None
 
 
-def _refuse_outside(path: RobotPath, targets: Indices, theta: Array, when: str) -> None:
-    """Refused (CS4105) where joint angles are outside the robot's limits."""
-    robot = path.cell.robot
-    excess = robot.limit_excess(theta)
-    worst = np.argwhere(excess > 1e-7)
-    if not len(worst):
-        return
-    findings = []
-    for row, joint in worst[:20]:
-        if joint < 6:
-            low, high = np.degrees(robot.limits[joint])
-            what = f"joint {joint + 1} at {np.degrees(theta[row, joint]):.4f} deg, limits {low:g} to {high:g} deg"
-        else:
-            assert robot.window is not None
-            index, first, last = robot.window
-            what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
-                    f"{np.degrees(first):g} to {np.degrees(last):g} deg")
-        findings.append(path.finding(int(targets[row]), "CS4105", "error", f"{when}: {what}",
-                           "check the configuration (confdata), tool and work object, or move the part"))
-    raise Refused(*findings)
+def read_toolpath(
+    path: Path, cell: Cell, settings: Settings = DEFAULTS
+) -> tuple[RapidProgram, NDArray[np.bool_]]:
+    """Reads a toolpath by its suffix; APT and CSV are posted first (compensator/posting.py). Also returns which targets (N,)
+    are known to be reached in the air. Raises CompstiffError: CS4201 for formats that are not read, and what the readers and
+    `post` raise."""
+    suffix = path.suffix.lower()
+    if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
+        posted = post(read_cam_path(path, settings.posting), cell, settings.posting, f"{path} (posted)")
+        return posted.program, posted.rapid
+    if suffix not in RAPID_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{path.suffix}' is not read, expected one of "
+                    f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
+                    file=str(path), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
+    try:
+        program = read_rapid(path.read_bytes(), str(path))
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+    return program, np.zeros(len(program.toolpath), dtype=bool)
 
 
-def correct_path(
-    path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, restraint: Restraint | None = None
-) -> Correction:
-    """The commanded poses: those whose loaded pose is the plan, held back where the restraint asks for it.
-
-    Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
-    CompstiffError: CS4108 the forward model does not confirm the full correction.
-    """
-    robot, cell, toolpath = model.robot, path.cell, path.toolpath
-    count = len(targets)
-    planned = path.theta[targets]
-    theta = np.empty((count, 6))
-    tcp = Frame(np.empty((count, 3, 3)), np.empty((count, 3)))
-    goal = Frame(path.base_from_tcp.rotation[targets], path.base_from_tcp.position[targets])
-    rest = resting_angles(path, forces, model, targets) if model.effects else planned
-    for tool, places in each_tool(path, targets):
-        yielded = model.compliance * joint_torque(robot, rest[places], tool, forces.wrench[targets[places]])
-        theta[places] = loaded_angles(robot, rest[places], -yielded)
-        commanded = forward(robot, theta[places], tool)
-        tcp.rotation[places], tcp.position[places] = commanded.rotation, commanded.position
-    off, turned = displacement(loaded_path(path, forces, model, targets, theta), goal)
-    residual, twist = np.linalg.norm(off, axis=1), np.linalg.norm(turned, axis=1)
-    if count and not max(residual.max(), twist.max()) <= RESIDUAL_LIMIT:
-        worst = int(np.argmax(residual))
-        raise CompstiffError(path.finding(int(targets[worst]), "CS4108", "error", "the correction did not converge: the loaded "
-                                f"tool stays {1e6 * residual.max():.3g} um and {twist.max():.3g} rad off the plan",
-                                "check the units of the forces"))
-    findings: list[Finding] = []
-    share, harm = np.ones(count), np.full(count, np.nan)
-    if restraint is not None and count:
-        full = tcp.position - goal.position
-        offset, findings = _restrained(path, forces, targets, full, restraint)
-        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.covariance, offset)
-        held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
-        if len(held):
-            share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
-            turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(goal.rotation[held], 1, 2))
-            tcp.rotation[held] = rotation_matrix(np.minimum(share[held], 1.0)[:, None] * turn) @ goal.rotation[held]
-            tcp.position[held] = goal.position[held] + offset[held]
-            tool = Frame(path.flange_from_tcp.rotation[targets[held]], path.flange_from_tcp.position[targets[held]])
-            flange = Frame(tcp.rotation[held], tcp.position[held]) @ tool.inverse()
-            theta[held] = nearest_angles(robot, flange, theta[held])
-            loaded = loaded_path(path, forces, model, targets, theta)
-            residual = np.linalg.norm(loaded.position - goal.position, axis=1)
-    object_from_base = Frame(path.base_from_object.rotation[targets], path.base_from_object.position[targets]).inverse()
-    commanded, wanted = object_from_base @ tcp, object_from_base @ goal
-    offset = commanded.position - wanted.position
-    turn = rotation_vector(commanded.rotation @ np.swapaxes(wanted.rotation, 1, 2))
-    _refuse_outside(path, targets, theta, "after correction")
-    findings += [*_singularity(path, targets, planned, theta), *_check_size(path, targets, offset, turn, cell.max_offset,
-                                                                            cell.max_tilt)]
-    step = configuration(robot, theta)[:, :3] - configuration(robot, planned)[:, :3]
-    confdata = toolpath.confdata[targets].copy()
-    confdata[:, :3] += step
-    return Correction(targets, commanded, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+def predict_program(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
+    """Deviation of every target with force. Raises what the readers, `place_forces` and `targets_to_correct` raise."""
+    cell = read_cell(inputs.cell)
+    model = read_stiffness(inputs.stiffness, cell)
+    if settings.correction.scale != EXACTLY_ONE:
+        model = model.scaled(*settings.correction.scale)
+    program, rapid = read_toolpath(inputs.toolpath, cell, settings)
+    if not len(program.toolpath):
+        raise error("CS4202", "the program has no move, so its force log belongs to no target", file=str(inputs.toolpath),
+                    hint="name the module that holds the moves")
+    # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        path = robot_path(program.toolpath, cell)
+        return _predicted(inputs, settings, cell, model, program, path, rapid)
 
 
-def _restrained(
-    path: RobotPath, forces: TargetForces, targets: Indices, full: Array, restraint: Restraint
-) -> tuple[Array, list[Finding]]:
-    """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113)."""
-    predicted = restraint.prediction
-    share = confident_share(predicted.position, predicted.covariance, restraint.confidence)
-    sure = share[:, None] * full
-    findings = []
-    unsure = np.flatnonzero((share < 1) & (np.linalg.norm(full - sure, axis=1) > HELD))
-    if len(unsure):
-        left = np.linalg.norm((full - sure)[unsure], axis=1)
-        findings.append(path.finding(int(targets[unsure[np.argmax(left)]]), "CS4112", "note",
-                           f"small against their own uncertainty: {counted(len(unsure), 'correction')}; "
-                           f"{int((share[unsure] == 0).sum())} are left out, the others reduced; up to "
-                           f"{1e6 * left.max():.1f} um of expected deviation stay",
-                           f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
-                           "(--confidence)"))
-    if not np.isfinite(restraint.slope):
-        return sure, findings
-    length = arc_length(path.world_position, path.toolpath.move)
-    air = (forces.samples > 0) & ~forces.forced
-    row = np.full(len(length), -1)
-    row[targets] = np.arange(len(targets))
-    where = np.flatnonzero(~np.isnan(length) & (air | (row >= 0)))
-    offsets = np.zeros((len(where), 3))
-    corrected = row[where] >= 0
-    offsets[corrected] = sure[row[where[corrected]]]
-    limited = limited_steps(offsets, length[where], air[where] & ~corrected, restraint.slope)
-    result = sure.copy()
-    result[row[where[corrected]]] = limited[corrected]
-    changed = np.linalg.norm(result - sure, axis=1)
-    steep = np.flatnonzero(changed > HELD)
-    if len(steep):
-        findings.append(path.finding(int(targets[steep[np.argmax(changed[steep])]]), "CS4113", "warning",
-                           f"the correction would change by more than {1e3 * restraint.slope:g} um a millimetre: it is "
-                           f"reduced at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
-                           "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
-    return result, findings
+def _predicted(
+    inputs: Inputs, settings: Settings, cell: Cell, model: IdentifiedModel, program: RapidProgram, path: RobotPath,
+    rapid: NDArray[np.bool_],
+) -> Predicted:
+    """The program with the forces of one log."""
+    source = program.toolpath
+    said: tuple[Finding, ...] = source.findings
+    try:
+        log = read_force_log(inputs.forces, cell.force_log.form, log_format=settings.log.log_format,
+                             spindle_rpm=settings.log.spindle_rpm, borders=borders(path.world_position, path.toolpath.move))
+        said = (*said, *log.findings)
+        log = on_path(log, path)
+        forces = place_forces(log, path, cell, tare=settings.log.tare)
+        said = (*source.findings, *(path.findings if forces.forced.any() else ()), *forces.findings)
+        targets, left = targets_to_correct(path, forces)
+        prediction = predict_path(path, forces, model, targets)
+    except CompstiffError as stopped:
+        # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
+        raise type(stopped)(*stopped.findings, *said) from stopped
+    return Predicted(inputs, settings, cell, model, program, path, log, forces, prediction,
+                     (*said, *left, *prediction.findings), rapid)
 
 
-def _check_size(path: RobotPath, targets: Indices, offset: Array, turn: Array, max_offset: float,
-                max_tilt: float) -> list[Finding]:
-    """Refused (CS4107) where a correction exceeds the limits of cell.yaml."""
-    size, tilt = np.linalg.norm(offset, axis=1), np.linalg.norm(turn, axis=1)
-    hint = "check force units, sign (force_log.sign) and stiffnesses; limits.max_offset_mm and max_tilt_deg are in cell.yaml"
-    findings = []
-    for values, limit, factor, unit, what in ((size, max_offset, 1e3, "mm", "offset"),
-                                              (tilt, max_tilt, np.degrees(1.0), "deg", "rotation")):
-        over = np.flatnonzero(values > limit)
-        if len(over):
-            worst = int(over[np.argmax(values[over])])
-            findings.append(path.finding(int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: "
-                                         "the "
-                               f"largest {what} is {factor * values[worst]:.3f} {unit}, the limit {factor * limit:g} {unit}",
-                               hint))
-    if findings:
-        raise Refused(*findings)
-    return []
+def correct_program(planned: Predicted) -> Corrected:
+    """The corrected program. Raises what `correct_path` and, if asked for, `check_feed` raise, and CS4203 where the written
+    text does not read back."""
+    settings = planned.settings
+    offsets = read_offsets(settings.correction.logged_with, planned.path) if settings.correction.logged_with else None
+    stiffness, told = _cutting_stiffness(planned, offsets)
+    given = planned
+    planned, cut_off = _cornered(planned)
+    predicted, kept = _densified(planned)
+    told = (*told, *cut_off)
+    forces, prediction, targets = predicted.forces, predicted.prediction, predicted.prediction.targets
+    cutting = None
+    if offsets is not None:
+        offsets = np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
+    if stiffness is not None:
+        forces, more = engaged(predicted.path, forces, prediction, stiffness, offsets)
+        prediction = predict_path(predicted.path, forces, predicted.model, targets)
+        told = (*told, *more)
+    else:
+        with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+            cutting = left_as_logged(predicted.path, forces, prediction, ASSUMED_CUTTING, offsets)
+    slope = settings.correction.slope or (np.inf if forces.named else SLOPE)
+    restraint = Restraint(prediction, settings.correction.confidence, slope)
+    correction = correct_path(predicted.path, forces, predicted.model, targets, restraint)
+    written = rewrite(predicted.program, targets, correction.object_from_tcp.position,
+                      correction.object_from_tcp.quaternion, correction.confdata)
+    residual, poses = _read_back(predicted, forces, correction, written.content)
+    feed = None
+    if settings.feed.check_feed or settings.feed.strict_feed:
+        feed = check_feed(given.path, given.forces.forced, (predicted.path, forces.forced, poses),
+                          strict=settings.feed.strict_feed)
+    findings = (*predicted.findings, *told, *correction.findings, *written.findings, *(feed.findings if feed else ()))
+    advice = advise(given.path, given.forces, given.model, given.prediction.targets) if settings.correction.advise else None
+    return Corrected(given, predicted, kept, correction, written.content, residual, findings, cutting, advice, feed)
 
 
-def _singularity(path: RobotPath, targets: Indices, planned: Array, theta: Array) -> list[Finding]:
-    """Refused (CS4106) at the wrist singularity or where a correction would cross it; a warning (CS4110) near it."""
-    robot = path.cell.robot
-    distance = wrist_distance(robot, theta)
-    crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
-    bad = np.flatnonzero((distance < SINGULAR) | crossed)
-    if len(bad):
-        raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from "
-                                     "the "
-                           f"wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are needed",
-                           "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
-    near = np.flatnonzero(distance < NEARLY_SINGULAR)
-    if not len(near):
-        return []
-    closest = int(near[np.argmin(distance[near])])
-    return [path.finding(int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
-               f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
-               " deg: axes 4 and 6 turn fast there")]
+def _cornered(planned: Predicted) -> tuple[Predicted, list[Finding]]:
+    """The program with smaller zones where they were asked for, and what zones cut off the corners."""
+    settings, targets = planned.settings, planned.prediction.targets
+    told: list[Finding] = []
+    if settings.correction.tighten_zones:
+        content, told = with_tighter_zones(planned.program, planned.path, targets, settings.correction.tolerance)
+        program = read_rapid(content, planned.program.source.name)
+        planned = replace(planned, program=program, path=replace(planned.path, toolpath=program.toolpath))
+    return planned, [*told, *corners(planned.path, targets, settings.correction.tolerance,
+                                     tightened=settings.correction.tighten_zones)]
+
+
+def _densified(planned: Predicted) -> tuple[Predicted, Indices]:
+    """The program with the intermediate targets it needs, and where the given targets stand in it."""
+    same = np.arange(len(planned.path.toolpath))
+    if planned.settings.correction.keep_targets or not len(planned.prediction.targets):
+        return planned, same
+    with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+        dense = densified(planned.program, planned.path, planned.log, planned.forces, planned.model, planned.settings)
+        if dense is None:
+            return planned, same
+    targets, _ = targets_to_correct(dense.path, dense.forces)
+    prediction = predict_path(dense.path, dense.forces, planned.model, targets)
+    rapid = np.zeros(len(dense.path.toolpath), dtype=bool)
+    rapid[dense.kept] = planned.rapid
+    return replace(planned, program=dense.program, path=dense.path, forces=dense.forces, prediction=prediction, rapid=rapid,
+                   findings=(*planned.findings, *dense.findings)), dense.kept
+
+
+def _cutting_stiffness(predicted: Predicted, offsets: Array | None) -> tuple[Estimate | None, tuple[Finding, ...]]:
+    """The stated cutting stiffness, or that of two passes; None where neither is known: then the forces are taken as logged."""
+    settings = predicted.settings
+    if settings.correction.cutting_stiffness is not None or settings.correction.first_forces is None or offsets is None:
+        return settings.correction.cutting_stiffness, ()
+    first = _predicted(replace(predicted.inputs, forces=settings.correction.first_forces), settings, predicted.cell,
+                       predicted.model,
+                       predicted.program, predicted.path, predicted.rapid)
+    found = two_passes(predicted.path, first.forces, first.prediction, predicted.forces, predicted.prediction, offsets)
+    return found, (Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * found.value:.3g} N/mm, standard "
+                           f"error {1e-3 * found.std:.2g}", file=str(predicted.inputs.forces)),)
+
+
+def _read_back(predicted: Predicted, forces: TargetForces, correction: Correction, content: bytes) -> tuple[Array, Poses]:
+    """Reads the written program again: every corrected number there, every other target as it was. Returns the residual
+    (M,) [m] of the loaded tool with the numbers as written, and the poses (N) they command."""
+    before, targets = predicted.program.toolpath, correction.targets
+    after = read_rapid(content, before.source).toolpath
+    intact = len(after) == len(before)
+    if intact:
+        others = np.ones(len(before), dtype=bool)
+        others[targets] = False
+        intact = all(np.array_equal(getattr(after, name)[others], getattr(before, name)[others], equal_nan=True)
+                     for name in ("position", "quaternion", "confdata", "external", "joints"))
+        intact &= bool(np.array_equal(after.move, before.move) and np.array_equal(after.feed, before.feed, equal_nan=True))
+        written, wanted = after.position[targets], correction.object_from_tcp
+        alike = np.abs(np.einsum("ni,ni->n", after.quaternion[targets], wanted.quaternion))
+        intact &= bool(np.all(np.abs(written - wanted.position) <= WRITTEN_POSITION)
+                       and np.all(alike > 1 - WRITTEN_ROTATION**2 - 1e-15))
+    if not intact:
+        raise error("CS4203", "the corrected program does not read back as it was meant; nothing was written",
+                    file=before.source, hint="a defect in compstiff: please report it with this program")
+    path = predicted.path
+    object_from_tcp = Frame.from_quaternion(after.position[targets], after.quaternion[targets])
+    base_from_object = Frame(path.base_from_object.rotation[targets], path.base_from_object.position[targets])
+    flange_from_tcp = Frame(path.flange_from_tcp.rotation[targets], path.flange_from_tcp.position[targets])
+    base_from_tcp = base_from_object @ object_from_tcp
+    base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
+    theta = nearest_angles(predicted.cell.robot, base_from_flange, correction.theta)
+    loaded = loaded_path(path, forces, predicted.model, targets, theta)
+    commanded, joints = Frame(path.base_from_tcp.rotation.copy(), path.base_from_tcp.position.copy()), path.theta.copy()
+    commanded.rotation[targets], commanded.position[targets] = base_from_tcp.rotation, base_from_tcp.position
+    joints[targets] = theta
+    return np.asarray(np.linalg.norm(loaded.position - path.base_from_tcp.position[targets], axis=1)), Poses(commanded, joints)
+
+
+def check_not_corrected(toolpath: Path, *folders: Path) -> None:
+    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
+    `folders` names its content."""
+    digest = sha256(toolpath)
+    for path in (record for folder in (toolpath.parent, *folders) for record in sorted(folder.glob("*.json"))):
+        names = _recorded(path)
+        if names is None:
+            continue
+        (source, source_digest), *outputs = names
+        beside = path.parent == toolpath.parent
+        # A record of a program that came out as it went in forbids nothing.
+        if any(source_digest != output_digest and (output_digest == digest or (beside and output == toolpath.name))
+               for output, output_digest in outputs):
+            raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
+                                  "corrected twice", file=str(toolpath),
+                                  hint=f"correct the CAM system's program {source}; --force if this really is one"))
+
+
+def _recorded(path: Path) -> list[tuple[str, str]] | None:
+    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
+    try:
+        if path.stat().st_size > 64 << 20:
+            return None
+        record = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(record, dict) or record.get("format") != RECORD:
+        return None
+    source, output = record.get("input"), record.get("output")
+    if not (isinstance(source, dict) and isinstance(output, dict)):
+        return None
+    parts = record.get("parts")
+    items = [source, output, *(part for part in (parts if isinstance(parts, list) else []) if isinstance(part, dict))]
+    return [(str(item.get("file", "")), str(item.get("sha256", ""))) for item in items]
+
+
+def planned_time(predicted: Predicted) -> Array:
+    """Time (N,) [s] at which each target is reached with the programmed feed; NaN from the first unknown feed on."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.cumsum(segment_times(predicted.path)))
+
+
+def summary(predicted: Predicted, corrected: Corrected | None = None) -> dict[str, Any]:
+    """The figures of one job, JSON values; those of a corrected program count its intermediate targets too."""
+    size = np.linalg.norm(predicted.prediction.position, axis=1)
+    std = np.sqrt(np.trace(predicted.prediction.covariance, axis1=1, axis2=2))
+    figures: dict[str, Any] = {
+        "targets": len(predicted.path.toolpath if corrected is None else corrected.kept),
+        "with_force": int(predicted.forces.forced.sum()),
+        "without_sample": int((predicted.forces.samples == 0).sum()),
+        "predicted": len(size),
+        "deviation_um": _figures(1e6 * size),
+        "deviation_std_um": _figures(1e6 * std),
+    }
+    if corrected is not None:
+        figures |= {
+            "added_targets": len(predicted.path.toolpath) - len(corrected.kept),
+            "corrected": len(size),
+            "offset_mm": _figures(1e3 * np.linalg.norm(corrected.correction.offset, axis=1)),
+            "turn_deg": _figures(np.degrees(np.linalg.norm(corrected.correction.turn, axis=1))),
+            "residual_um": _figures(1e6 * corrected.residual),
+            "held_back": int((np.abs(corrected.correction.share - 1) > 0.01).sum()),
+            "expected_worse": round(float(corrected.correction.harm.sum()), 2),
+            "left_at_10_n_per_mm_um": None if corrected.cutting is None else _figures(1e6 * corrected.cutting),
+            "feed_check": feed_figures(corrected.feed) if corrected.feed else None,
+        }
+        if corrected.advice is not None:
+            figures["posture"] = corrected.advice.as_dict()
+    return figures
+
+
+def as_logged(figures: dict[str, Any]) -> str:
+    """What an unknown cutting stiffness leaves, for people."""
+    left = figures["left_at_10_n_per_mm_um"]
+    return (f"a cutting stiffness of 10 N/mm leaves {left['rms']:.1f} um RMS, {left['largest']:.1f} um at most "
+            "(--cutting-stiffness, or correct the log of the corrected pass)")
+
+
+def _figures(values: Array) -> dict[str, float]:
+    if not len(values):
+        return {"largest": 0.0, "rms": 0.0}
+    return {"largest": float(values.max()), "rms": float(np.sqrt(np.mean(values**2)))}
+
+
+def rapid_suffix(toolpath: Path) -> str:
+    """The suffix of the RAPID program made from a toolpath."""
+    return toolpath.suffix if toolpath.suffix.lower() in RAPID_SUFFIXES else ".mod"
+
+
+def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
+    """OUT.mod.json: what was made from what (FORMATS.md, correct). files: the program, and its parts where it was split."""
+    import hashlib
+
+    inputs, settings = corrected.predicted.inputs, corrected.predicted.settings
+    outputs = [{"file": path.name, "sha256": hashlib.sha256(content).hexdigest()} for path, content in files.items()]
+    return {
+        "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
+        "input": {"file": inputs.toolpath.name, "sha256": sha256(inputs.toolpath)},
+        "output": outputs[0],
+        "parts": outputs[1:],
+        **{name: {"file": path.name, "sha256": sha256(path)} for name, path in (
+            ("stiffness", inputs.stiffness), ("cell", inputs.cell), ("forces", inputs.forces), *settings.files())},
+        "settings": settings.as_dict(),
+        "robot": {"name": corrected.predicted.cell.robot.name, "sha256": corrected.predicted.cell.robot.sha256},
+        "summary": summary(corrected.predicted, corrected),
+        "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}
+                     for finding in fold(corrected.findings)],
+    }
+
+
+def check_distinct(inputs: Inputs, outputs: list[Path]) -> None:
+    """Raises CompstiffError (CS0006) where an output is one of the inputs, or two outputs are one file."""
+    seen = {path.resolve(): "input" for path in (inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces)}
+    for path in outputs:
+        if path.resolve() in seen:
+            raise CompstiffError(Finding("CS0006", "error", f"would overwrite an {seen[path.resolve()]} of this command",
+                                         file=str(path), hint="give the output another name"))
+        seen[path.resolve()] = "output"

@@ -158,7 +158,7 @@ def _in_flange(found: Payload, path: RobotPath, cell: Cell) -> Array | None:
         return None
     if cell.force_log.kind == "sensor" and cell.force_log.flange_from_sensor is not None:
         return cell.force_log.flange_from_sensor.apply(found.centre)
-    return Frame(path.flange_from_tcp.rotation[0], path.flange_from_tcp.position[0]).apply(found.centre)
+    return path.flange_from_tcp[0].apply(found.centre)
 
 
 def _estimated(found: Payload | None, air: Air, log: ForceLog) -> Finding:
