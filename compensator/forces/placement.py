@@ -12,7 +12,7 @@ from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.time_alignment import air_moves
 from compensator.forces.zero import Range, base_from_log, zero_of
-from compensator.path.arc_length import arc_length, nearest_target
+from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.common.findings import Finding, Level, counted, error
@@ -35,7 +35,7 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    named: the log gave the target of each sample.
+    log: by path length, or by target where it names them.
     """
 
     wrench: Array
@@ -44,7 +44,12 @@ class TargetForces:
     forced: NDArray[np.bool_]
     tare: Array | None
     findings: tuple[Finding, ...]
-    named: bool = False
+    log: ForceLog
+
+    @property
+    def named(self) -> bool:
+        """Whether the log gave the target of each sample."""
+        return self.log.key == "target"
 
 
 def place_forces(
@@ -108,7 +113,7 @@ def place_forces(
     findings += _gaps(log, path, samples, forced)
     if zero.bias is None:
         findings += _in_air(log, path, samples, forced, wrench)
-    return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log.key == "target")
+    return TargetForces(wrench, samples, standard_error, forced, zero.bias, (*log.findings, *findings), log)
 
 
 def _in_air(log: ForceLog, path: RobotPath, samples: Indices, forced: NDArray[np.bool_], wrench: Array) -> list[Finding]:
@@ -155,7 +160,7 @@ def _assign(log: ForceLog, path: RobotPath) -> Indices:
     """Target (M,) of each sample, -1 where it is not on the path."""
     if log.key == "target":
         return log.place.astype(np.intp)
-    length = arc_length(path.world_position, path.toolpath.move)
+    length = path.length
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
@@ -165,7 +170,7 @@ def _assign(log: ForceLog, path: RobotPath) -> Indices:
 
 def _by_place(path: RobotPath, force: Array) -> Array:
     """How fast the force (N, 3) [N] changes along the path, |dF/ds| (N, 3) [N/m]: the steeper side of each target."""
-    length = arc_length(path.world_position, path.toolpath.move)
+    length = path.length
     slope = np.zeros_like(force)
     with np.errstate(invalid="ignore", divide="ignore"):
         steep = np.abs(np.diff(force, axis=0)) / np.diff(length)[:, None]
