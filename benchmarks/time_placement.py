@@ -23,7 +23,6 @@ import pyarrow.parquet as pq
 
 from compensator.forces.program_time import ProgramTime, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
-from compensator.path.arc_length import arc_length
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
@@ -37,14 +36,14 @@ def sample() -> tuple[RobotPath, np.ndarray, np.ndarray]:
     plan = robot_path(read_rapid(program.read_bytes(), program.name).toolpath, read_cell(SAMPLES / "cell.yaml"))
     table = pq.read_table(SAMPLES / "insert.forces.parquet")
     force = np.column_stack([table[f"f{axis}_n"].to_numpy() for axis in "xyz"]).astype(float)
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = plan.length
     feed_time = np.cumsum(np.diff(length, prepend=0.0) / plan.toolpath.feed)
     return plan, force, np.interp(table["time_s"].to_numpy(), feed_time, length)
 
 
 def clock(plan: RobotPath, place: np.ndarray, override: float, shift: float, slowing: float) -> np.ndarray:
     """Time (M,) [s] at the places (M,) [m]."""
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = plan.length
     step = np.diff(plan.base_from_tcp.position, axis=0)
     step /= np.linalg.norm(step, axis=1)[:, None]
     corner = np.degrees(np.arccos(np.clip(np.sum(step[1:] * step[:-1], axis=1), -1, 1)))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards
 from compensator.forces.time_log import place_by_time
-from compensator.path.arc_length import arc_length, polyline
+from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
@@ -48,7 +48,7 @@ def _check_targets(log: ForceLog, count: int) -> None:
 
 def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
     """The samples of a target as taken evenly on the way to it, from the target before."""
-    target, length = log.place.astype(np.intp), arc_length(path.world_position, path.toolpath.move)
+    target, length = log.place.astype(np.intp), path.length
     order = np.argsort(target, kind="stable")
     done = np.cumsum(log.weight[order]) - 0.5 * log.weight[order]
     total = np.bincount(target, log.weight, minlength=len(length))

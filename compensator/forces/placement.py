@@ -15,7 +15,7 @@ from compensator.forces.log_path import on_path
 from compensator.forces.program_time import air_moves
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Range, Zero, base_from_log, zero_of
-from compensator.path.arc_length import arc_length, nearest_target
+from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.common.arrays import Array, read_only
@@ -35,7 +35,7 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    named: the log gave the target of each sample.
+    log: by path length, or by target where it names them.
     """
 
     wrench: Array
@@ -44,7 +44,12 @@ class TargetForces:
     forced: NDArray[np.bool_]
     tare: Array | None
     findings: tuple[Finding, ...]
-    named: bool = False
+    log: ForceLog
+
+    @property
+    def named(self) -> bool:
+        """Whether the log gave the target of each sample."""
+        return self.log.key == "target"
 
     def __post_init__(self) -> None:
         read_only(self.wrench, self.samples, self.standard_error, self.forced)
@@ -81,7 +86,7 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _gradient(path, wrench[:, :3]) * spread)
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), named=log.key == "target")
+                          zero.bias, (), log)
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces)]
     return replace(forces, findings=(*log.findings, *findings))
@@ -100,7 +105,7 @@ def _targets(log: ForceLog, path: RobotPath) -> Indices:
     """Target (M,) of each row, -1 where it is not on the path."""
     if log.key == "target":
         return log.place.astype(np.intp)
-    length = arc_length(path.world_position, path.toolpath.move)
+    length = path.length
     known = ~np.isnan(length)
     if not known.any():
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
@@ -131,7 +136,7 @@ def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
 
 def _gradient(path: RobotPath, force: Array) -> Array:
     """How fast the force (N, 3) [N] changes along the path, |dF/ds| (N, 3) [N/m]: the steeper side of each target."""
-    length = arc_length(path.world_position, path.toolpath.move)
+    length = path.length
     slope = np.zeros_like(force)
     with np.errstate(invalid="ignore", divide="ignore"):
         steep = np.abs(np.diff(force, axis=0)) / np.diff(length)[:, None]

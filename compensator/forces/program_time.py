@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.path.arc_length import arc_length
 from compensator.path.robot_path import RobotPath
 from compensator.path.timing import drive
 from compensator.toolpath import Move
@@ -116,7 +115,7 @@ def program_time(path: RobotPath) -> ProgramTime:
                     f"({counted(len(unknown), 'such target')})", file=toolpath.source, line=int(toolpath.line[first]),
                     target=first,
                     hint=f"declare the speed in this file, or {HINT}")
-    length = arc_length(path.world_position, toolpath.move)
+    length = path.length
     by_joints = np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE)))
     air = air_moves(toolpath.feed, by_joints)
     step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])

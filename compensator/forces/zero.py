@@ -160,7 +160,7 @@ def _in_flange(payload: Payload, path: RobotPath, form: ForceLogFrame) -> Array 
         return None
     if form.kind == "sensor" and form.flange_from_sensor is not None:
         return form.flange_from_sensor.apply(payload.centre)
-    return Frame(path.flange_from_tcp.rotation[0], path.flange_from_tcp.position[0]).apply(payload.centre)
+    return path.flange_from_tcp[0].apply(payload.centre)
 
 
 def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from compensator.correction.job import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
+from compensator.posting.read_toolpath import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
 from identification.common.findings import Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")

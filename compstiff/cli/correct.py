@@ -60,8 +60,7 @@ def _correct_one(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
     offsets: Path | None, report: Path | None, settings: Settings,
 ) -> Outcome:
-    from compensator.correction.files import correction_lines, run_correction
-    from compensator.correction.job import Inputs, summary
+    from compensator.correction.files import Inputs, Outputs, correct_files
     from compstiff.batch.pairing import log_beside
 
     forces_file = forces_file or log_beside(toolpath_file)
@@ -75,9 +74,9 @@ def _correct_one(
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
-    corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
+    corrected = correct_files(inputs, Outputs(output, offsets, report), settings, overwrite=session.overwrite)
     step = f"open {report} in a browser" if report else f"load {output}{_parts_of(output)} into the robot, first in air"
-    return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
+    return Outcome(corrected.as_dict(), corrected.findings, corrected.lines(), step)
 
 
 def _parts_of(output: Path) -> str:

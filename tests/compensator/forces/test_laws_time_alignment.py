@@ -16,7 +16,8 @@ import pytest
 
 from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
 from benchmarks.time_placement import sample as sample_log
-from compensator.correction.job import Corrected, Inputs, predict_program
+from compensator.correction.correct import Corrected
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from compensator.forces.program_time import air_moves, program_time
 from compensator.forces.time_alignment import align
@@ -92,7 +93,7 @@ def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs,
     path = tmp_path / "time.parquet"
     pq.write_table(pa.table({"time_s": time} | {name: log[name] for name in names}), path)
     inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
-    predicted = predict_program(inputs, Settings.of(tare=(0, 2)))
+    predicted = predict_files(inputs, Settings.of(tare=(0, 2)))
     assert "CS3064" in {finding.code for finding in predicted.findings}
     both, here, there = np.intersect1d(predicted.prediction.targets, sample.predicted.prediction.targets, return_indices=True)
     assert len(both) > 2500
@@ -135,7 +136,7 @@ def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path
     columns = {f"f{axis}_n": force[:, i] for i, axis in enumerate("xyz")}
     pq.write_table(pa.table({"time_s": clock(plan, place, 0.9, 3.0, 0.2)} | columns), path)
     inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
-    predicted = predict_program(inputs, Settings.of(tare=((0, 2),)))
+    predicted = predict_files(inputs, Settings.of(tare=((0, 2),)))
     [finding] = [finding for finding in predicted.findings if finding.code == "CS3065"]
     low, high = (int(text) for text in finding.message.removeprefix("between targets ").split(" the ")[0].split(" and "))
     # The stretch reaches half way into the air on either side.
