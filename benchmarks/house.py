@@ -32,7 +32,7 @@ def follow(frame, event, _):
     if event != "call" or not frame.f_code.co_filename.startswith(tuple(here)) or frame.f_code.co_name == "<module>":
         return
     file = frame.f_code.co_filename
-    if frame.f_code.co_name in job_names and file.startswith(str(root / "compensator")) and not file.endswith("commands.py"):
+    if frame.f_code.co_name in job_names and file.startswith(str(root / "compensator")) and "commands" not in file:
         job_files.add(file)
     if file not in passed: passed.append(file)
     back = frame.f_back
