@@ -1,6 +1,7 @@
 """What one run tells: its share of the posterior precision of ln c (paper eq. 17), and how that changes with the pose.
 
-A run is a pose and a list of loads f_l. To first order (model/compliance.py) the deflection under f_l is `D_l 1` with
+A run is a pose and a list of loads f_l. To first order (model/compliance.py, the torque as if nothing yielded) the deflection
+under f_l is `D_l 1` with
 
     D_l = J diag(J^T f_l) diag(c)          (3, 6), the derivative by ln c; J the position rows of the springs' Jacobian
 

@@ -34,6 +34,8 @@ def design_plan(
     milling: the targets of a program, which the criterion I is about and in whose middle the TCP stands. seed: of the random
     starts. quick: a shorter search, a looser certificate. say: receives what is being done. Raises CompstiffError: CS1601 where
     no run is admissible, CS1602 for the criterion I without `milling`, and what `fit_stiffness` raises on measured rows.
+
+    The matrices are six by six: with OPENBLAS_NUM_THREADS=1 set before numpy is imported it takes a fraction of the time.
     """
     prepared = prepare(cell, request, milling)
     task, rng, effort = prepared.task, np.random.default_rng(seed), QUICK if quick else Effort()
