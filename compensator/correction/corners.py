@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from compensator.path.arc_length import FARTHEST, circle
 from compensator.path.robot_path import RobotPath
-from compensator.rapid import RapidProgram
-from compensator.rapid.insertion import move_text, with_zones
+from compensator.rapid import RapidProgram, move_text, with_zones
 from compensator.toolpath import Move, Toolpath
 from identification.common.findings import Finding, counted
 

@@ -19,9 +19,7 @@ from compensator.correction.settings import Settings
 from compensator.forces.placement import ForceLog, TargetForces, place_forces
 from compensator.path.arc_length import arc_length, circle
 from compensator.path.robot_path import RobotPath, robot_path
-from compensator.rapid import RapidProgram, read_rapid
-from compensator.rapid.insertion import MoreMoves, follows_directly, with_more_moves
-from compensator.rapid.literals import Pose
+from compensator.rapid import MoreMoves, Pose, RapidProgram, follows_directly, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath
 from identification.common.findings import Finding, counted, error
 from identification.model.inverse import configuration
