@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from compensator.correction.predict import Predicted
 from compensator.path.arc_length import FARTHEST, circle
-from compensator.rapid import read_rapid
-from compensator.rapid.insertion import move_text
-from compensator.rapid.insertion import with_zones as with_radii
+from compensator.rapid import move_text, read_rapid
+from compensator.rapid import with_zones as with_radii
 from compensator.toolpath import Move, Toolpath
 from identification.common.findings import Finding, counted
 

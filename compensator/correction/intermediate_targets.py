@@ -21,9 +21,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import TargetForces, place_forces
 from compensator.path.robot_path import RobotPath, robot_path
-from compensator.rapid import RapidProgram, read_rapid
-from compensator.rapid.insertion import MoreMoves, with_more_moves
-from compensator.rapid.literals import Pose
+from compensator.rapid import MoreMoves, Pose, RapidProgram, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath
 from identification.common.findings import Finding, counted, error
 from identification.model.inverse import configuration

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +35,9 @@ class CamPath:
     joints: Array | None
     remarks: Mapping[int, tuple[str, ...]]
     findings: tuple[Finding, ...]
+
+    def __post_init__(self) -> None:
+        read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
 
     def __len__(self) -> int:
         return len(self.move)

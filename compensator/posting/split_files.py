@@ -10,38 +10,38 @@ from numpy.typing import NDArray
 
 from compensator.posting.settings import PostingSettings
 from identification.common.files import check_writable
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import Finding, error
 
 
 def check_outputs(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
     """Raises CompstiffError (CS0006) where an output is one of the inputs."""
-    taken = {path.resolve() for path in inputs}
-    for path in outputs:
-        if path.resolve() in taken:
-            raise CompstiffError(Finding("CS0006", "error", "would overwrite an input of this command", file=str(path),
-                                         hint="give the output another name"))
+    taken = {file.resolve() for file in inputs}
+    for file in outputs:
+        if file.resolve() in taken:
+            raise error("CS0006", "would overwrite an input of this command", file=str(file),
+                        hint="give the output another name")
 
 
 def split_files(
     content: bytes, air: NDArray[np.bool_], settings: PostingSettings, output: Path, *, overwrite: bool
-) -> tuple[dict[Path, bytes], list[int], tuple[Finding, ...]]:
-    """What to write, path -> bytes, the main module first; the targets of each part (empty: one module); findings.
+) -> tuple[dict[Path, bytes], tuple[int, ...], tuple[Finding, ...]]:
+    """What to write, file -> bytes, the main module first; the targets of each part (empty: one module); findings.
 
     Raises what `split_program` and `check_writable` raise, CS4310 where --split-load stands alone.
     """
     if settings.split is None:
         if settings.split_load:
             raise error("CS4310", "--split-load says how parts are loaded, and --split N is not given", hint="add --split N")
-        return {output: content}, [], ()
+        return {output: content}, (), ()
     from compensator.posting.splitting import split_program
 
     split = split_program(content, air, settings.split, output, load=settings.split_load)
     files = {output: split.main} | {output.with_name(name): part for name, part in split.parts.items()}
     check_writable(files, overwrite=overwrite)
-    old = [path.name for path in sorted(output.parent.glob(f"{output.stem}_[0-9][0-9][0-9]{output.suffix}"))
-           if path not in files]
+    old = [part.name for part in sorted(output.parent.glob(f"{output.stem}_[0-9][0-9][0-9]{output.suffix}"))
+           if part not in files]
     findings = split.findings
     if old:
         findings += (Finding("CS4314", "warning", f"{', '.join(old[:3])}{' ...' if len(old) > 3 else ''}: parts of an earlier "
                              "split that this one does not have", str(output), hint="delete them, so that nobody loads them"),)
-    return files, list(split.sizes) if split.parts else [], findings
+    return files, split.sizes if split.parts else (), findings

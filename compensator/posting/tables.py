@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.posting.campath import Array, CamPath
+from compensator.posting.campath import CamPath
 from compensator.toolpath import Move
+from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, error
 from identification.common.tables import Table, read_table
 
@@ -19,23 +20,23 @@ UNUSABLE, SLIGHT = 1e-3, 1e-5
 LARGEST_CONFDATA = 7
 
 
-def read_path_table(path: Path, feed: float) -> CamPath:
+def read_cam_table(file: Path, feed: float) -> CamPath:
     """Reads a toolpath table. feed [m/s]: taken where the file has no `feed_mm_s`.
 
     Raises CompstiffError: what `read_table` raises, CS2150 (feed), CS2151 (quaternion), CS2152 (confdata), CS2154 (no rows).
     """
-    table = read_table(path, required=(*POSITION, *QUATERNION), optional=("feed_mm_s", "rapid", *CONFDATA, *JOINTS),
+    table = read_table(file, required=(*POSITION, *QUATERNION), optional=("feed_mm_s", "rapid", *CONFDATA, *JOINTS),
                        may_be_empty=("feed_mm_s",), together=(CONFDATA, JOINTS))
     count = len(table)
     if not count:
-        raise error("CS2154", "the table has no row below its header", file=str(path), line=1,
+        raise error("CS2154", "the table has no row below its header", file=str(file), line=1,
                     hint="one row a target: x_mm y_mm z_mm q1 q2 q3 q4")
     findings = list(table.findings)
     rapid = _flags(table)
     quaternion = _quaternions(table, findings)
     joints = np.radians(table.stack(*JOINTS)) if JOINTS[0] in table.numbers else None
     return CamPath(
-        source=str(path), form="CSV", move=np.full(count, Move.LINEAR, dtype=np.uint8), line=table.line.astype(np.int64),
+        source=str(file), form="CSV", move=np.full(count, Move.LINEAR, dtype=np.uint8), line=table.line.astype(np.int64),
         position=1e-3 * table.stack(*POSITION), axis=None, quaternion=quaternion, rapid=rapid,
         feed=_feeds(table, rapid, feed, findings), confdata=_confdata(table), joints=joints, remarks={},
         findings=tuple(findings))

@@ -1,7 +1,14 @@
 """Reads ABB RAPID programs and rewrites only the numbers of corrected robtargets; every other byte is kept."""
 
+from compensator.rapid.insertion import MoreMoves, follows_directly, move_text, with_more_moves, with_zones
+from compensator.rapid.literals import Pose
+from compensator.rapid.moves import ARGUMENTS
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reader import read_rapid
+from compensator.rapid.statements import UNIT
 from compensator.rapid.writer import Rewritten, rewrite
 
-__all__ = ["RapidProgram", "Rewritten", "read_rapid", "rewrite"]
+__all__ = [
+    "ARGUMENTS", "UNIT", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "move_text", "read_rapid",
+    "rewrite", "with_more_moves", "with_zones",
+]

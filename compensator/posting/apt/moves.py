@@ -76,7 +76,7 @@ class Moves:
             raise announced.fail("no GOTO before this arc says where it starts")
         return here
 
-    def path(self, file: str, remarks: dict[int, list[str]], findings: list[Finding]) -> CamPath:
+    def cam_path(self, file: str, remarks: dict[int, list[str]], findings: list[Finding]) -> CamPath:
         """Everything as arrays. Raises CompstiffError: CS2113 (no move), CS2109 (most arcs turn back)."""
         if not self.move:
             raise error("CS2113", "no GOTO in this file moves the tool", file=file, line=1,
@@ -86,22 +86,24 @@ class Moves:
                         "the file means the other sense of turning", file=file, line=self.back_at,
                         hint="CIRCLE with 7 numbers is read by the right-hand rule, with the 11 of NX as clockwise; let the "
                         "CAM system write straight moves")
-        said = [*findings, *self._said(file)]
         return CamPath(
             source=file, form="APT", move=np.frombuffer(bytes(self.move), dtype=np.uint8), line=np.array(self.line),
             position=np.array(self.position), axis=np.array(self.axis), quaternion=None, rapid=np.array(self.rapid),
             feed=np.array(self.feed), confdata=None, joints=None,
-            remarks={at: tuple(lines) for at, lines in remarks.items()}, findings=tuple(said))
+            remarks={at: tuple(lines) for at, lines in remarks.items()}, findings=(*findings, *self._of_arcs(file)))
 
-    def _said(self, file: str) -> list[Finding]:
-        said = []
+    def _of_arcs(self, file: str) -> list[Finding]:
+        findings = []
         if self.backwards:
-            said.append(Finding("CS2109", "warning", f"{counted(self.backwards, 'arc')} of {self.arcs + self.chords} start "
-                                "against the move before them", file, self.back_at, hint="look at these arcs before cutting"))
+            findings.append(Finding(
+                "CS2109", "warning", f"{counted(self.backwards, 'arc')} of {self.arcs + self.chords} start against the move "
+                "before them", file, self.back_at, hint="look at these arcs before cutting"))
         if self.arcs:
-            said.append(Finding("CS2115", "note", f"{counted(self.arcs, 'arc')} became MoveC of up to 120 degrees, at most "
-                                f"{1e3 * self.longest:.1f} mm long; each has a target in its middle and at its end", file))
+            findings.append(Finding(
+                "CS2115", "note", f"{counted(self.arcs, 'arc')} became MoveC of up to 120 degrees, at most "
+                f"{1e3 * self.longest:.1f} mm long; each has a target in its middle and at its end", file))
         if self.chords:
-            said.append(Finding("CS2115", "note", f"{counted(self.chords, 'arc')} became chords within 0.002 mm: a helix, a "
-                                "turning tool axis, or too small for MoveC", file))
-        return said
+            findings.append(Finding(
+                "CS2115", "note", f"{counted(self.chords, 'arc')} became chords within 0.002 mm: a helix, a turning tool axis, "
+                "or too small for MoveC", file))
+        return findings

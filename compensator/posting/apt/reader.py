@@ -14,7 +14,8 @@ from compensator.posting.apt.arc_words import Announced, along_circle, circle, m
 from compensator.posting.apt.moves import Moves, Point
 from compensator.posting.apt.setup import Setup
 from compensator.posting.apt.statements import COMMENT, Statement, read_text, statements
-from compensator.posting.campath import Array, CamPath
+from compensator.posting.campath import CamPath
+from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, counted, error
 
 UPRIGHT = (0.0, 0.0, 1.0)
@@ -22,16 +23,16 @@ _INCH_FEED, _MM_FEED = re.compile(r"(?im)^\s*FEDRAT\b.*\b(IPM|IPR)\b"), re.compi
 _UNITS = re.compile(r"(?im)^\s*UNITS\s*/")
 
 
-def read_apt(path: Path) -> CamPath:
+def read_apt(file: Path) -> CamPath:
     """Reads an APT-CL file. Raises CompstiffError (CS0005, CS2100 to CS2113), each with file, line and column."""
-    text = read_text(path)
-    reader = _Reader(str(path), text)
-    for statement in statements(text, str(path)):
+    text = read_text(file)
+    reader = _Reader(str(file), text)
+    for statement in statements(text, str(file)):
         if reader.finished:
             reader.behind += 1
             continue
         reader.take(statement)
-    return reader.path()
+    return reader.cam_path()
 
 
 class _Reader:
@@ -156,7 +157,7 @@ class _Reader:
         start = np.array(self.moves.start(announced, self.here))
         rapid, feed = self._begin(statement)
         arc = announced.arc(start, np.array(point))
-        angles = [announced.arc(start, np.array(one)).sweep for one in between]
+        angles = [announced.arc(start, np.array(passed)).sweep for passed in between]
         if np.any(np.diff([0.0, *angles, arc.sweep]) <= -1e-6):
             raise announced.fail("the points of the arc do not follow one another in its sense of turning")
         self.moves.compare(arc, announced.statement.line)
@@ -304,31 +305,39 @@ class _Reader:
 
     # The end
 
-    def path(self) -> CamPath:
+    def cam_path(self) -> CamPath:
         """Everything read, with what there is to say about it."""
         if self.arc is not None:
             raise self.arc.fail("no GOTO behind this arc says where it ends")
-        said = self.findings
+        return self.moves.cam_path(self.file, self.remarks, [*self.findings, *self._assumed(), *self._left_out()])
+
+    def _assumed(self) -> list[Finding]:
+        findings = []
         if not self.stated_units:
             read = "inches, as FEDRAT is" if self.unit == words.INCH else "millimetres" + ", as FEDRAT is" * self.metric
-            said.append(Finding("CS2106", "note" if "FEDRAT" in read else "warning",
-                                f"no UNITS statement: coordinates are read as {read}", self.file, 1,
-                                hint="" if "FEDRAT" in read else "compare the size of the path with the part"))
+            findings.append(Finding("CS2106", "note" if "FEDRAT" in read else "warning",
+                                    f"no UNITS statement: coordinates are read as {read}", self.file, 1,
+                                    hint="" if "FEDRAT" in read else "compare the size of the path with the part"))
         if self.feed_assumed:
-            said.append(Finding("CS2106", "note", "FEDRAT without a unit is read as the file's unit of length a minute",
-                                self.file))
+            findings.append(Finding("CS2106", "note", "FEDRAT without a unit is read as the file's unit of length a minute",
+                                    self.file))
+        return findings
+
+    def _left_out(self) -> list[Finding]:
+        findings = []
         if self.commands:
-            at = self.first["commands"]
-            said.append(Finding("CS2111", "warning", f"{counted(self.commands, 'machine command')} (from {_spelled(at)} on) "
-                                "are comments in the program: your outputs are not known here", self.file, *at.place(),
-                                hint="switch spindle and coolant in your own program round this one"))
+            first = self.first["commands"]
+            findings.append(Finding(
+                "CS2111", "warning", f"{counted(self.commands, 'machine command')} (from {_spelled(first)} on) are comments in "
+                "the program: your outputs are not known here", self.file, *first.place(),
+                hint="switch spindle and coolant in your own program round this one"))
         for word, number in self.unknown.items():
-            at = self.first[word]
-            said.append(Finding("CS2104", "warning", f"{word} is not known and was left out", self.file, *at.place(),
-                                count=number))
+            findings.append(Finding("CS2104", "warning", f"{word} is not known and was left out", self.file,
+                                    *self.first[word].place(), count=number))
         if self.behind:
-            said.append(Finding("CS2114", "warning", f"{counted(self.behind, 'statement')} behind FINI left out", self.file))
-        return self.moves.path(self.file, self.remarks, said)
+            findings.append(Finding("CS2114", "warning", f"{counted(self.behind, 'statement')} behind FINI left out",
+                                    self.file))
+        return findings
 
 
 def _spelled(statement: Statement) -> str:

@@ -33,7 +33,7 @@ class Statement:
 
     def numbers(self, first: int = 0, last: int | None = None) -> list[float]:
         """The arguments as finite numbers. Raises CompstiffError (CS2101) with the place of the one that is none."""
-        found = []
+        values = []
         for index, word in enumerate(self.text.split(",")[first:last], first):
             try:
                 value = float(word)
@@ -43,8 +43,8 @@ class Statement:
                 shown = f"'{word.strip()}'" if word.strip() else "nothing"
                 raise self.fail("CS2101", f"{self.word}: found {shown}, expected a number", index,
                                 "cutter location data hold numbers only; the CAM system must work out names and geometry")
-            found.append(value)
-        return found
+            values.append(value)
+        return values
 
     def place(self, argument: int | None = None) -> tuple[int, int]:
         """Line and column of an argument, from 0, or of the word."""
@@ -63,14 +63,14 @@ class Statement:
         return error(code, message, file=self.file, line=line, column=column, hint=hint)
 
 
-def read_text(path: Path) -> str:
+def read_text(file: Path) -> str:
     """The file as text with plain line ends. Raises CompstiffError (CS0005, CS2100)."""
     try:
-        data = path.read_bytes()
+        data = file.read_bytes()
     except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     if b"\0" in data[:4096]:
-        raise error("CS2100", "found binary or UTF-16 data, expected APT as plain text", file=str(path), line=1, column=1,
+        raise error("CS2100", "found binary or UTF-16 data, expected APT as plain text", file=str(file), line=1, column=1,
                     hint="let the CAM system write the cutter location file as text (UTF-8 or ANSI)")
     try:
         text = data.decode("utf-8-sig")

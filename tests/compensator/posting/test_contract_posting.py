@@ -12,7 +12,8 @@ from compensator.correction.settings import DEFAULTS, Settings
 from compensator.path.configurations import hold, tool_frames
 from compensator.path.robot_path import robot_path
 from compensator.posting.apt import read_apt
-from compensator.posting.post import module_name, post, read_cam_path
+from compensator.posting.module_text import module_name
+from compensator.posting.post import post, read_cam_path
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.settings import PostingSettings
 from compensator.rapid import read_rapid

@@ -131,7 +131,7 @@ def test_parts_of_an_earlier_split_are_reported_and_none_is_overwritten(tmp_path
     content, output = module(body).encode(), tmp_path / "OUT.mod"
     (tmp_path / "OUT_009.mod").write_text("old")
     _, sizes, findings = split_files(content, np.array(air), PostingSettings(split=2), output, overwrite=False)
-    assert sizes == [1, 2, 2, 1]
+    assert sizes == (1, 2, 2, 1)
     assert "OUT_009.mod" in next(finding.message for finding in findings if finding.code == "CS4314")
     (tmp_path / "OUT_002.mod").write_text("old")
     with pytest.raises(CompstiffError, match="CS0003"):

@@ -1,0 +1,76 @@
+"""The files that `compstiff post` makes of a toolpath: the planned program, whole or in parts, and the record of it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, Posted, post, read_cam_path
+from compensator.posting.settings import PostingSettings
+from compensator.posting.split_files import check_outputs, split_files
+from identification.common.files import check_writable, json_bytes, sha256
+from identification.common.findings import Finding, error, fold
+from identification.model.cell import read_cell
+
+RECORD = "compstiff-post"
+
+
+@dataclass(frozen=True, eq=False)
+class PostedFiles:
+    """files: what to write, the main module first, the record last. parts: the targets of each part, none where the program is
+    one module."""
+
+    posted: Posted
+    files: dict[Path, bytes]
+    parts: tuple[int, ...]
+    findings: tuple[Finding, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Of the posted program, with its parts."""
+        return {**self.posted.as_dict(), "parts": list(self.parts)}
+
+    def lines(self) -> list[str]:
+        """Of the posted program, with its parts."""
+        split = f"parts: {len(self.parts)}, of {min(self.parts)} to {max(self.parts)} targets" if self.parts else ""
+        return [*self.posted.lines(), *([split] if split else [])]
+
+
+def post_files(
+    cell_file: Path, toolpath_file: Path, output: Path, settings: PostingSettings, *, overwrite: bool = False
+) -> PostedFiles:
+    """Posts an APT or CSV toolpath; nothing is written. The record stands beside output.
+
+    Raises CompstiffError: CS4201 (a format that is not posted), CS0003 (a file is there already, and not `overwrite`), CS0006
+    (an output is an input), and what `read_cell`, `read_cam_path`, `post` and `split_files` raise.
+    """
+    inputs, record_file = [cell_file, toolpath_file], output.with_name(output.name + ".json")
+    check_outputs(inputs, [output, record_file])
+    check_writable([output, record_file], overwrite=overwrite)
+    posted_suffixes = (*APT_SUFFIXES, *TABLE_SUFFIXES)
+    if toolpath_file.suffix.lower() not in posted_suffixes:
+        raise error("CS4201", f"toolpath format '{toolpath_file.suffix}' is not posted, expected one of "
+                    f"{', '.join(posted_suffixes)}", file=str(toolpath_file),
+                    hint="a RAPID program is planned already: give it to predict and correct as it is")
+    cell = read_cell(cell_file)
+    posted = post(read_cam_path(toolpath_file, settings), cell, settings, str(output))
+    files, parts, of_splitting = split_files(posted.content, posted.rapid, settings, output, overwrite=overwrite)
+    check_outputs(inputs, files)
+    result = PostedFiles(posted, files, parts, (*posted.findings, *of_splitting))
+    files[record_file] = json_bytes(_record(cell_file, toolpath_file, result))
+    return result
+
+
+def _record(cell_file: Path, toolpath_file: Path, result: PostedFiles) -> dict[str, Any]:
+    """What was made from what (docs/formats.md, post)."""
+    return {
+        "format": RECORD, "version": 1, "compstiff": version("compstiff"),
+        "input": {"file": toolpath_file.name, "sha256": sha256(toolpath_file)},
+        "cell": {"file": cell_file.name, "sha256": sha256(cell_file)},
+        "outputs": [{"file": file.name, "sha256": hashlib.sha256(data).hexdigest()} for file, data in result.files.items()],
+        "summary": result.as_dict(),
+        "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}
+                     for finding in fold(result.findings)],
+    }
