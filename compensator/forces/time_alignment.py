@@ -17,6 +17,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.autocorrelation import autocorrelation_time
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -356,14 +358,7 @@ class _Model:
     @staticmethod
     def _independent(residual: Array) -> float:
         """How many independent values the residual (n, 3) has: its bins over its correlation time."""
-        n = len(residual)
-        size = 1 << int(np.ceil(np.log2(2 * n)))
-        spectrum = np.fft.rfft(residual, size, axis=0)
-        correlation = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), size)[:n]
-        correlation /= max(correlation[0], 1e-300)
-        below = np.flatnonzero(correlation < 0.05)
-        reach = int(below[0]) if len(below) else n
-        return float(n / (1 + 2 * np.sum(correlation[1:reach])))
+        return len(residual) / autocorrelation_time(residual, 0.05).values
 
 
 def _smoothed(likelihood: Array, walk: Array, start: Array, states: Array) -> tuple[Array, Array]:
