@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from compensator.forces.placement import TargetForces
 from compensator.path.arc_length import circle, turned_angle
 from compensator.path.robot_path import RobotPath
-from compensator.rapid import RapidProgram
-from compensator.rapid import follows_directly
+from compensator.rapid import RapidProgram, follows_directly
 from compensator.toolpath import Move, Toolpath
 from identification.model.rotations import matrix_to_quaternion, quaternion_to_matrix, rotation_matrix, rotation_vector
 

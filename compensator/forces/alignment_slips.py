@@ -11,6 +11,7 @@ import numpy as np
 from compensator.forces.alignment_regression import Regression
 from compensator.forces.program_time import ProgramTime
 from identification.common.arrays import Array
+from identification.common.autocorrelation import autocorrelation_time
 
 # The slip of a stretch against the straight line: at most REACH periods, WALK periods (1 sigma) from stretch to stretch, on so
 # many states; stretches are cut into pieces of at most LONGEST [s].
@@ -79,15 +80,8 @@ def _borders(program: ProgramTime) -> Array:
 
 
 def _independent(residual: Array) -> float:
-    """How many independent values the residual (n, 3) has: its bins over its correlation time."""
-    n = len(residual)
-    size = 1 << int(np.ceil(np.log2(2 * n)))
-    spectrum = np.fft.rfft(residual, size, axis=0)
-    correlation = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), size)[:n]
-    correlation /= max(correlation[0], 1e-300)
-    below = np.flatnonzero(correlation < 0.05)
-    reach = int(below[0]) if len(below) else n
-    return float(n / (1 + 2 * np.sum(correlation[1:reach])))
+    """How many independent values the residual (n, 3) has: its bins over its autocorrelation time."""
+    return len(residual) / autocorrelation_time(residual, 0.05).values
 
 
 def _smoothed(likelihood: Array, step: Array, start: Array, states: Array) -> tuple[Array, Array]:

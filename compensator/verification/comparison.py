@@ -69,7 +69,7 @@ class Comparison:
             "ratio": self.ratio, "ratio_interval_95": list(self.interval) if self.interval else None,
             "interval_by": "batch means along the path, Student's t" if self.interval else None,
             "blocks": self.log_ratio.blocks if self.log_ratio else None,
-            "autocorrelation_points": self.log_ratio.memory if self.log_ratio else None,
+            "autocorrelation_points": self.log_ratio.correlation.values if self.log_ratio else None,
             "axes": {name: {"before": asdict(pair[0]), "after": asdict(pair[1])} for name, pair in self.by_axis.items()},
             "worse_points": self.worse, "worse_share": self.worse / self.before.points, "worse_share_by_chance": BY_CHANCE,
             "noise_rms_um": self.noise_um}
@@ -175,7 +175,7 @@ def estimate_scale(measured: Array, predicted: Array) -> Scale | None:
         len(m), scale, _interval(scale, mean), 1 - float(np.sum((m - p) ** 2)) / power, 1 - residual / power,
         1e6 * float(np.sqrt(power / len(m))), 1e6 * float(np.sqrt(residual / len(m))),
         beside[0] if beside else None, _interval(beside[0], mean_along(beside[1])) if beside else None,
-        tuple(float(1e6 * x) for x in constant), bool(shown), mean.blocks, mean.short)
+        tuple(float(1e6 * x) for x in constant), bool(shown), mean.blocks, mean.correlation.short)
 
 
 def _slope(m: Array, p: Array) -> tuple[float, Array] | None:

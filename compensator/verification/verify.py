@@ -124,10 +124,10 @@ def _comparison_findings(comparison: Comparison, source: str) -> list[Finding]:
                                 f"{comparison.after.rms_um:.1f} um RMS", file=source,
                                 hint="do not use this correction; check sign and frame of the force log, and that the files "
                                 "are not exchanged"))
-    if comparison.log_ratio is not None and comparison.log_ratio.short:
+    if comparison.log_ratio is not None and comparison.log_ratio.correlation.short:
         known = "no interval is given" if comparison.interval is None else "the interval is rather too narrow"
         findings.append(Finding("CS6024", "warning", f"{counted(comparison.before.points, 'place')} with deviations that are "
-                                f"alike over {comparison.log_ratio.memory:.0f} neighbours: {known}", file=source,
+                                f"alike over {comparison.log_ratio.correlation.values:.0f} neighbours: {known}", file=source,
                                 hint="measure a longer stretch of the path"))
     return findings
 

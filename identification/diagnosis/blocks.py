@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.autocorrelation import AutocorrelationTime, autocorrelation_time
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.posterior import posterior
 from identification.fit.priors import PriorModel
@@ -24,8 +25,6 @@ SLOW = 200
 MOST_BLOCKS = 1200
 # Rows, evenly spread, that the residual's model is fitted to.
 THINNED = 1500
-# A block is so many autocorrelation times long: neighbouring means then share under a tenth of their variance.
-MEMORIES = 5.0
 NO_TORQUE_NM = 5.0
 # Each pass is held out in so many stretches.
 STRETCHES = 10
@@ -45,9 +44,9 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
     on_path = measurements.machined_pass != ""
     if not on_path.any():
         return measurements, None
-    memory = autocorrelation_time(cell, measurements.select(on_path))
+    memory = residual_memory(cell, measurements.select(on_path))
     count = int(on_path.sum())
-    length = max(1, int(np.ceil(max(count / MOST_BLOCKS, MEMORIES * memory if memory > 1.2 else 1.0))))
+    length = max(memory.block, -(-count // MOST_BLOCKS))
     block = np.arange(len(measurements), dtype=np.intp)
     # A gear's play or soft zone is crossed where a torque changes sign: no block reaches over that.
     torque = joint_torque(cell.robot, measurements.theta, cell.flange_from_tcp, measurements.wrench)
@@ -70,14 +69,14 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
         np.add.at(counts, member, known)
         return np.divide(total, counts, out=np.full_like(total, np.nan), where=counts > 0)
 
-    worth = np.sqrt(size / min(memory, length))[:, None]
+    worth = np.sqrt(size / min(memory.values, length))[:, None]
     stated = np.where(np.isnan(measurements.sigma), cell.noise.deflection, measurements.sigma)
     picked = measurements.select(np.isin(np.arange(len(measurements)), first))
     averaged = replace(
         picked, theta=mean(measurements.theta), wrench=mean(measurements.wrench), deflection=mean(measurements.deflection),
         sigma=mean(stated) / np.maximum(worth, 1.0), time=mean(measurements.time), dwell=mean(measurements.dwell),
         pose=np.where(stretch[first] == "", picked.pose, stretch[first]))
-    return averaged, Thinning(count, len(np.unique(block[on_path])), memory)
+    return averaged, Thinning(count, len(np.unique(block[on_path])), memory.values)
 
 
 def _runs(labels: Array) -> NDArray[np.intp]:
@@ -85,12 +84,12 @@ def _runs(labels: Array) -> NDArray[np.intp]:
     return np.concatenate([[0], np.cumsum(np.any(labels[1:] != labels[:-1], axis=1))]).astype(np.intp)
 
 
-def autocorrelation_time(cell: Cell, rows: Measurements) -> float:
-    """Integrated autocorrelation time [rows] of the fast part of the residual, the largest of the three components."""
+def residual_memory(cell: Cell, rows: Measurements) -> AutocorrelationTime:
+    """Of the fast part of the residual, in rows: the longest of all passes and components."""
     every = max(1, len(rows) // THINNED)
     fitted = posterior(cell, rows.select(np.arange(len(rows)) % every == 0), PriorModel(cell.prior))
     residual = rows.deflection - predicted_deflection(cell, rows, fitted.map)
-    longest = 1.0
+    longest = AutocorrelationTime(1.0, len(rows))
     for one in np.unique(rows.visit):
         mine = residual[rows.visit == one]
         window = min(SLOW, len(mine) // 4)
@@ -101,17 +100,8 @@ def autocorrelation_time(cell: Cell, rows: Measurements) -> float:
             if len(series) < 4 * window:
                 continue
             smooth = np.convolve(series, np.ones(window) / window, mode="same")
-            longest = max(longest, integrated_time((series - smooth)[window // 2: -window // 2], window // 2))
+            fast = (series - smooth)[window // 2: -window // 2]
+            # Summed up to the first lag that is not above its own noise.
+            memory = autocorrelation_time(fast, 2.0 / np.sqrt(len(fast)), window // 2)
+            longest = max(longest, memory, key=lambda time: time.values)
     return longest
-
-
-def integrated_time(series: Array, most: int) -> float:
-    """1 + 2 sum of the autocorrelations up to the first that is not above its own noise, at most `most` lags."""
-    series = series - series.mean()
-    count = len(series)
-    spectrum = np.abs(np.fft.rfft(series, 2 * count)) ** 2
-    correlation = np.fft.irfft(spectrum)[: most + 1]
-    correlation = correlation / max(float(correlation[0]), 1e-300)
-    below = np.flatnonzero(correlation < 2.0 / np.sqrt(count))
-    end = int(below[0]) if len(below) else len(correlation)
-    return float(1.0 + 2.0 * np.sum(correlation[1:end]))

@@ -11,7 +11,6 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 
-from compensator.verification.batch_means import autocorrelation_time
 from compensator.verification.comparison import compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
 from compstiff.cli.main import compstiff
@@ -37,13 +36,6 @@ def csv(folder: Path, name: str, header: str, rows: np.ndarray) -> Path:
 
 def verify(*arguments: object) -> Result:
     return CliRunner().invoke(compstiff, ["verify", *map(str, arguments)])
-
-
-@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
-def test_the_autocorrelation_time_is_that_of_the_process(phi: float) -> None:
-    rng = np.random.default_rng(1)
-    times = [autocorrelation_time(remembering(rng, 3000, phi)[:, 0]) for _ in range(40)]
-    assert np.mean(times) == pytest.approx((1 + phi) / (1 - phi), rel=0.12)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from identification.diagnosis.blocks import in_blocks, integrated_time
+from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import detect, draw_noise
 from identification.diagnosis.dictionary import dictionary
 from identification.diagnosis.discrimination import candidate_rows, next_loads
@@ -97,15 +97,6 @@ def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_
     assert found.thinning is not None
     assert found.thinning.memory > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
     assert found.thinning.blocks < len(rows) / 4
-
-
-def test_integrated_time_of_an_autoregression() -> None:
-    rng = np.random.default_rng(0)
-    for memory, expected in ((0.0, 1.0), (0.8, 9.0)):
-        series = np.zeros(20_000)
-        for k in range(1, len(series)):
-            series[k] = memory * series[k - 1] + rng.standard_normal()
-        assert integrated_time(series, 200) == pytest.approx(expected, rel=0.2)
 
 
 def test_rows_without_a_pass_stay_as_they_are(tmp_path: Path) -> None:
