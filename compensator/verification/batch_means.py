@@ -31,7 +31,8 @@ def mean_along(values: Array) -> Mean:
     """The mean of values (n,) in the order of the path, with its 95 % interval by batch means."""
     from scipy.special import stdtrit
 
-    count, mean, correlation = len(values), float(values.mean()), autocorrelation_time(values)
+    count, mean = len(values), float(values.mean())
+    correlation = autocorrelation_time(values - mean)
     if count < FEWEST_BLOCKS:
         return Mean(mean, None, count, correlation)
     blocks = int(np.clip(count // correlation.block, FEWEST_BLOCKS, MOST_BLOCKS))
