@@ -20,8 +20,8 @@ from compensator.correction.forward import loaded_tool, resting_angles
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
 from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
+from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
-from compensator.path.route import Poses
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.model.compliance import displacement, joint_torque, loaded_angles

@@ -43,6 +43,4 @@ class LoadedPath:
 
     def each_tool(self) -> list[tuple[Frame, Indices]]:
         """The targets by tool: flange_from_tcp, and the places among the M that use it."""
-        tools = self.path.toolpath.tool[self.targets]
-        groups = [np.flatnonzero(tools == tool) for tool in np.unique(tools)]
-        return [(self.path.flange_from_tcp[int(self.targets[places[0]])], places) for places in groups]
+        return self.path.each_tool(self.targets)

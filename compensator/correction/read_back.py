@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from compensator.correction.correction import Correction
 from compensator.correction.forward import loaded_tool
 from compensator.correction.loaded_path import LoadedPath
-from compensator.path.route import Poses
+from compensator.path.legs import Poses
 from compensator.rapid import read_rapid
 from compensator.toolpath import Toolpath
 from identification.common.findings import error

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.path.legs import SHARPEST, Poses
 from compensator.path.robot_path import RobotPath
-from compensator.path.route import SHARPEST, Poses
 from compensator.path.timing import Drive, drive
 from identification.common.findings import Finding, Level, Refused, counted
 from identification.model.inverse import NEARLY_SINGULAR, configuration, wrist_distance

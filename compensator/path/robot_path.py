@@ -67,6 +67,12 @@ class RobotPath:
             steps = np.diff(self.length, prepend=self.length[:1])
             return np.asarray(np.where(steps == 0, 0.0, steps / self.toolpath.feed))
 
+    def each_tool(self, targets: Indices) -> list[tuple[Frame, Indices]]:
+        """The targets (M,) by tool: flange_from_tcp, and the places among the M that use it."""
+        tools = self.toolpath.tool[targets]
+        groups = [np.flatnonzero(tools == tool) for tool in np.unique(tools)]
+        return [(self.flange_from_tcp[int(targets[places[0]])], places) for places in groups]
+
     def finding(self, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
         """A finding at the place of a target in the text of the program as it was given."""
         toolpath = self.toolpath

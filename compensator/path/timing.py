@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
-from compensator.path.route import Poses, Route, build_route
+from compensator.path.route import Route, build_route
 from identification.common.findings import CompstiffError, error
 from identification.model.kinematics import chunks
 from identification.model.robot import RobotModel

@@ -14,8 +14,8 @@ from compensator.correction.correct import Corrected
 from compensator.correction.files import Inputs
 from compensator.path import timing
 from compensator.path.feasibility import check_feed, judge
+from compensator.path.legs import Poses, build_legs
 from compensator.path.robot_path import RobotPath, robot_path
-from compensator.path.route import build_legs
 from compensator.path.timing import drive, joint_move_time
 from compensator.rapid import read_rapid
 from identification.common.findings import Refused
@@ -145,7 +145,7 @@ def test_what_is_a_stop(tmp_path: Path) -> None:
     moves.append(f"MoveL {target(np.array([1100, 0, 701]), rotation_matrix(np.array([0, 0.1, 0])) @ DOWN)},v100,z1,tSpindle;")
     moves.append(f"MoveL {target(np.array([1100, 0, 750]), rotation_matrix(np.array([0, 0.1, 0])) @ DOWN)},v100,z1,tSpindle;")
     plan = program(tmp_path, moves)
-    legs = build_legs(plan, timing.Poses(plan.base_from_tcp, plan.theta))
+    legs = build_legs(plan, Poses(plan.base_from_tcp, plan.theta))
     assert legs.same.tolist() == [False, False, True, False, False, False, False, False]
     # The cusp at target 3; the last linear move before the turn on the spot, and that itself.
     assert np.flatnonzero(legs.stop).tolist() == [0, 3, 5, 6, 7]

@@ -166,7 +166,8 @@ class MillingJob:
         """One mirrored step: the planned positions less the deviation that is predicted there; orientation as planned."""
         predicted = predict_files(Inputs(self.cell, self.program, stiffness, log), settings())
         position = self.part.target_mm.copy()
-        position[predicted.prediction.targets] -= 1e3 * BASE_FROM_OBJECT.apply(predicted.prediction.position, inverse=True)
+        deviation = predicted.prediction.position.copy()        # SciPy's rotations want arrays they could write into
+        position[predicted.targets] -= 1e3 * BASE_FROM_OBJECT.apply(deviation, inverse=True)
         return Commands(position, self.planned.turn)
 
     def with_the_truth(self, wrench: np.ndarray, rounds: int = 4) -> Commands:
