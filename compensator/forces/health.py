@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.source import Samples
+from identification.common.arrays import Array
 from identification.common.findings import Finding, Level, counted
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.uint16]
 AXES = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")
@@ -195,14 +195,14 @@ class Health:
 
     def clipped_sides(self) -> list[tuple[int, int]]:
         """Channel and side (0 largest, 1 smallest) of what is clipped."""
-        found = []
+        sides = []
         for number, channel in enumerate(self.channels):
             for side in range(2):
                 others = self.count - sum(channel.clipped) - channel.stuck
                 repeats = channel.repeats - sum(channel.clipped) - channel.stuck
                 if channel.clipped[side] and others >= FEWEST and repeats <= REPEATS * others:
-                    found.append((number, side))
-        return found
+                    sides.append((number, side))
+        return sides
 
     def unsound(self, flags: Flags, number: Indices) -> NDArray[np.bool_]:
         """Which samples (n,) are saturated for certain. number (n,): each sample's, from 0."""
@@ -220,21 +220,21 @@ class Health:
         return [*self._saturated(), *self._stuck(), *self._lost()]
 
     def _saturated(self) -> list[Finding]:
-        found = []
+        findings = []
         hint = "the true force is larger than logged there: a larger range, or a lighter cut"
         if self.beyond:
-            found.append(Finding("CS3023", "warning", f"{counted(self.beyond, 'sample')} at or beyond the sensor's range "
-                                 "stated in cell.yaml", file=self.source, line=self.first_beyond, hint=hint))
+            findings.append(Finding("CS3023", "warning", f"{counted(self.beyond, 'sample')} at or beyond the sensor's range "
+                                    "stated in cell.yaml", file=self.source, line=self.first_beyond, hint=hint))
         for number, side in self.clipped_sides():
             channel = self.channels[number]
-            found.append(Finding(
+            findings.append(Finding(
                 "CS3023", "warning", f"{AXES[number]}: {channel.clipped[side]} samples in runs of exactly "
                 f"{channel.extreme[side]:.6g}, its {('largest', 'smallest')[side]} value: saturated", file=self.source,
                 line=channel.first_clipped[side], hint=hint))
-        return found
+        return findings
 
     def _stuck(self) -> list[Finding]:
-        found = []
+        findings = []
         moving = any(channel.repeats < REPEATS * self.count for channel in self.channels)
         for number, channel in enumerate(self.channels):
             if channel.run == self.count:
@@ -242,29 +242,32 @@ class Health:
                 if moving and self.count >= FEWEST:
                     zero = channel.held == 0
                     level: Level = "note" if zero else "warning"
-                    found.append(Finding("CS3024", level, f"{AXES[number]} is {channel.held:.6g} in all "
-                                         f"{counted(self.count, 'sample')}", file=self.source, line=channel.run_line,
-                                         hint="check the cable and the channel" if not zero else ""))
+                    findings.append(Finding("CS3024", level, f"{AXES[number]} is {channel.held:.6g} in all "
+                                            f"{counted(self.count, 'sample')}", file=self.source, line=channel.run_line,
+                                            hint="check the cable and the channel" if not zero else ""))
             elif channel.stuck and (channel.repeats - channel.stuck <= REPEATS * (self.count - channel.stuck)
                                     and self.count - channel.stuck >= FEWEST):
-                found.append(Finding(
+                findings.append(Finding(
                     "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
                     f"run {channel.longest}", file=self.source, line=channel.first_stuck,
                     hint="its readings there are not forces: check the cable and the channel"))
-        return found
+        return findings
 
     def _lost(self) -> list[Finding]:
-        found = []
+        findings = []
         if self.gaps:
             level: Level = "warning" if self.lost > 1e-3 * self.count else "note"
             longest = f", the longest {self.longest_gap:.3g} s" if self.longest_gap else ""
-            found.append(Finding("CS3025", level, f"{counted(self.lost, 'sample')} of {self.count + self.lost} lost in "
-                                 f"{counted(self.gaps, 'gap')}{longest}", file=self.source, line=self.first_gap,
-                                 hint="a gap keeps its place; many say that the network or the disk is too slow"))
+            findings.append(Finding(
+                "CS3025", level, f"{counted(self.lost, 'sample')} of {self.count + self.lost} lost in "
+                f"{counted(self.gaps, 'gap')}{longest}", file=self.source, line=self.first_gap,
+                hint="a gap keeps its place; many say that the network or the disk is too slow"))
         if self.repeated:
-            found.append(Finding("CS3025", "warning", f"{counted(self.repeated, 'sample')} with the sequence number of the one "
-                                 "before", file=self.source))
+            findings.append(Finding(
+                "CS3025", "warning", f"{counted(self.repeated, 'sample')} with the sequence number of the one before",
+                file=self.source))
         if self.backwards:
-            found.append(Finding("CS3025", "warning", f"time runs back {self.backwards} times: more than one log in this file, "
-                                 "or a clock that was set", file=self.source, line=self.first_backwards))
-        return found
+            findings.append(Finding(
+                "CS3025", "warning", f"time runs back {self.backwards} times: more than one log in this file, or a clock that "
+                "was set", file=self.source, line=self.first_backwards))
+        return findings

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from compensator.forces import revolutions
 from compensator.forces.health import EVEN, Health
 from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_force_log, placed_by
-from identification.common.findings import Finding, counted, error
+from identification.common.arrays import Array, read_only
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.progress import progress
 from identification.model.cell import ForceLogFile
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
 ROWS, ROWS_PER_TARGET = 250_000, 16
@@ -52,9 +52,12 @@ class ForceLog:
     findings: tuple[Finding, ...] = ()
     spread: Array | None = None
 
+    def __post_init__(self) -> None:
+        read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
+
 
 def read_force_log(
-    path: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,
+    file: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,
     borders: Array | None = None,
 ) -> ForceLog:
     """Reads a force log.
@@ -64,41 +67,46 @@ def read_force_log(
     length reaches over one. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty,
     CS3004 no target number, CS3020 no header, CS3022 counts without a scale.
     """
-    source = open_force_log(Path(path), form, log_format)
+    source = open_force_log(Path(file), form, log_format)
     if not source.rows:
-        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
-    rate, uneven = _rate(source)
-    spindle, said = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+        raise _empty(source)
+    rate, of_rate = _rate(source)
+    spindle, of_spindle = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
     window = rate / spindle if rate and spindle else None
     size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
-    health = Health(str(path), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not uneven else None)
+    health = Health(str(file), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not of_rate else None)
     kept = Kept()
-    with progress(f"reading {Path(path).name}", source.rows) as bar:
-        for block in _quiet(source, health, window):
+    with progress(f"reading {Path(file).name}", source.rows) as bar:
+        for block in _blocks(source, health, window):
             kept.add(_reduced(block, size, source.key, borders))
             bar.add(len(block.samples))
     if not kept.count:
-        raise error("CS3002", "no samples below the header line", file=str(path), hint="check the logger")
-    whole = kept.rows()
-    time = whole.time if not np.isnan(whole.time[0]) else None
-    if time is None and rate:
-        time = (whole.number + 0.5 * (whole.weight - 1)) / rate
-    notes = [Finding("CS3003", "note", f"{counted(health.count, 'sample')}, placed by {placed_by(source)}", file=str(path)),
-             *source.findings, *uneven, *said]
+        raise _empty(source)
+    rows = kept.rows()
+    findings = [Finding("CS3003", "note", f"{counted(health.count, 'sample')}, placed by {placed_by(source)}", file=str(file)),
+                *source.findings, *of_rate, *of_spindle]
     if size > 1:
-        notes.append(Finding("CS3030", "note", f"kept as {len(whole.line)} means of up to {size} consecutive samples",
-                             file=str(path)))
-    notes += health.findings()
-    none = np.zeros((len(whole.line), 0 if source.has_moment else 3))
-    load = np.concatenate([whole.load, none], axis=1)
-    plain = np.concatenate([whole.plain, none], axis=1) if window else load
-    place = whole.place[:, 0] if source.key in ("target", "path_mm") else whole.place
+        findings.append(Finding("CS3030", "note", f"kept as {len(rows.line)} means of up to {size} consecutive samples",
+                                file=str(file)))
+    findings += health.findings()
+    time = rows.time if not np.isnan(rows.time[0]) else None
+    if time is None and rate:
+        time = (rows.number + 0.5 * (rows.weight - 1)) / rate
+    place = rows.place[:, 0] if source.key in ("target", "path_mm") else rows.place
     if source.key == "time":
         assert time is not None         # a log without times and without a rate has no such key
         place = time
-    return ForceLog(str(path), load[:, :3], load[:, 3:], source.has_moment, source.key, place, whole.line, whole.weight, time,
-                    rate, 1 / spindle if window and spindle else None, plain,
-                    health.unsound(whole.flags, whole.number), tuple(notes))
+    no_moment = np.zeros((len(rows.line), 0 if source.has_moment else 3))
+    load = np.concatenate([rows.load, no_moment], axis=1)
+    return ForceLog(
+        str(file), load[:, :3], load[:, 3:], source.has_moment, source.key, place, rows.line, rows.weight, time, rate,
+        revolution=1 / spindle if window and spindle else None,
+        plain=np.concatenate([rows.plain, no_moment], axis=1) if window else load,
+        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings))
+
+
+def _empty(source: ForceSource) -> CompstiffError:
+    return error("CS3002", "no samples below the header line", file=str(source.file), hint="check the logger")
 
 
 def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
@@ -115,13 +123,13 @@ def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
         return stated or float(1 / usual.mean()), []
     return stated, [Finding(
         "CS3036", "note", "time_s does not go in even steps (they are rounded, or the logger has no fixed rate): "
-        "gaps are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.path),
+        "gaps are not looked for" + ("" if stated else ", nor the spindle's speed"), file=str(source.file),
         hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
 
 
 def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, list[Finding]]:
     """The spindle's speed [Hz], and what is to be said of it."""
-    name = str(source.path)
+    name = str(source.file)
     if rate is None:
         if stated_rpm is None:
             return None, []
@@ -132,22 +140,23 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
         return None, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
                               "means were taken", file=name)]
     seen = revolutions.spectrum(source.stretches, rate, source.rows)
-    found = None if seen is None else revolutions.find_spindle(*seen, stated)
+    spindle = None if seen is None else revolutions.find_spindle(*seen, stated)
     if stated is None:
-        if found is None:
+        if spindle is None:
             few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
             return None, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
                                   hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
-        return found.frequency, [_averaged(found.frequency, f"found in the spectrum: {100 * found.share:.0f} % of its lines at "
-                                           f"multiples, the strongest at {found.strongest:.1f} Hz", name)]
-    if found is not None and abs(found.frequency / stated - 1) <= revolutions.SLIP:
-        return found.frequency, [_averaged(found.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+        return spindle.frequency, [_averaged(
+            spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
+            f"at {spindle.strongest:.1f} Hz", name)]
+    if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
+        return spindle.frequency, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
     other = None if seen is None else revolutions.find_spindle(*seen)
-    said = [_averaged(stated, "as stated", name)]
+    findings = [_averaged(stated, "as stated", name)]
     if other is not None:
-        said.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
+        findings.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
                             f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
-    return stated, said
+    return stated, findings
 
 
 def _averaged(frequency: float, how: str, name: str) -> Finding:
@@ -170,7 +179,7 @@ class Block:
         return Block(self.samples.part(which), self.flags[which], self.number[which], self.plain[which])
 
 
-def _quiet(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
+def _blocks(source: ForceSource, health: Health, window: float | None) -> Iterator[Block]:
     """The blocks of a log, checked, and averaged over `window` samples."""
     waiting: list[Block] = []
 
@@ -212,10 +221,6 @@ class Rows:
     plain: Array
 
 
-def _fields(rows: Rows) -> tuple[NDArray[Any], ...]:
-    return rows.load, rows.place, rows.time, rows.line, rows.weight, rows.flags, rows.number, rows.plain
-
-
 class Kept:
     """Rows as they come in, in arrays that double: many small ones between large passing ones would tear memory to pieces."""
 
@@ -225,7 +230,7 @@ class Kept:
 
     def add(self, rows: Rows) -> None:
         """More rows, copied."""
-        fields, stop = _fields(rows), self.count + len(rows.line)
+        fields, stop = list(vars(rows).values()), self.count + len(rows.line)
         if not self._held or stop > len(self._held[0]):
             grown = [np.empty((max(2 * stop, 1 << 16), *field.shape[1:]), dtype=field.dtype) for field in fields]
             for new, old in zip(grown, self._held, strict=False):

@@ -6,17 +6,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards
 from compensator.forces.time_log import place_by_time
 from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
-
-Array = NDArray[np.float64]
 
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from identification.common.arrays import Array
+
 Indices = NDArray[np.intp]
 # A line of the spectrum stands so far over the median of its neighbours. A comb of lines is believed when it holds so much of
 # their amplitude, chance taken off, and its strongest stands out so far; of a force in random steps no line does.
@@ -112,7 +113,7 @@ def spectrum(
     length = int(2 ** np.clip(np.round(np.log2(0.6 * rate)), 10, 14))
     if rows < length:
         return None
-    found = []
+    powers = []
     taper = np.hanning(length)[:, None]
     shares = np.linspace(0, 1, int(np.clip(rows // length, 1, 12)))
     for load in stretches([float(share) for share in shares], length + length // 8):
@@ -122,11 +123,11 @@ def spectrum(
         line = np.linspace(-1, 1, length)[:, None]
         load = load - load.mean(axis=0)
         load = load - line * ((load * line).sum(axis=0) / (line**2).sum())
-        found.append((np.abs(np.fft.rfft(load * taper, axis=0)) ** 2).sum(axis=1))
-    if not found:
+        powers.append((np.abs(np.fft.rfft(load * taper, axis=0)) ** 2).sum(axis=1))
+    if not powers:
         return None
-    found.sort(key=lambda power: -float(power.sum()))
-    power: Array = np.mean(found[: (len(found) + 1) // 2], axis=0)
+    powers.sort(key=lambda power: -float(power.sum()))
+    power: Array = np.mean(powers[: (len(powers) + 1) // 2], axis=0)
     return np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=float), power
 
 

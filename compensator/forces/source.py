@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common import number_blocks
+from identification.common.arrays import Array
 from identification.common.columns import FORCES, JOINTS, MOMENTS
 from identification.common.findings import CompstiffError, Finding, error
-from identification.common.number_blocks import BLANKS, Layout
-from identification.common.tables import unread
+from identification.common.table_layout import BLANKS, Layout, read_layout
+from identification.common.tables import check_columns, unread
 from identification.model.cell import ForceLogFile
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Key = Literal["target", "path_mm", "position", "joints", "time"]
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -31,7 +31,7 @@ KEYS: dict[Key, tuple[tuple[str, ...], str]] = {
     "position": (POSITION, "TCP position"), "joints": (JOINTS, "joint angles")}
 OPTIONAL = (*MOMENTS, *FORCE_COUNTS, *MOMENT_COUNTS, "target", "path_mm", *POSITION, *JOINTS, *TIMES, "sequence")
 TOGETHER = (MOMENTS, FORCE_COUNTS, MOMENT_COUNTS, POSITION, JOINTS)
-WORDS = {",": "comma", ";": "semicolon", "\t": "tab", BLANKS: "blanks"}
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", BLANKS: "blanks"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Samples:
 class ForceSource:
     """A log that is there to be read. rows: how many, about. key: what places its samples."""
 
-    path: Path
+    file: Path
     form: ForceLogFile
     columns: tuple[str, ...]
     wanted: tuple[str, ...]
@@ -93,8 +93,8 @@ class ForceSource:
                 yield self._samples({name: values[first:stop] for name, values in self.held.items()},
                                     np.arange(first + 1, stop + 1))
             return
-        read = (number_blocks.parquet_blocks(self.path, self.columns, self.wanted) if self.layout is None
-                else number_blocks.text_blocks(self.path, self.layout, self.wanted))
+        read = (number_blocks.parquet_blocks(self.file, self.columns, self.wanted) if self.layout is None
+                else number_blocks.text_blocks(self.file, self.layout, self.wanted))
         for numbers, line in read:
             yield self._samples(numbers, line)
 
@@ -108,10 +108,10 @@ class ForceSource:
             places = [int(share * max(self.rows - rows, 0)) for share in shares]
             numbers = iter([{name: self.held[name][place:place + rows] for name in wanted} for place in places])
         elif self.layout is None:
-            numbers = number_blocks.parquet_at(self.path, self.columns, wanted, shares, rows)
+            numbers = number_blocks.parquet_at(self.file, self.columns, wanted, shares, rows)
         else:
             layout = self.layout
-            numbers = (number_blocks.text_at(self.path, layout, wanted, share, rows) for share in shares)
+            numbers = (number_blocks.text_at(self.file, layout, wanted, share, rows) for share in shares)
         with contextlib.suppress(CompstiffError):
             for part in numbers:
                 if part:
@@ -146,76 +146,77 @@ class ForceSource:
         if len(broken):
             row = int(broken[0])
             raise error("CS3004", f"target {target[row]:g} is not a target number, expected 0, 1, 2 ...",
-                        file=str(self.path), line=int(line[row]), column=self.columns.index("target") + 1,
+                        file=str(self.file), line=int(line[row]), column=self.columns.index("target") + 1,
                         hint="targets count from 0 in the order of the text; MoveC has two")
 
 
-def open_force_log(path: Path, form: ForceLogFile, log_format: str | None = None) -> ForceSource:
+def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None) -> ForceSource:
     """Finds out what a force log holds. log_format: one of LOG_FORMATS, None for CSV and Parquet.
 
     Raises CompstiffError: CS0005, CS0201, CS0202 (a column missing or twice), CS3001 (nothing places the samples), CS3020 (no
     header), CS3022 (counts without a scale).
     """
-    name = str(path)
+    name = str(file)
     layout, held = None, None
-    said: tuple[Finding, ...] = ()
+    findings: list[Finding] = []
     header_line: int | None = 1
     if log_format is not None:
         from identification.formats.force_logs import read_force_samples
 
-        samples = read_force_samples(path, log_format, rate_hz=form.rate_hz, counts_per_n=form.counts_per_n,
+        samples = read_force_samples(file, log_format, rate_hz=form.rate_hz, counts_per_n=form.counts_per_n,
                                      counts_per_nm=form.counts_per_nm)
-        held, said = samples.columns(), samples.findings
+        held = samples.columns()
+        findings += samples.findings
         names, rows, header_line = tuple(held), len(next(iter(held.values()))), None
-    elif path.suffix.lower() in (".parquet", ".pq"):
-        names, rows = number_blocks.parquet_names(path)
+    elif file.suffix.lower() in (".parquet", ".pq"):
+        names, rows = number_blocks.parquet_names(file)
     else:
-        layout = number_blocks.read_layout(path, form.columns)
+        layout = read_layout(file, form.columns)
         names, rows, header_line = layout.names, layout.rows, layout.header_line or None
-    counts = FORCE_COUNTS[0] in names and FORCES[0] not in names
-    _check_names(names, FORCE_COUNTS if counts else FORCES, name, header_line)
-    moments = next((some for some in (MOMENTS, MOMENT_COUNTS) if some[0] in names), ())
-    for used, key, per in ((FORCE_COUNTS if counts else (), "counts_per_n", form.counts_per_n),
-                           (moments if moments == MOMENT_COUNTS else (), "counts_per_nm", form.counts_per_nm)):
-        if used and not per:
-            raise error("CS3022", f"{' '.join(used)} are counts, and cell.yaml does not say what a count is", file=name,
-                        line=header_line, hint=f"state force_log.{key}: the sensor's data sheet or configuration page has it")
-    keys: list[Key] = [key for key, (columns, _) in KEYS.items() if columns[0] in names]
-    if not keys and (set(TIMES) & set(names) or form.rate_hz):
-        keys = ["time"]
-    if not keys:
-        found = ", ".join(one for one in names if one)
-        raise error("CS3001", f"no column says where on the path a sample belongs: found {found}", file=name, line=header_line,
-                    hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg, time_s")
-    wanted = (*(FORCE_COUNTS if counts else FORCES), *moments, *(KEYS[keys[0]][0] if keys[0] in KEYS else ()),
-              *[one for one in TIMES if one in names][:1], *(("sequence",) if "sequence" in names else ()))
+    columns = [column for column in names if column]
+    forces = FORCE_COUNTS if FORCE_COUNTS[0] in names and FORCES[0] not in names else FORCES
+    check_columns(columns, forces, TOGETHER, name, header_line, hint="; or name them in cell.yaml, force_log.columns")
+    moments: tuple[str, ...] = next((group for group in (MOMENTS, MOMENT_COUNTS) if group[0] in names), ())
+    _check_scales(forces, moments, form, name, header_line)
+    key = _key(columns, form, name, header_line)
+    wanted = (*forces, *moments, *(KEYS[key][0] if key in KEYS else ()), *[column for column in TIMES if column in names][:1],
+              *(("sequence",) if "sequence" in names else ()))
     known = (*FORCES, *OPTIONAL)
-    extra, absent = [one for one in names if one and one not in known], [one for one in known if one not in names]
-    notes = [*said, *(Finding("CS0204", level, text, file=name, line=header_line) for level, text in unread(extra, absent))]
+    extra, absent = [column for column in columns if column not in known], [column for column in known if column not in names]
+    findings += [Finding("CS0204", level, text, file=name, line=header_line) for level, text in unread(extra, absent)]
     if layout is not None and form.columns is not None:
-        notes.append(Finding(
-            "CS3021", "note", f"cells separated by {WORDS[layout.separator]}, columns as cell.yaml names them: "
-            f"{', '.join(one for one in names if one)}" + (f"; {layout.skipped + 1} lines above the numbers passed over"
-                                                           if layout.header_line else ""), file=name, line=layout.line))
-    return ForceSource(path, form, names, wanted, layout, held, rows, keys[0], tuple(notes))
+        findings.append(Finding(
+            "CS3021", "note", f"cells separated by {SEPARATORS[layout.separator]}, columns as cell.yaml names them: "
+            f"{', '.join(columns)}" + (f"; {layout.skipped + 1} lines above the numbers passed over"
+                                       if layout.header_line else ""), file=name, line=layout.line))
+    return ForceSource(file, form, names, wanted, layout, held, rows, key, tuple(findings))
+
+
+def _check_scales(forces: tuple[str, ...], moments: tuple[str, ...], form: ForceLogFile, name: str, line: int | None) -> None:
+    """Raises CompstiffError (CS3022) for counts of which cell.yaml does not say how many a unit has."""
+    for columns, counts, key, per in ((forces, FORCE_COUNTS, "counts_per_n", form.counts_per_n),
+                                      (moments, MOMENT_COUNTS, "counts_per_nm", form.counts_per_nm)):
+        if columns == counts and not per:
+            raise error("CS3022", f"{' '.join(columns)} are counts, and cell.yaml does not say what a count is", file=name,
+                        line=line, hint=f"state force_log.{key}: the sensor's data sheet or configuration page has it")
+
+
+def _key(columns: list[str], form: ForceLogFile, name: str, line: int | None) -> Key:
+    """What places the samples: the first of KEYS that is there, else time. Raises CompstiffError (CS3001)."""
+    for key, (needed, _) in KEYS.items():
+        if needed[0] in columns:
+            return key
+    if set(TIMES) & set(columns) or form.rate_hz:
+        return "time"
+    raise error("CS3001", f"no column says where on the path a sample belongs: found {', '.join(columns)}", file=name,
+                line=line, hint="log one of: target, path_mm, x_mm y_mm z_mm (TCP in the work object), q1_deg ... q6_deg, "
+                "time_s")
 
 
 def placed_by(source: ForceSource) -> str:
-    """What places the samples, and what else might have, in words."""
-    others = [said for key, (columns, said) in KEYS.items() if key != source.key and columns[0] in source.columns]
-    words = KEYS[source.key][1] if source.key in KEYS else "time alone"
-    return words + (f"; not used: {', '.join(others)}" if others else "")
+    """What places the samples, and what else might have, for people."""
+    others = [named for key, (columns, named) in KEYS.items() if key != source.key and columns[0] in source.columns]
+    chosen = KEYS[source.key][1] if source.key in KEYS else "time alone"
+    return chosen + (f"; not used: {', '.join(others)}" if others else "")
 
 
-def _check_names(names: Sequence[str], required: Sequence[str], source: str, line: int | None) -> None:
-    missing = [one for one in required if one not in names]
-    if missing:
-        raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
-                    f"found {', '.join(one for one in names if one) or 'none'}", file=source, line=line,
-                    hint="the header line names the columns, unit included, as in docs/formats.md of the project; or name "
-                    "them in cell.yaml, force_log.columns")
-    for group in TOGETHER:
-        there = [one for one in group if one in names]
-        if there and len(there) < len(group):
-            raise error("CS0202", f"found {', '.join(there)} without {', '.join(one for one in group if one not in names)}",
-                        file=source, line=line, hint="give all of them or none")

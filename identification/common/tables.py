@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import difflib
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Level, error
 
-Array = NDArray[np.float64]
+_DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 MOST_COMPLAINTS = 20
 
 
@@ -45,7 +47,7 @@ class Table:
 
 
 def read_table(
-    path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
+    file: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
     may_be_empty: Sequence[str] = (), together: Sequence[Sequence[str]] = (),
 ) -> Table:
     """Reads the named columns, leaves the others alone and says so.
@@ -55,53 +57,78 @@ def read_table(
     CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
     where a number must be.
     """
-    path = Path(path)
-    frame, line, header_line = _parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _csv(path)
+    file = Path(file)
+    frame, line, header_line = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
     names = [str(name) for name in frame.columns]
+    check_columns(names, required, together, str(file), header_line)
+    wanted = [*required, *(name for name in optional if name in names)]
+    numbers = as_numbers(frame[wanted], str(file), names, line, may_be_empty=may_be_empty)
+    labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
+              for name in texts if name in names}
+    known = (*required, *optional, *texts)
+    other = unread([name for name in names if name not in known], [name for name in known if name not in names])
+    notes = [Finding("CS0204", level, text, file=str(file), line=header_line) for level, text in other]
+    return Table(str(file), numbers, labels, line, tuple(names), tuple(notes))
+
+
+def check_columns(
+    names: Sequence[str], required: Sequence[str], together: Sequence[Sequence[str]], file: str, line: int | None, *,
+    hint: str = ""
+) -> None:
+    """Raises CompstiffError (CS0202) for a required column that is missing, and for a part of a group of which all or none must
+    be there. hint: what else may help."""
     missing = [name for name in required if name not in names]
     if missing:
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
-                    f"found {', '.join(names) or 'none'}", file=str(path), line=header_line,
-                    hint="the header line names the columns, unit included, as in docs/formats.md of the project")
+                    f"found {', '.join(names) or 'none'}", file=file, line=line,
+                    hint="the header line names the columns, unit included, as in docs/formats.md of the project" + hint)
     for group in together:
         there = [name for name in group if name in names]
         if there and len(there) < len(group):
             raise error("CS0202", f"found {', '.join(there)} without {', '.join(name for name in group if name not in names)}",
-                        file=str(path), line=header_line, hint="give all of them or none")
+                        file=file, line=line, hint="give all of them or none")
+
+
+def check_unique(names: Sequence[str], file: str, line: int) -> None:
+    """Raises CompstiffError (CS0202) for a column that stands in the header twice."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise error("CS0202", f"column twice: {', '.join(twice)}", file=file, line=line)
+
+
+def as_numbers(
+    frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp], *, may_be_empty: Sequence[str] = ()
+) -> dict[str, Array]:
+    """The columns of a frame as finite numbers, NaN where a cell is empty that may be; names: all columns of the file, line
+    (N,) of each row. Raises CompstiffError (CS0203) with every complaint."""
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
-    for name in [*required, *(name for name in optional if name in names)]:
-        values, bad = as_floats(frame[name], empty=name in may_be_empty)
-        numbers[name] = values
+    for name in frame.columns:
+        numbers[name], bad = as_floats(frame[name], empty=name in may_be_empty)
         findings += [
             Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number",
-                    file=str(path), line=int(line[row]), column=names.index(name) + 1,
+                    file=file, line=int(line[row]), column=list(names).index(name) + 1,
                     hint="mend the cell, or delete the row if the value is lost")
             for row in bad[:MOST_COMPLAINTS]
         ]
     if findings:
         raise CompstiffError(*sorted(findings, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
-    labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
-              for name in texts if name in names}
-    known = (*required, *optional, *texts)
-    other = unread([name for name in names if name not in known], [name for name in known if name not in names])
-    notes = [Finding("CS0204", level, text, file=str(path), line=header_line) for level, text in other]
-    return Table(str(path), numbers, labels, line, tuple(names), tuple(notes))
+    return numbers
 
 
 def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
     """What to say of columns that are not read: a warning for one that looks like a misspelt name."""
-    said: list[tuple[Level, str]] = []
+    texts: list[tuple[Level, str]] = []
     others = []
     for name in extra:
         near = difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.6)
         if near:
-            said.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?"))
+            texts.append(("warning", f"column '{name}' is not read; is '{near[0]}' meant?"))
         else:
             others.append(name)
     if others:
-        said.append(("note", f"columns that are not read: {', '.join(others)}"))
-    return said
+        texts.append(("note", f"columns that are not read: {', '.join(others)}"))
+    return texts
 
 
 def shown(value: object) -> str:
@@ -119,50 +146,66 @@ def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp
     return values, np.flatnonzero(~good)
 
 
-def _parquet(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+def holds_cells(line: str) -> bool:
+    """Whether a line of text is neither blank nor a comment."""
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def with_decimal_points(lines: Sequence[str]) -> list[str]:
+    """The lines of a table that is not separated by commas, with points for decimal commas."""
+    return [_DECIMAL_COMMA.sub(".", line) for line in lines]
+
+
+@contextlib.contextmanager
+def parquet_complaints(file: Path) -> Iterator[None]:
+    """Raises CompstiffError where reading a Parquet file fails: CS0005 cannot be read, CS0201 not Parquet."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        frame = pq.read_table(path).to_pandas()
+        yield
     except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(path)) from reason
+        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(file)) from reason
     except pa.ArrowInvalid as reason:
-        raise error("CS0201", f"is not a Parquet file: {reason}", file=str(path)) from reason
+        raise error("CS0201", f"is not a Parquet file: {reason}", file=str(file)) from reason
+
+
+def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+    import pyarrow.parquet as pq
+
+    with parquet_complaints(file):
+        frame = pq.read_table(file).to_pandas()
     # A Parquet file has no lines; rows are counted as if a header stood above them.
     return frame, np.arange(2, len(frame) + 2), 1
 
 
-def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
+def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = file.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as reason:
-        raise error("CS0201", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=str(path)) from reason
+        raise error("CS0201", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=str(file)) from reason
     except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(path)) from reason
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     plain = text.replace("\r\n", "\n").replace("\r", "\n")
     lines = plain.split("\n")
-    kept = [index for index, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")]
+    kept = [index for index, line in enumerate(lines) if holds_cells(line)]
     if not kept:
-        raise error("CS0201", "is empty: a header line with column names was expected", file=str(path), line=1)
+        raise error("CS0201", "is empty: a header line with column names was expected", file=str(file), line=1)
     header = lines[kept[0]]
     separator = next((mark for mark in (";", "\t", ",") if mark in header), ",")
     body = [lines[index] for index in kept[1:]]
-    if separator != ",":
-        body = [re.sub(r"(?<=\d),(?=\d)", ".", line) for line in body] if any("," in line for line in body) else body
+    if separator != "," and any("," in line for line in body):
+        body = with_decimal_points(body)
     try:
         names = [name.strip().strip('"') for name in next(csv.reader([header], delimiter=separator))]
     except csv.Error as reason:
-        raise error("CS0201", f"the header line is not CSV: {reason}", file=str(path), line=kept[0] + 1) from reason
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise error("CS0202", f"column twice: {', '.join(twice)}", file=str(path), line=kept[0] + 1)
+        raise error("CS0201", f"the header line is not CSV: {reason}", file=str(file), line=kept[0] + 1) from reason
+    check_unique(names, str(file), kept[0] + 1)
     widths = np.array([line.count(separator) + 1 for line in body], dtype=int)
     wrong = np.flatnonzero(widths != len(names)) if '"' not in plain else np.empty(0, dtype=int)
     if len(wrong):
         row = int(wrong[0])
-        raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(path),
+        raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(file),
                     line=kept[1:][row] + 1, hint=f"cells are separated by {separator!r}, taken from the header line")
     try:
         frame = pd.read_csv(io.StringIO("\n".join(body)), sep=separator, names=names, header=None, na_values=[""],
@@ -171,5 +214,5 @@ def _csv(path: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
         if not body:
             return pd.DataFrame({name: np.empty(0) for name in names}), np.empty(0, dtype=np.intp), kept[0] + 1
-        raise error("CS0201", f"is not a table: {reason}", file=str(path)) from reason
+        raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
     return frame, np.array(kept[1:], dtype=np.intp) + 1, kept[0] + 1
