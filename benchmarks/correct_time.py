@@ -29,8 +29,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator.correction import job as pipeline
-from compensator.correction.job import Inputs
+from compensator.correction import correct as correct_module
+from compensator.correction import files as files_module
+from compensator.correction import predict as predict_module
+from compensator.correction.files import Inputs
 from compensator.correction.offsets import offsets_csv
 from compensator.rapid import read_rapid
 from identification.common.files import write_whole
@@ -42,11 +44,12 @@ from identification.model.cell import read_cell
 # What the pipeline calls, and the stage it belongs to.
 STAGES = {
     "read_cell": "read cell, stiffness", "read_stiffness": "read cell, stiffness", "read_toolpath": "read program",
-    "read_force_log": "read log", "robot_path": "plan: poses and joint angles", "on_path": "place the log",
-    "place_forces": "place the log",
-    "targets_to_correct": "predict", "predict_path": "predict", "corners": "corners", "densified": "intermediate targets",
-    "correct_path": "correct", "rewrite": "write program text", "_read_back": "read back",
+    "read_force_log": "read log", "robot_path": "plan: poses and joint angles", "place_forces": "place the log",
+    "targets_to_correct": "predict", "predict_path": "predict", "with_zones": "corners",
+    "with_intermediate_targets": "intermediate targets", "correct_path": "correct", "rewrite": "write program text",
+    "read_back": "read back",
 }
+MODULES = (predict_module, correct_module, files_module)
 OTHER = "offsets.csv, record, files"
 
 
@@ -131,10 +134,10 @@ class Clock:
 
 def job(folder: Path, inputs: Inputs) -> None:
     """What the command does, but for its messages."""
-    corrected = pipeline.correct_program(pipeline.predict_program(inputs))
+    corrected = files_module.correct(files_module.predict_files(inputs))
     output = folder / "out.mod"
     write_whole({output: corrected.content, folder / "offsets.csv": offsets_csv(corrected),
-                 folder / "out.mod.json": json.dumps(pipeline.record(corrected, {output: corrected.content})).encode()})
+                 folder / "out.mod.json": json.dumps(files_module.record(corrected, {output: corrected.content})).encode()})
 
 
 def measure(count: int, by: str, profiled: bool) -> None:
@@ -152,8 +155,9 @@ def measure(count: int, by: str, profiled: bool) -> None:
             return
         clock = Clock()
         for function, stage in STAGES.items():
-            if hasattr(pipeline, function):
-                setattr(pipeline, function, clock.wrap(stage, getattr(pipeline, function)))
+            for module in MODULES:
+                if hasattr(module, function):
+                    setattr(module, function, clock.wrap(stage, getattr(module, function)))
         started = time.perf_counter()
         with clock.stage(OTHER):
             job(folder, inputs)

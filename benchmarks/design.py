@@ -37,13 +37,14 @@ from compstiff.milling_poses import milling_poses
 from identification.design.constraints import Margins
 from identification.design.criteria import a_criterion, d_criterion, e_criterion, i_criterion
 from identification.design.domain import TOLERANCE, Domain, random_pool
-from identification.design.exchange import exchange, free_demand, many_exchanges
+from identification.design.exchange import exchange, many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.milling import prediction_weight
-from identification.design.procedure import QUICK, Task, design
 from identification.design.refine import refine
 from identification.design.request import default_position
+from identification.design.search import QUICK, optimal_design
+from identification.design.task import Task, free_demand
 from identification.model.cell import read_cell
 from identification.model.kinematics import jacobian
 
@@ -71,7 +72,7 @@ def main() -> None:
 
 
 def efficiency(cell, domain, prior, lengths, seeds, figaroh) -> None:
-    milling, _ = milling_poses(cell, ROOT / "samples" / "insert.mod", None)
+    milling = milling_poses(cell, ROOT / "samples" / "insert.mod", None)
     kinds = [("D", d_criterion(), prior), ("D no prior", d_criterion(), 1e-9 * prior),
              ("I", i_criterion(prediction_weight(domain.rig, milling)), prior), ("A", a_criterion(), prior),
              ("E", e_criterion(), prior)]
@@ -89,28 +90,25 @@ def efficiency(cell, domain, prior, lengths, seeds, figaroh) -> None:
 
 
 def _row(domain, criterion, prior, count, seed, figaroh):
-    demand = free_demand(len(domain.slots), count)
+    task = Task(domain, criterion, prior, free_demand(len(domain.slots), count))
     rng = np.random.default_rng(seed)
     begin = time.perf_counter()
-    found = design(Task(domain, criterion, prior, demand), rng)
+    found = optimal_design(task, rng)
     seconds = time.perf_counter() - begin
     bound = found.certificate.bound
     assert domain.excess(found.runs).max() <= TOLERANCE
     pool = random_pool(domain, 300, rng)
 
-    def value(runs):
-        return float(criterion.value(prior + runs.information.sum(axis=0)))
-
-    random = np.median([value(pool.take(rng.choice(len(pool), count))) for _ in range(300)])
-    sampled = value(pool.take(exchange(pool, criterion, prior, demand, rng)[0]))
+    random = np.median([task.value(pool.take(rng.choice(len(pool), count))) for _ in range(300)])
+    sampled = task.value(pool.take(exchange(task, pool, rng)[0]))
     begin = time.perf_counter()
-    starts = [refine(domain, criterion, prior, pool.take(rng.choice(len(pool), count))) for _ in range(8)]
+    starts = [refine(task, pool.take(rng.choice(len(pool), count))) for _ in range(8)]
     each = (time.perf_counter() - begin) / 8
     feasible = [one.value for one in starts if one.feasible]
     picked = _figaroh(figaroh, pool, prior, count) if figaroh and criterion.kind == "D" else {}
     theirs, took = [np.nan, np.nan], [np.nan, np.nan]
     if "SOCP" in picked:
-        theirs[0], took[0] = value(pool.take(np.array(picked["SOCP"][0]))) / bound, picked["SOCP"][1]
+        theirs[0], took[0] = task.value(pool.take(np.array(picked["SOCP"][0]))) / bound, picked["SOCP"][1]
     if "DetMax" in picked:
         theirs[1], took[1] = picked["DetMax"][0] / bound, picked["DetMax"][1]
     return (random / bound, sampled / bound, *theirs, np.median(feasible or [0.0]) / bound, len(feasible) / 8,
@@ -144,7 +142,7 @@ def small(domain, prior) -> None:
             few = pool.take(rng.choice(len(pool), 25, replace=False))
             every = np.array(list(combinations_with_replacement(range(25), 3)))
             best = criterion.value(prior + few.information[every].sum(axis=1)).max()
-            rows = [one for one, _ in many_exchanges(few, criterion, prior, free_demand(3, 3), rng, 20)]
+            rows = [one for one, _ in many_exchanges(Task(domain, criterion, prior, free_demand(3, 3)), few, rng, 20)]
             ratio.append(max(float(criterion.value(prior + few.information[one].sum(axis=0))) for one in rows) / best)
         print(f"small pools, {criterion.name}: exchange reaches {min(ratio):.4f} of the best of all {len(every)} plans")
 
@@ -172,7 +170,7 @@ def cordes(domain, prior) -> None:
     for protocol in ("single", "cycle"):
         here = replace(domain, slots=tuple(slot(axis, protocol, 300.0) for axis in "xyz"))
         for count in range(2, 13):
-            found = design(Task(here, a_criterion(), prior, free_demand(3, count)), np.random.default_rng(1), QUICK)
+            found = optimal_design(Task(here, a_criterion(), prior, free_demand(3, count)), np.random.default_rng(1), QUICK)
             trace = float(np.trace(found.covariance))
             print(f"  {count} runs ({protocol}): trace {trace:.3g}", flush=True)
             if trace <= np.median(traces):
@@ -182,9 +180,9 @@ def cordes(domain, prior) -> None:
 def free(domain, prior, count) -> None:
     """Loads along any line."""
     for criterion in (d_criterion(), a_criterion(), e_criterion()):
-        axis = design(Task(domain, criterion, prior, free_demand(3, count)), np.random.default_rng(0), QUICK)
+        axis = optimal_design(Task(domain, criterion, prior, free_demand(3, count)), np.random.default_rng(0), QUICK)
         other = replace(domain, slots=(slot("free", "cycle", 300.0),))
-        any_line = design(Task(other, criterion, prior, free_demand(1, count)), np.random.default_rng(0), QUICK)
+        any_line = optimal_design(Task(other, criterion, prior, free_demand(1, count)), np.random.default_rng(0), QUICK)
         ratio = any_line.certificate.value / axis.certificate.value
         print(f"free lines, {criterion.name}, {count} runs: {ratio:.2f} times the criterion of base axes, "
               f"certified {any_line.certificate.efficiency:.3f}", flush=True)

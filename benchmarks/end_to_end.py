@@ -21,7 +21,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from identification.common.shipped import shipped
 from identification.fit.fit import fit_stiffness
@@ -41,7 +42,7 @@ def sample(folder: Path) -> Corrected:
     stiffness = folder / "stiffness.json"
     stiffness.write_text(json.dumps(fit.model.as_dict()))
     inputs = Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
-    return correct_program(predict_program(inputs, Settings.of(tare=((0, 2),))))
+    return correct(predict_files(inputs, Settings.of(tare=((0, 2),))))
 
 
 def accuracy(job: Corrected) -> None:
@@ -85,25 +86,25 @@ def accuracy(job: Corrected) -> None:
 
 def scale(job: Corrected, folder: Path, count: int) -> None:
     """Prints time and peak memory of `correct` for `count` targets."""
-    inputs = job.predicted.inputs
-    lines = inputs.toolpath.read_bytes().split(b"\r\n")
+    predicted = job.predicted
+    lines = predicted.program.text.source.data.split(b"\r\n")
     moves = [line for line in lines if b"Move" in line and line.lstrip().startswith(b"Move")]
     start = next(i for i, line in enumerate(lines) if line in moves[:1])
     end = max(i for i, line in enumerate(lines) if line == moves[-1])
     repeated = (moves * (count // len(moves) + 1))[:count]
     program = folder / f"long{count}.mod"
     program.write_bytes(b"\r\n".join([*lines[:start], *repeated, *lines[end + 1:]]))
-    wrench = (np.tile(job.predicted.forces.wrench, (count // len(moves) + 1, 1)))[:count]
+    wrench = (np.tile(predicted.forces.wrench, (count // len(moves) + 1, 1)))[:count]
     log = folder / f"long{count}.forces.csv"
     with log.open("w") as stream:
         stream.write("target,fx_n,fy_n,fz_n\n")
         for target, (fx, fy, fz) in enumerate(wrench[:, :3]):
             stream.write(f"{target},{fx:.3f},{fy:.3f},{fz:.3f}\n" * 4)
     cell = folder / "cell.yaml"
-    cell.write_text(inputs.cell.read_text().replace("frame: tool ", "frame: base "))
+    cell.write_text(predicted.cell.source.read_text().replace("frame: tool ", "frame: base "))
     before = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-m", "compstiff", "correct", cell, program, "--stiffness", inputs.stiffness, "--forces", log,
+        [sys.executable, "-m", "compstiff", "correct", cell, program, "--stiffness", predicted.model.source, "--forces", log,
          "-o", folder / f"out{count}.mod", "--offsets", folder / f"offsets{count}.csv", "-q"], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     seconds = time.perf_counter() - before

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import diagnose_logs
+from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import axis_stiffness
 from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
 
@@ -58,7 +58,7 @@ def log(folder: Path, seed: int, faults: dict[str, float]) -> MotionLog:
 def answer(folder: Path, fault: str, size: float, seed: int) -> str:
     """What the diagnosis says, against the truth."""
     faults = {fault: size} if fault else {}
-    one = diagnose_logs([log(folder, 3000 + seed, faults)], log(folder, 4000 + seed, faults), replicates=49).axes[0]
+    one = diagnose_axes([log(folder, 3000 + seed, faults)], log(folder, 4000 + seed, faults), replicates=49)[0]
     truth = NAMES.get(fault, fault)
     if one.verdict == "named":
         return "named" if [cause.shape.name for cause in one.causes] == [truth] else "wrong name"

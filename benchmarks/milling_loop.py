@@ -6,7 +6,7 @@
 The truth is tests/virtual_cell alone: rigid bodies with the closed rod, gravity, and an end mill whose force follows the
 engagement that the yielding tool has (tests/virtual_cell/milling.py says what is left out). Each robot is drawn, load-tested
 with realistic noise (design ladder12), identified by the command line; the planned program is milled and logged, corrected
-with that log by `predict_program` and `correct_program`, the written numbers are read by another reader and milled on a second
+with that log by `predict_files` and `correct`, the written numbers are read by another reader and milled on a second
 blank.
 
 Off: distance of the loaded tool from plan at every half millimetre that cuts; `faces`: across the wall, and for the slot's

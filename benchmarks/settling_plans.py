@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.next_loads import CERTAIN, FORCE_N, certainty, diagnosed
 from identification.design.criteria import d_criterion
-from identification.design.discrimination import Diagnosed, fitted_rivals, settling_runs
+from identification.design.discrimination import Diagnosed, discriminating_runs, rival_models
 from identification.design.domain import Domain, Pool, random_pool
-from identification.design.exchange import free_demand, many_exchanges
+from identification.design.exchange import many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
-from identification.design.procedure import Task
 from identification.design.request import measured_place
+from identification.design.task import Task, free_demand
 from identification.diagnosis.procedure import Diagnosis
 from identification.model.cell import Cell
 from identification.model.kinematics import forward
@@ -56,18 +57,17 @@ def planned(policy: str, cell: Cell, found: Diagnosis, runs: int, rng: np.random
     pool = random_pool(task.domain, POSES, rng)
     if policy == "random":
         return pool.take(rng.choice(len(pool), runs, replace=False))
-    prior, settling = task.prior, pool.take(np.zeros(0, dtype=np.intp))
+    settling = pool.take(np.zeros(0, dtype=np.intp))
     if policy == "settling":
         told = Diagnosed(found.verdict, tuple((one.effect.name, one.joint) for one in found.alternatives),
                          tuple(bad.row for bad in found.bad_rows), "")
-        rivals = fitted_rivals(cell, found.rows, told)
+        rivals = rival_models(cell, found.rows, told)
         if len(rivals) > 1:
-            settling = settling_runs(task, rivals, pool, rng)[0]
-            prior = prior + settling.information.sum(axis=0)
+            settling = discriminating_runs(task, rivals, pool, rng)[0]
     left = runs - len(settling)
     if not left:
         return settling
-    best = many_exchanges(pool, task.criterion, prior, free_demand(3, left), rng, 8)[0][0]
+    best = many_exchanges(replace(task, prior=task.information(settling), demand=free_demand(3, left)), pool, rng, 8)[0][0]
     return settling.joined(pool.take(best))
 
 

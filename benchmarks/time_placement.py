@@ -21,9 +21,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 import numpy as np
 import pyarrow.parquet as pq
 
-from compensator.forces.program_time import program_of
-from compensator.forces.time_alignment import Program, TimePlacement, place_by_time
-from compensator.path.arc_length import arc_length
+from compensator.forces.program_time import ProgramTime, program_time
+from compensator.forces.time_alignment import TimeAlignment, align
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
@@ -37,14 +36,14 @@ def sample() -> tuple[RobotPath, np.ndarray, np.ndarray]:
     plan = robot_path(read_rapid(program.read_bytes(), program.name).toolpath, read_cell(SAMPLES / "cell.yaml"))
     table = pq.read_table(SAMPLES / "insert.forces.parquet")
     force = np.column_stack([table[f"f{axis}_n"].to_numpy() for axis in "xyz"]).astype(float)
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = plan.length
     feed_time = np.cumsum(np.diff(length, prepend=0.0) / plan.toolpath.feed)
     return plan, force, np.interp(table["time_s"].to_numpy(), feed_time, length)
 
 
 def clock(plan: RobotPath, place: np.ndarray, override: float, shift: float, slowing: float) -> np.ndarray:
     """Time (M,) [s] at the places (M,) [m]."""
-    length = arc_length(plan.world_position, plan.toolpath.move)
+    length = plan.length
     step = np.diff(plan.base_from_tcp.position, axis=0)
     step /= np.linalg.norm(step, axis=1)[:, None]
     corner = np.degrees(np.arccos(np.clip(np.sum(step[1:] * step[:-1], axis=1), -1, 1)))
@@ -58,7 +57,7 @@ def clock(plan: RobotPath, place: np.ndarray, override: float, shift: float, slo
     return shift + np.interp(place, grid, np.concatenate([[0.0], np.cumsum(taken)]))
 
 
-def other_lengths(program: Program, rng: np.random.Generator) -> Program:
+def other_lengths(program: ProgramTime, rng: np.random.Generator) -> ProgramTime:
     """Each stretch and each air move longer or shorter by up to a half."""
     number = np.cumsum(np.append(0, np.diff(program.air.astype(int)) != 0))
     factor = rng.uniform(0.5, 1.5, number.max() + 1)[number]
@@ -66,7 +65,7 @@ def other_lengths(program: Program, rng: np.random.Generator) -> Program:
                    length=np.cumsum(np.diff(program.length, prepend=0.0) * factor))
 
 
-def raster(passes: int = 20) -> Program:
+def raster(passes: int = 20) -> ProgramTime:
     """Straight passes of 100 mm that are alike, all in one direction, 10 mm of lead in and out."""
     points, air = [], []
     for row in range(passes):
@@ -76,11 +75,11 @@ def raster(passes: int = 20) -> Program:
     size = np.linalg.norm(step, axis=1)
     speed = np.where(air[1:], 0.25, 0.03)
     direction = np.concatenate([np.zeros((1, 3)), step / size[:, None]])
-    return Program(np.append(0, np.cumsum(size / speed)), np.append(0, np.cumsum(size)), np.array(air),
+    return ProgramTime(np.append(0, np.cumsum(size / speed)), np.append(0, np.cumsum(size)), np.array(air),
                    np.zeros(len(points), dtype=np.intp), direction)
 
 
-def raster_log(program: Program, rng: np.random.Generator, first: float, last: float) -> tuple[np.ndarray, ...]:
+def raster_log(program: ProgramTime, rng: np.random.Generator, first: float, last: float) -> tuple[np.ndarray, ...]:
     """Time, force and true path length of a log of the raster from `first` to `last` share of its time; 3 s of air behind."""
     rate, override = 200, 0.9
     end = program.time[-1] + 3 if last == 1 else last * program.time[-1]
@@ -95,7 +94,7 @@ def raster_log(program: Program, rng: np.random.Generator, first: float, last: f
 
 
 def stood_still(
-    program: Program, time: np.ndarray, force: np.ndarray, place: np.ndarray, share: float, seconds: float
+    program: ProgramTime, time: np.ndarray, force: np.ndarray, place: np.ndarray, share: float, seconds: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The log with `seconds` of standstill in the first air move behind `share` of it: time, force, true path length."""
     leg = np.clip(np.searchsorted(program.length, place), 0, len(program.air) - 1)
@@ -107,15 +106,15 @@ def stood_still(
             np.concatenate([place[:first + 1], np.full(count, place[first]), place[first + 1:]]))
 
 
-def words(found: TimePlacement) -> str:
-    verdict = "placed" if found.believed else "refused"
-    return (f"share {found.share:.2f}, score {found.score:7.1f}, {len(found.odd)} odd, {verdict}; "
-            f"override {100 * found.override:.1f} %, 1 sigma {1e3 * np.median(found.std):.0f} ms")
+def words(alignment: TimeAlignment) -> str:
+    verdict = "placed" if alignment.believed else "refused"
+    return (f"share {alignment.share:.2f}, score {alignment.score:7.1f}, {len(alignment.odd)} odd, {verdict}; "
+            f"override {100 * alignment.override:.1f} %, 1 sigma {1e3 * np.median(alignment.std):.0f} ms")
 
 
 def main(runs: int) -> None:
     plan, force, place = sample()
-    program = program_of(plan)
+    program = program_time(plan)
     errors, within = [], []
     for seed in range(runs):
         rng = np.random.default_rng(seed)
@@ -124,18 +123,18 @@ def main(runs: int) -> None:
         first, last = (0, len(logged)) if seed % 3 else sorted((rng.uniform([0, 0.6], [0.3, 1]) * len(logged)).astype(int))
         part = slice(first, last)
         before = time.process_time()
-        found = place_by_time(program, logged[part], force[part] + 5 * rng.standard_normal(force[part].shape))
+        alignment = align(program, logged[part], force[part] + 5 * rng.standard_normal(force[part].shape))
         spent = time.process_time() - before
-        good = ~np.isnan(found.place)
-        off = 1e3 * np.abs(found.place - place[part])[good]
-        taken, true = (np.interp(where, program.length, program.time) for where in (found.place, place[part]))
+        good = ~np.isnan(alignment.length)
+        off = 1e3 * np.abs(alignment.length - place[part])[good]
+        taken, true = (np.interp(where, program.length, program.time) for where in (alignment.length, place[part]))
         late = np.abs(taken - true)
-        if found.believed:
+        if alignment.believed:
             errors.append(off)
-            within.append(np.mean(late[good] <= 1.96 * found.std[good]))
+            within.append(np.mean(late[good] <= 1.96 * alignment.std[good]))
         print(f"override {100 * override:5.1f} %, corners slowed by {100 * slowing:2.0f} %, "
-              f"{'part' if seed % 3 == 0 else 'whole'}: {words(found)}; error [mm] median {np.median(off):.2f}, "
-              f"95 % {np.quantile(off, 0.95):.2f}, {100 * np.mean(late[good] <= 1.96 * found.std[good]):.0f} % within "
+              f"{'part' if seed % 3 == 0 else 'whole'}: {words(alignment)}; error [mm] median {np.median(off):.2f}, "
+              f"95 % {np.quantile(off, 0.95):.2f}, {100 * np.mean(late[good] <= 1.96 * alignment.std[good]):.0f} % within "
               f"1.96 sigma; {spent:.1f} s of CPU", flush=True)
     every = np.concatenate(errors)
     print(f"placed {len(errors)} of {runs}: error median {np.median(every):.2f} mm, 95 % {np.quantile(every, 0.95):.2f} mm, "
@@ -143,19 +142,19 @@ def main(runs: int) -> None:
     rng = np.random.default_rng(99)
     logged = clock(plan, place, 0.9, 10, 0.5)
     for _ in range(4):
-        print("another program (other lengths):", words(place_by_time(other_lengths(program, rng), logged, force)), flush=True)
-    print("another program (raster):", words(place_by_time(raster(), logged, force)), flush=True)
+        print("another program (other lengths):", words(align(other_lengths(program, rng), logged, force)), flush=True)
+    print("another program (raster):", words(align(raster(), logged, force)), flush=True)
     logged = clock(plan, place, 0.9, 5, 0.3)
     for share, seconds in ((0.05, 6), (0.1, 6), (0.3, 20), (0.5, 8), (0.8, 5), (0.5, 2)):
         times, values, truth = stood_still(program, logged, force, place, share, seconds)
-        found = place_by_time(program, times, values)
-        print(f"stood still for {seconds} s at {100 * share:.0f} %: {words(found)}; error 95 % "
-              f"{1e3 * np.nanquantile(np.abs(found.place - truth), 0.95):.1f} mm", flush=True)
+        alignment = align(program, times, values)
+        print(f"stood still for {seconds} s at {100 * share:.0f} %: {words(alignment)}; error 95 % "
+              f"{1e3 * np.nanquantile(np.abs(alignment.length - truth), 0.95):.1f} mm", flush=True)
     for first, last in ((0.0, 1.0), (0.1, 1.0), (0.2, 0.7)):
         times, values, truth = raster_log(raster(), rng, first, last)
-        found = place_by_time(raster(), times, values)
-        off = 1e3 * np.abs(found.place - truth)
-        print(f"raster of equal passes, {first:g} to {last:g} of it logged: {words(found)}; error median "
+        alignment = align(raster(), times, values)
+        off = 1e3 * np.abs(alignment.length - truth)
+        print(f"raster of equal passes, {first:g} to {last:g} of it logged: {words(alignment)}; error median "
               f"{np.nanmedian(off):.2f} mm", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Time and peak memory of the feed check (`compensator/timing.py`) over the number of grid points, one process each.
+"""Time and peak memory of the feed check (`compensator/path/timing.py`) over the number of grid points, one process each.
 
     python benchmarks/timing.py [--largest 1000000]
 

@@ -52,7 +52,7 @@ class WorkObject:
 
 @dataclass(frozen=True)
 class Toolpath:
-    """N targets in the order of the text (FORMATS.md, forces.csv: `target`).
+    """N targets in the order of the text (docs/formats.md#force-logs: `target`).
 
     move       (N,) `Move`
     line, column (N,) of the target's expression in the source, from 1

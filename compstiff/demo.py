@@ -5,8 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from compensator.correction.files import correction_lines, run_correction
-from compensator.correction.job import Inputs, summary
+from compensator.correction.files import Inputs, Outputs, correct_files
 from compensator.correction.settings import Settings
 from compstiff.cli.identify import stiffness_lines
 from compstiff.outcome import Outcome, Session
@@ -40,8 +39,8 @@ def run_demo(session: Session, folder: Path) -> Outcome:
         at["identify.html"]: identification_report(cell, measurements, fit).encode(),
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
-    corrected = run_correction(inputs, at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"],
-                               Settings.of(tare=(TARE,)), overwrite=True)
+    outputs = Outputs(at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"])
+    corrected = correct_files(inputs, outputs, Settings.of(tare=(TARE,)), overwrite=True)
     pushed = _pushed(cell, at["offsets.csv"])
     session.inputs += [at[name] for name in SAMPLES]
     lines = [
@@ -50,7 +49,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
         "",
         "$ compstiff correct cell.yaml insert.mod --stiffness stiffness.json --forces insert.forces.parquet "
         f"--tare {TARE[0]}:{TARE[1]} -o insert_corrected.mod --offsets offsets.csv --report correct.html",
-        *correction_lines(corrected),
+        *corrected.lines(),
         "",
         "$ compstiff cell cell.yaml & compstiff push cell.yaml offsets.csv --apply   (instead of the corrected program)",
         *pushed,
@@ -59,7 +58,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
         "and correct.html.",
         "The samples are simulated: samples' README.md says how.",
     ]
-    result = {"folder": str(folder), "stiffness": fit.model.as_dict(), "correction": summary(corrected.predicted, corrected)}
+    result = {"folder": str(folder), "stiffness": fit.model.as_dict(), "correction": corrected.as_dict()}
     return Outcome(result, (*fit.findings, *corrected.findings), lines,
                    next_step=f"open {at['correct.html']}, then write your own cell.yaml (README.md, Your own cell)")
 

@@ -6,24 +6,23 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.job import read_toolpath
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.path.robot_path import robot_path
-from identification.common.findings import Finding, error
+from compensator.posting.read_toolpath import read_toolpath
+from identification.common.findings import error
 from identification.design.milling import MillingPoses, assumed_force
 from identification.model.cell import Cell
-from identification.model.rotations import Frame
 
 # More poses than this along a program say nothing new of a mean over it.
 MOST_POSES = 2000
 
 
-def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> tuple[MillingPoses, tuple[Finding, ...]]:
+def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> MillingPoses:
     """The reached targets of a program (with force, where a log is given), evenly thinned where there are very many.
 
     Raises what the readers raise, and CompstiffError (CS1602) where the robot reaches none of them.
     """
-    path = robot_path(read_toolpath(toolpath, cell)[0].toolpath, cell)
+    path = robot_path(read_toolpath(toolpath, cell).toolpath, cell)
     wanted = path.reached.copy()
     findings = [*path.toolpath.findings, *path.findings]
     wrench = None
@@ -39,6 +38,6 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> tuple[Mill
                     hint="the criterion I needs the targets that are milled; or choose --criterion D")
     rows = rows[:: -(-len(rows) // MOST_POSES)]
     moment = assumed_force() if wrench is None else np.einsum("ni,nj->nij", wrench[rows, :3], wrench[rows, :3])
-    tool = Frame(path.flange_from_tcp.rotation[rows], path.flange_from_tcp.position[rows])
+    tool = path.flange_from_tcp[rows]
     return MillingPoses(path.theta[rows], tool, path.base_from_tcp.position[rows], str(toolpath), len(path.toolpath),
-                        moment), tuple(findings)
+                        moment, tuple(findings))

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
-import tempfile
-import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -84,6 +81,10 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
 
 def _defect(session: Session, defect: Exception) -> Finding:
     """An unexpected exception as a finding, its traceback kept in a log file."""
+    import os
+    import tempfile
+    import traceback
+
     from identification.common.findings import Finding
 
     log = "(the log could not be written)"
@@ -96,7 +97,7 @@ def _defect(session: Session, defect: Exception) -> Finding:
 
 
 def document(session: Session, outcome: Outcome, status: str, code: int) -> dict[str, Any]:
-    """What `--json` prints of one job (FORMATS.md, Exit codes)."""
+    """What `--json` prints of one job (docs/formats.md#commands)."""
     from identification.common.findings import fold
 
     findings = outcome.findings if session.verbose else fold(outcome.findings)

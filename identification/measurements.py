@@ -1,4 +1,4 @@
-"""Measurements: loads and deflections, read and checked (FORMATS.md, measurements.csv)."""
+"""Measurements: loads and deflections, read and checked (docs/formats.md#measurementscsv)."""
 
 from __future__ import annotations
 

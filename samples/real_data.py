@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from identification.motion.axis import axis_of
+from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import AxisDiagnosis, LogDiagnosis, diagnose_logs
-from identification.motion.record import MICRO
+from identification.motion.procedure import diagnose_axes
 from identification.motion.remainder import angle_columns
 from identification.motion.stiffness import DISAGREE, AxisStiffness, axis_stiffness
 from samples.pictures import Panel, Series, svg
@@ -36,14 +36,14 @@ def main() -> None:
     parser.add_argument("--docs", type=Path, default=DOCS, help="where real-data.md goes")
     chosen = parser.parse_args()
     a, b = (read_motion_log(next(iter(sorted(chosen.folder.rglob(f"data_{name}.mat"))))) for name in "AB")
-    found = {"A": diagnose_logs([a], b, replicates=199), "B": diagnose_logs([b], a, replicates=199)}
+    found = {"A": diagnose_axes([a], b, replicates=199), "B": diagnose_axes([b], a, replicates=199)}
     both = [axis_stiffness(joint, [a, b]) for joint in sorted(a.joints)]
     pictures = chosen.docs / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
-    for name, panels in (("real-torque", [_torque(one) for one in found["A"].axes]),
-                         ("real-residual", [_residual(one) for one in found["A"].axes]),
-                         ("real-held-out", [_held_out(one) for one in found["A"].axes]),
-                         ("real-spectrum", [_spectrum(one) for one in found["A"].axes])):
+    for name, panels in (("real-torque", [_torque(one) for one in found["A"]]),
+                         ("real-residual", [_residual(one) for one in found["A"]]),
+                         ("real-held-out", [_held_out(one) for one in found["A"]]),
+                         ("real-spectrum", [_spectrum(one) for one in found["A"]])):
         (pictures / f"{name}.svg").write_text(svg(panels), encoding="utf-8")
     text = (HERE / "real_data.md.in").read_text(encoding="utf-8")
     tables = {"PLAIN": _plain(a, b), "NAMED": _named(found), "GAIN": _gain(found), "STIFFNESS": _stiffness(found, both),
@@ -112,11 +112,11 @@ def _plain(a: MotionLog, b: MotionLog) -> str:
     return "\n".join(rows)
 
 
-def _named(found: dict[str, LogDiagnosis]) -> str:
+def _named(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
     rows = ["| axis | record | verdict | named (probability) | link delay [ms] (95 %) | others, not settled (probability) | "
             "withdrawn |", "|---|---|---|---|---|---|---|"]
-    for name, diagnosis in found.items():
-        for one in diagnosis.axes:
+    for name, axes in found.items():
+        for one in axes:
             named = ", ".join(f"{cause.shape.name} ({cause.probability:.2f})" for cause in one.causes) or "-"
             delays = [cause for cause in one.causes if cause.shape.name == "channel_delay (link)"]
             delay = "-"
@@ -130,11 +130,11 @@ def _named(found: dict[str, LogDiagnosis]) -> str:
     return "\n".join(rows)
 
 
-def _gain(found: dict[str, LogDiagnosis]) -> str:
+def _gain(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
     rows = ["| axis | fitted on | there: RMS plain → extended [µrad] | variance explained | tested on | there: RMS plain → "
             "extended [µrad] | variance explained | ratio (95 %) |", "|---|---|---|---|---|---|---|---|"]
-    for name, diagnosis in found.items():
-        for one in diagnosis.axes:
+    for name, axes in found.items():
+        for one in axes:
             total, rms = float(np.var(one.deflection)), np.std(one.residuals, axis=0)
             shares = 100 * (1 - rms**2 / total)
             line = (f"| {one.joint} | {name} | {MICRO * rms[0]:.0f} → {MICRO * rms[1]:.0f} | {shares[0]:.1f} → "
@@ -152,10 +152,10 @@ def _interval(one: AxisStiffness) -> str:
     return f"{k} ({1e-6 * low:.2f} ... {1e-6 * high:.2f})".replace("inf", "∞")
 
 
-def _stiffness(found: dict[str, LogDiagnosis], both: list[AxisStiffness]) -> str:
+def _stiffness(found: dict[str, tuple[AxisDiagnosis, ...]], both: list[AxisStiffness]) -> str:
     rows = ["| axis | record | straight line k | k (95 %) | c ± noise ± reading [1e-7 rad/(N m)] | torque's own share | "
             "worth, of samples | grade |", "|---|---|---|---|---|---|---|---|"]
-    listed = [(name, one.stiffness) for name, diagnosis in found.items() for one in diagnosis.axes]
+    listed = [(name, one.stiffness) for name, axes in found.items() for one in axes]
     listed += [("A and B", one) for one in both]
     for name, one in sorted(listed, key=lambda item: (item[1].joint, item[0] == "A and B", item[0])):
         rows.append(f"| {one.joint} | {name} | {1e-6 / one.straight:.2f} | {_interval(one)} | {1e7 * one.compliance:.2f} ± "
@@ -175,31 +175,31 @@ def _agree(both: list[AxisStiffness]) -> str:
     return "\n".join(rows)
 
 
-def _left(found: dict[str, LogDiagnosis]) -> str:
-    bands = [f"{low:g}-{high:.0f} Hz" for low, high, _ in found["A"].axes[0].left.spectrum]
+def _left(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
+    bands = [f"{low:g}-{high:.0f} Hz" for low, high, _ in found["A"][0].left.spectrum]
     rows = [f"| axis | record | {' | '.join(bands)} | follows the angle (p) | follows the torque (p) |",
             "|---" * (len(bands) + 4) + "|"]
-    for name, diagnosis in found.items():
-        for one in diagnosis.axes:
+    for name, axes in found.items():
+        for one in axes:
             shares = " | ".join(f"{100 * share:.0f} %" for _, _, share in one.left.spectrum)
             follows = " | ".join(f"{100 * share:.0f} % ({p:.3f})" for _, share, p in one.left.follows)
             rows.append(f"| {one.joint} | {name} | {shares} | {follows} |")
     return "\n".join(rows)
 
 
-def _angle(found: dict[str, LogDiagnosis], a: MotionLog, b: MotionLog) -> str:
+def _angle(found: dict[str, tuple[AxisDiagnosis, ...]], a: MotionLog, b: MotionLog) -> str:
     """A curve over the angle, learnt from what one record leaves: how much of the other's it explains where both have been."""
     rows = ["| axis | angles both have been at [deg] | learnt on A, of B's | learnt on B, of A's |", "|---|---|---|---|"]
     for k, joint in enumerate(a.joints):
         low = max(float(log.angle[joint].min()) for log in (a, b))
         high = min(float(log.angle[joint].max()) for log in (a, b))
         sides = []
-        for name in "AB":
-            one = found[name].axes[k]
-            axis = axis_of(joint, list(found[name].records))
+        for name, record in (("A", a), ("B", b)):
+            one = found[name][k]
+            axis = axis_of(joint, [record])
             left = axis.deflection - one.named.columns(axis) @ one.named.solved.coefficients
             inside = (axis.angle >= low) & (axis.angle <= high)
-            columns = np.column_stack([np.ones(inside.sum()), angle_columns(axis.angle[inside], low, high)])
+            columns = np.column_stack([np.ones(inside.sum()), angle_columns(axis.angle[inside], (low, high))])
             sides.append((columns, left[inside]))
         shares = []
         for (x, y), (u, w) in ((sides[0], sides[1]), (sides[1], sides[0])):
@@ -210,11 +210,11 @@ def _angle(found: dict[str, LogDiagnosis], a: MotionLog, b: MotionLog) -> str:
     return "\n".join(rows)
 
 
-def _motor(found: dict[str, LogDiagnosis]) -> str:
+def _motor(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
     """Share of what is left above 10 Hz that goes with whole multiples of the motor's turns."""
     rows = ["| axis | record | strongest multiples of the motor's turn (share of what is left) |", "|---|---|---|"]
-    for name, diagnosis in found.items():
-        for one in diagnosis.axes:
+    for name, axes in found.items():
+        for one in axes:
             angle = one.axis.angles[0] * RATIO[one.joint]
             left = one.residuals[:, 1] - one.residuals[:, 1].mean()
             shares = {order: _share(left, np.cos(order * angle), np.sin(order * angle)) for order in range(1, 25)}

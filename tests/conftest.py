@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from identification.common.shipped import shipped
 from identification.fit.fit import fit_stiffness
@@ -31,4 +32,4 @@ def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
 @pytest.fixture(scope="session")
 def sample(sample_inputs: Inputs) -> Corrected:
     """The corrected sample program."""
-    return correct_program(predict_program(sample_inputs, Settings.of(tare=(TARE,))))
+    return correct(predict_files(sample_inputs, Settings.of(tare=(TARE,))))

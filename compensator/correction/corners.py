@@ -10,13 +10,16 @@ The correction moves the whole corner; what the zone cuts off stays. (ABB, zoned
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.predict import Predicted
 from compensator.path.arc_length import FARTHEST, circle
-from compensator.path.robot_path import RobotPath
-from compensator.rapid import RapidProgram
-from compensator.rapid.insertion import move_text, with_zones
+from compensator.rapid import read_rapid
+from compensator.rapid.insertion import move_text
+from compensator.rapid.insertion import with_zones as with_radii
 from compensator.toolpath import Move, Toolpath
 from identification.common.findings import Finding, counted
 
@@ -71,39 +74,52 @@ def _in_the_cut(targets: Indices) -> Indices:
     return np.asarray(targets[1:-1][(np.diff(targets)[:-1] == 1) & (np.diff(targets)[1:] == 1)])
 
 
-def corners(path: RobotPath, targets: Indices, tolerance: float, *, tightened: bool) -> list[Finding]:
+def with_zones(predicted: Predicted) -> tuple[Predicted, tuple[Finding, ...]]:
+    """The program with smaller zones in the cut where the settings ask for them, and a finding where zones cut more than the
+    tolerance off the corners there (CS4320, CS4321, CS4322)."""
+    settings = predicted.settings.correction
+    findings: list[Finding] = []
+    if settings.tighten_zones:
+        content, findings = _tightened(predicted, settings.tolerance)
+        text = read_rapid(content, predicted.program.text.source.name)
+        path = replace(predicted.path, toolpath=text.toolpath)
+        predicted = replace(predicted, program=replace(predicted.program, text=text),
+                            loaded=replace(predicted.loaded, path=path))
+    return predicted, (*findings, *_cut_off(predicted, settings.tolerance, tightened=settings.tighten_zones))
+
+
+def _cut_off(predicted: Predicted, tolerance: float, *, tightened: bool) -> list[Finding]:
     """A finding (CS4320) where zones in the cut cut more than the tolerance [m]; tightened: by what remains."""
+    path = predicted.path
     miss, _ = corner_misses(path.toolpath, path.world_position)
-    inside = _in_the_cut(targets)
+    inside = _in_the_cut(predicted.targets)
     over = inside[miss[inside] > 1.001 * tolerance]
     if not len(over):
         return []
     worst = int(over[np.argmax(miss[over])])
     return [path.finding(worst, "CS4320", "warning", f"the zone cuts the corner at {counted(len(over), 'target')} in the cut "
-                         "by "
-               f"more than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a fly-by point",
-               "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller there")]
+                         f"by more than {1e6 * tolerance:g} um, by {1e6 * miss[worst]:.0f} um at most; no correction reaches a "
+                         "fly-by point",
+                         "smaller zones there cannot be written" if tightened else "--tighten-zones makes the zones smaller "
+                         "there")]
 
 
-def with_tighter_zones(
-    program: RapidProgram, path: RobotPath, targets: Indices, tolerance: float
-) -> tuple[bytes, list[Finding]]:
-    """The program with zones at the targets (M,) that cut no more than the tolerance [m], and what was done (CS4321,
-    CS4322)."""
-    toolpath = path.toolpath
-    miss, half_sine = corner_misses(toolpath, path.world_position)
-    inside = _in_the_cut(targets)
+def _tightened(predicted: Predicted, tolerance: float) -> tuple[bytes, list[Finding]]:
+    """The text with zones in the cut that cut no more than the tolerance [m] off, and what was done (CS4321, CS4322)."""
+    path, text, move = predicted.path, predicted.program.text, predicted.path.toolpath.move
+    miss, half_sine = corner_misses(path.toolpath, path.world_position)
+    inside = _in_the_cut(predicted.targets)
     over = inside[miss[inside] > tolerance]
-    possible = [int(i) for i in over if move_text(program, int(i) - int(toolpath.move[i] == Move.ARC_END)) is not None]
+    possible = [int(i) for i in over if move_text(text, int(i) - int(move[i] == Move.ARC_END)) is not None]
     findings = []
     if len(possible) < len(over):
         left = [int(i) for i in over if int(i) not in set(possible)]
         findings.append(path.finding(left[0], "CS4322", "warning", f"{len(left)} zones that cut corners cannot be made smaller "
-                                                               "here"))
+                                     "here"))
     if not possible:
-        return program.source.data, findings
+        return text.source.data, findings
     radius = np.maximum(2 * tolerance / half_sine[possible], SMALLEST)
     findings.append(path.finding(possible[0], "CS4321", "note", f"{len(possible)} zones were made smaller, to "
-                       f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
-                       f"{1e6 * tolerance:g} um off the corner"))
-    return with_zones(program, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings
+                                 f"{1e3 * radius.min():.3f} ... {1e3 * radius.max():.3f} mm, so that they cut at most "
+                                 f"{1e6 * tolerance:g} um off the corner"))
+    return with_radii(text, possible, (np.floor(1e6 * radius) / 1e3).tolist()), findings

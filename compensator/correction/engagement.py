@@ -14,13 +14,15 @@ from stretches of the path, since neighbouring targets err alike.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.prediction import Prediction
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.predict import Predicted, under_forces
+from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import Estimate
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
@@ -33,6 +35,8 @@ Indices = NDArray[np.intp]
 LEAST_ACROSS = 0.05
 STRETCHES = 20
 FEWEST_TARGETS = 40
+# What is left for this cutting stiffness [N/m] is told where none is known.
+ASSUMED = 1e4
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -74,78 +78,122 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     return np.where(enough[:, None], across / np.maximum(size, 1e-300)[:, None], 0.0), np.where(enough, size, 0.0)
 
 
-def standing(path: RobotPath, prediction: Prediction, offsets: Array | None) -> Array:
+@dataclass(frozen=True, eq=False)
+class LoggedPass:
+    """What is known of the pass that the log was taken in. offsets (N, 3) [m], base frame, that the program had then, None: it
+    was the planned one; stiffness: of the cut [N/m], None: not known."""
+
+    offsets: Array | None
+    stiffness: Estimate | None
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedPass:
+    """The path under the forces that the corrected pass meets, and the deviation that they cause. left_as_logged (M,) [m]: how
+    far off the plan a cutting stiffness of ASSUMED would leave the tool, None where the force follows the cut."""
+
+    loaded: LoadedPath
+    prediction: Prediction
+    left_as_logged: Array | None
+    findings: tuple[Finding, ...] = ()
+
+
+def logged_pass(predicted: Predicted) -> LoggedPass:
+    """As the settings say: the cutting stiffness stated, or that of two passes. Raises what `read_offsets` and `two_passes`
+    raise, and what the first pass's log raises."""
+    settings = predicted.settings.correction
+    offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
+    if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
+        return LoggedPass(offsets, settings.cutting_stiffness)
+    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings)
+    stiffness = two_passes(first, predicted, offsets)
+    return LoggedPass(offsets, stiffness, (
+        Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * stiffness.value:.3g} N/mm, standard "
+                f"error {1e-3 * stiffness.std:.2g}", file=predicted.forces.log.source),))
+
+
+def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> CorrectedPass:
+    """The corrected pass of a program whose targets as given stand at the places `kept`."""
+    offsets = logged.offsets
+    if offsets is not None:
+        offsets = np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
+    if logged.stiffness is None:
+        with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
+            return CorrectedPass(predicted.loaded, predicted.prediction, left_as_logged(predicted, ASSUMED, offsets))
+    forces, findings = engaged(predicted, logged.stiffness, offsets)
+    loaded = replace(predicted.loaded, forces=forces)
+    return CorrectedPass(loaded, predict_path(loaded), None, findings)
+
+
+def standing(predicted: Predicted, offsets: Array | None) -> Array:
     """Where the tool stood off the plan in the logged pass (N, 3) [m], base frame: offsets plus deviation."""
-    stood = np.zeros((len(path.toolpath), 3)) if offsets is None else offsets.copy()
-    stood[prediction.targets] += prediction.position
+    stood = np.zeros((len(predicted.path.toolpath), 3)) if offsets is None else offsets.copy()
+    stood[predicted.targets] += predicted.prediction.position
     return stood
 
 
 def engaged(
-    path: RobotPath, forces: TargetForces, prediction: Prediction, stiffness: Estimate, offsets: Array | None
+    predicted: Predicted, stiffness: Estimate, offsets: Array | None
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
     """The forces of the corrected pass, out of those of the logged pass; offsets (N, 3) [m] the log was taken with.
 
     The uncertainty of the stiffness joins the force's standard error. Raises CompstiffError (CS4123) where the force would
     vanish or more than double: then the stiffness does not fit the log.
     """
-    per_newton, chosen = _deeper(path, forces, prediction, offsets)
+    forces, toolpath = predicted.forces, predicted.path.toolpath
+    per_newton, chosen = _deeper(predicted, offsets)
     growth = stiffness.value * per_newton
     worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
     if len(growth) and abs(growth[worst]) >= 1:
         raise CompstiffError(Finding(
             "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness.value:g} N/mm the force here would change by "
-            f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=path.toolpath.source,
-            line=int(path.toolpath.line[worst]), target=int(path.toolpath.number[worst]),
+            f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
+            target=int(toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
     error_of = np.abs(forces.wrench[:, :3] * per_newton[:, None]) * stiffness.std
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None],
                   standard_error=np.sqrt(forces.standard_error**2 + error_of**2) if stiffness.std else forces.standard_error)
     size = growth[chosen]
-    left = len(prediction.targets) - int(chosen.sum())
+    left = len(predicted.targets) - int(chosen.sum())
     note = f"; {left} with next to no force across the feed keep theirs" if left else ""
     return cut, (Finding(
         "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.value:.3g} N/mm the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
-        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=path.toolpath.source),)
+        f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=toolpath.source),)
 
 
-def left_as_logged(
-    path: RobotPath, forces: TargetForces, prediction: Prediction, stiffness: float, offsets: Array | None
-) -> Array:
+def left_as_logged(predicted: Predicted, stiffness: float, offsets: Array | None) -> Array:
     """How far off the plan (M,) [m] the tool stays with a cutting stiffness [N/m] where the forces are taken as logged.
 
     By g = K (e . n) / F_n more force it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left.
     """
-    per_newton, _ = _deeper(path, forces, prediction, offsets)
-    growth = np.abs(stiffness * per_newton[prediction.targets])
-    return np.asarray(np.linalg.norm(prediction.position, axis=1) * growth / (1 + growth))
+    per_newton, _ = _deeper(predicted, offsets)
+    growth = np.abs(stiffness * per_newton[predicted.targets])
+    return np.asarray(np.linalg.norm(predicted.prediction.position, axis=1) * growth / (1 + growth))
 
 
-def _deeper(path: RobotPath, forces: TargetForces, prediction: Prediction, offsets: Array | None) -> tuple[Array,
-                                                                                                           NDArray[np.bool_]]:
+def _deeper(predicted: Predicted, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:
     """(e . n) / F_n (N,) [m/N], and where there is such a force (N,)."""
-    direction, across = across_feed(path, forces.wrench[:, :3])
-    deeper = np.einsum("ni,ni->n", standing(path, prediction, offsets), direction)
+    direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    deeper = np.einsum("ni,ni->n", standing(predicted, offsets), direction)
     chosen = np.zeros(len(across), dtype=bool)
-    chosen[prediction.targets] = True
+    chosen[predicted.targets] = True
     chosen &= across > 0
     return np.where(chosen, deeper / np.maximum(across, 1e-300), 0.0), chosen
 
 
-def two_passes(
-    path: RobotPath, first: TargetForces, before: Prediction, second: TargetForces, after: Prediction, offsets: Array
-) -> Estimate:
-    """K from a pass of the planned program (first) and one with offsets (N, 3) [m] (second), loads and deviations of both.
+def two_passes(first: Predicted, second: Predicted, offsets: Array) -> Estimate:
+    """K from a pass of the planned program (first) and one with offsets (N, 3) [m] (second), each under its own log.
 
     Raises CompstiffError (CS4122) where the passes do not determine it: too few targets, or an error of more than half.
     """
-    direction, across = across_feed(path, first.wrench[:, :3])
+    direction, across = across_feed(first.path, first.forces.wrench[:, :3])
     both = np.zeros(len(across), dtype=bool)
-    both[np.intersect1d(before.targets, after.targets)] = True
+    both[np.intersect1d(first.targets, second.targets)] = True
     both &= across > 0
-    change = np.einsum("ni,ni->n", second.wrench[:, :3] - first.wrench[:, :3], direction)[both]
-    depth = np.einsum("ni,ni->n", standing(path, before, None) - standing(path, after, offsets), direction)[both]
+    change = np.einsum("ni,ni->n", second.forces.wrench[:, :3] - first.forces.wrench[:, :3], direction)[both]
+    depth = np.einsum("ni,ni->n", standing(first, None) - standing(second, offsets), direction)[both]
     power = float(depth @ depth)
     if len(depth) >= FEWEST_TARGETS and power > 0:
         value = float(depth @ change) / power
@@ -153,8 +201,8 @@ def two_passes(
         std = float(np.sqrt((moments**2).sum() * STRETCHES / (STRETCHES - 1))) / power
         if value > 2 * std:
             return Estimate(value, std)
-        found = f"{1e-3 * value:.3g} N/mm with a standard error of {1e-3 * std:.3g}"
+        why = f"{1e-3 * value:.3g} N/mm with a standard error of {1e-3 * std:.3g}"
     else:
-        found = f"only {counted(len(depth), 'target')} with force in both, expected at least {FEWEST_TARGETS}"
-    raise error("CS4122", f"the two passes do not determine the cutting stiffness: {found}", file=path.toolpath.source,
+        why = f"only {counted(len(depth), 'target')} with force in both, expected at least {FEWEST_TARGETS}"
+    raise error("CS4122", f"the two passes do not determine the cutting stiffness: {why}", file=first.path.toolpath.source,
                 hint="is each log that of its pass? state it with --cutting-stiffness, or correct from the second log alone")

@@ -1,97 +1,91 @@
-"""One program corrected into its files: all of them, or none; and what a person reads of it."""
+"""One job from its files to its files: all that it writes, or nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from compensator.correction.job import (
-    Corrected,
-    Inputs,
-    Predicted,
-    as_logged,
-    check_distinct,
-    check_not_corrected,
-    correct_program,
-    predict_program,
-    record,
-    summary,
-)
+from compensator.correction.correct import Corrected, correct
 from compensator.correction.offsets import offsets_csv
-from compensator.correction.settings import Settings
+from compensator.correction.predict import Predicted, predict
+from compensator.correction.record import check_not_corrected, record
+from compensator.correction.settings import DEFAULTS, Settings
+from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.split_files import split_files
 from identification.common.files import check_writable, json_bytes, write_whole
-from identification.common.findings import counted
+from identification.common.findings import CompstiffError, Finding
+from identification.model.cell import read_cell
+from identification.model.stiffness_file import read_stiffness
 
 
-def run_correction(
-    inputs: Inputs, output: Path, offsets: Path | None, report: Path | None, settings: Settings, *, overwrite: bool,
+@dataclass(frozen=True)
+class Inputs:
+    """The files of one job."""
+
+    cell: Path
+    toolpath: Path
+    stiffness: Path
+    forces: Path
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What a correction writes: the program with its record beside it, the offsets and the report where they are wanted."""
+
+    program: Path
+    offsets: Path | None = None
+    report: Path | None = None
+
+    @property
+    def record(self) -> Path:
+        """What the program was made from."""
+        return self.program.with_name(self.program.name + ".json")
+
+    def files(self) -> list[Path]:
+        """All of them, but for the parts of a program that is split."""
+        return [self.program, self.record, *(file for file in (self.offsets, self.report) if file)]
+
+
+def predict_files(inputs: Inputs, settings: Settings = DEFAULTS) -> Predicted:
+    """Reads the files and predicts. Raises what the readers and `predict` raise."""
+    cell = read_cell(inputs.cell)
+    model = read_stiffness(inputs.stiffness, cell)
+    return predict(cell, read_toolpath(inputs.toolpath, cell, settings.posting), model, inputs.forces, settings)
+
+
+def correct_files(
+    inputs: Inputs, outputs: Outputs, settings: Settings, *, overwrite: bool,
     before_writing: Callable[[], None] | None = None,
 ) -> Corrected:
     """Corrects one program and writes all its files, or none. What `before_writing` raises stops it at the last moment."""
-    record_file = output.with_name(output.name + ".json")
-    outputs = [output, record_file, *(path for path in (offsets, report) if path)]
-    check_distinct(inputs, outputs)
-    check_writable(outputs, overwrite=overwrite)
+    check_distinct(inputs, outputs.files())
+    check_writable(outputs.files(), overwrite=overwrite)
     if not overwrite:
         check_not_corrected(inputs.toolpath)
-    corrected = correct_program(predict_program(inputs, settings))
-    air = ~corrected.predicted.forces.forced | corrected.predicted.rapid
-    files, _, said = split_files(corrected.content, air, settings.posting, output, overwrite=overwrite)
-    check_distinct(inputs, list(files))
-    corrected = replace(corrected, findings=(*corrected.findings, *said))
-    files[record_file] = json_bytes(record(corrected, files))
-    if offsets:
-        files[offsets] = offsets_csv(corrected)
-    if report:
+    corrected = correct(predict_files(inputs, settings))
+    air = ~corrected.predicted.forces.forced | corrected.predicted.program.air
+    files, _, of_parts = split_files(corrected.content, air, settings.posting, outputs.program, overwrite=overwrite)
+    check_distinct(inputs, files)
+    corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
+    files[outputs.record] = json_bytes(record(corrected, files))
+    if outputs.offsets:
+        files[outputs.offsets] = offsets_csv(corrected)
+    if outputs.report:
         from compensator.correction.report import path_report
 
-        files[report] = path_report(corrected.predicted, corrected).encode()
+        files[outputs.report] = path_report(corrected).encode()
     if before_writing:
         before_writing()
     write_whole(files)
     return corrected
 
 
-def prediction_lines(predicted: Predicted) -> list[str]:
-    figures = summary(predicted)
-    deviation, std = figures["deviation_um"], figures["deviation_std_um"]
-    return [
-        f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
-        f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard deviation "
-        f"up to {std['largest']:.1f} um",
-    ]
-
-
-def correction_lines(corrected: Corrected) -> list[str]:
-    """The correction for the terminal."""
-    figures = summary(corrected.predicted, corrected)
-    offset, residual = figures["offset_mm"], figures["residual_um"]
-    added = [f"intermediate targets added: {figures['added_targets']}"] if figures["added_targets"] else []
-    return [
-        *prediction_lines(corrected.planned), *added,
-        f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
-        f"{figures['turn_deg']['largest']:.4f} deg",
-        f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
-        + (f"{counted(figures['held_back'], 'correction')} held back, else the rounding of the written numbers)"
-           if figures["held_back"] else "the rounding of the written numbers)"),
-        f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} targets",
-        *([f"forces taken as logged: {as_logged(figures)}"] if figures["left_at_10_n_per_mm_um"] else []),
-        *(corrected.advice.words() if corrected.advice else []),
-        *([] if figures["feed_check"] is None else _feed_lines(**figures["feed_check"])),
-    ]
-
-
-def _feed_lines(planned: dict[str, Any], corrected: dict[str, Any]) -> list[str]:
-    def both(key: str, form: str, factor: int = 1) -> str:
-        return f"{factor * corrected[key]:{form}} (as planned {factor * planned[key]:{form}})"
-
-    return [
-        f"feed cannot be held by {both('held_back', 'd')} of {corrected['judged']} moves, in the cut by "
-        f"{both('held_back_with_force', 'd')}; lowest share {both('lowest_feed_ratio', '.0f', 100)} %, in the cut "
-        f"{both('lowest_feed_ratio_with_force', '.0f', 100)} %",
-        f"time: {both('time_s', '.1f')} s, of them {both('lost_held_back_s', '.2f')} s lost where the feed cannot be held and "
-        f"{both('lost_ramps_s', '.2f')} s at stops and changes of feed",
-    ]
+def check_distinct(inputs: Inputs, outputs: Iterable[Path]) -> None:
+    """Raises CompstiffError (CS0006) where an output is one of the inputs, or two outputs are one file."""
+    seen = {path.resolve(): "input" for path in (inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces)}
+    for path in outputs:
+        if path.resolve() in seen:
+            raise CompstiffError(Finding("CS0006", "error", f"would overwrite an {seen[path.resolve()]} of this command",
+                                         file=str(path), hint="give the output another name"))
+        seen[path.resolve()] = "output"

@@ -1,4 +1,4 @@
-"""The forward model along a program: where the tool of each target comes to rest under its force, effects in force included.
+"""The forward model along a program (docs/architecture.md): where each target's tool rests under its force, effects included.
 
 The springs are those of compliance.py. Effects beyond them are evaluated over all targets of the program in their order, air
 moves with zero load among them, as one visit from zero load: what a gear remembers of its load passes from target to target,
@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.placement import TargetForces
-from compensator.path.arc_length import arc_length
+from compensator.correction.loaded_path import LoadedPath
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 from identification.model.compliance import displacement, equilibrium, loaded_angles
@@ -21,7 +20,6 @@ from identification.model.effects_in_force import EffectInForce, displaced, spli
 from identification.model.kinematics import forward
 from identification.model.load_state import LoadState
 from identification.model.rotations import Frame
-from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,78 +32,60 @@ TOLERANCE = 1e-11
 DAMPING = 1e-6
 
 
-def each_tool(path: RobotPath, targets: Indices) -> list[tuple[Frame, Indices]]:
-    """The targets by tool: flange_from_tcp and the places in `targets` that use it."""
-    tools = path.toolpath.tool[targets]
-    groups = []
-    for tool in np.unique(tools):
-        places = np.flatnonzero(tools == tool)
-        first = targets[places[0]]
-        groups.append((Frame(path.flange_from_tcp.rotation[first], path.flange_from_tcp.position[first]), places))
-    return groups
-
-
-def loaded_path(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array) -> Frame:
-    """base_from_tcp (M) of the targets (M,) under their force, when the robot is commanded to theta (M, 6) [rad] there and to
-    the planned angles elsewhere.
+def loaded_tool(loaded: LoadedPath, theta: Array) -> Frame:
+    """base_from_tcp (M) of the targets under their force, when the robot is commanded to theta (M, 6) [rad] there and to the
+    planned angles elsewhere.
 
     Raises CompstiffError (CS1101) where the springs find no equilibrium.
     """
-    pose = Frame(np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)))
-    rest = np.empty((len(targets), 6))
-    for tool, places in each_tool(path, targets):
-        wrench = forces.wrench[targets[places]]
+    path, model, targets, wrench = loaded.path, loaded.model, loaded.targets, loaded.wrench
+    rotation, position, rest = np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)), np.empty((len(targets), 6))
+    for tool, places in loaded.each_tool():
         try:
-            state = equilibrium(model.robot, theta[places], tool, wrench, model.compliance)
+            state = equilibrium(model.robot, theta[places], tool, wrench[places], model.compliance)
         except CompstiffError as stopped:
-            worst = int(targets[places[np.argmax(np.linalg.norm(wrench[:, :3], axis=1))]])
+            force = np.linalg.norm(wrench[places, :3], axis=1)
+            worst = int(targets[places[np.argmax(force)]])
             raise CompstiffError(*(path.finding(worst, finding.code, "error", f"{finding.message} (largest force "
-                                      f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N)", finding.hint)
+                                                f"{force.max():.3g} N)", finding.hint)
                                    for finding in stopped.findings)) from stopped
         rest[places] = loaded_angles(model.robot, theta[places], state.deflection)
         plain = forward(model.robot, rest[places], tool)
-        pose.rotation[places], pose.position[places] = plain.rotation, plain.position
+        rotation[places], position[places] = plain.rotation, plain.position
+    pose = Frame(rotation, position)
     if not model.effects or not len(targets):
         return pose
-    return displaced(pose, model.added(program(path, forces, model, targets, rest))[targets])
+    return displaced(pose, model.added(load_state_of(loaded, rest))[targets])
 
 
-def program(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, rest: Array) -> LoadState:
-    """All targets of the program (N), as the effects see them: at rest at angles rest (M, 6) [rad] at the `targets` (M,), at
-    the planned angles elsewhere."""
+def load_state_of(loaded: LoadedPath, rest: Array) -> LoadState:
+    """All targets of the program (N), as the effects see them: at rest at angles rest (M, 6) [rad] at those looked at, at the
+    planned angles elsewhere."""
+    path = loaded.path
     planned = path.theta.copy()
-    planned[targets] = rest
+    planned[loaded.targets] = rest
     known = ~np.isnan(planned).any(axis=1)
     before = np.maximum.accumulate(np.where(known, np.arange(len(planned)), int(np.argmax(known))))
-    wrench = np.nan_to_num(forces.wrench)
-    return model.load_state(planned[before], wrench, path.flange_from_tcp, _dwell(path, np.any(wrench != 0, axis=1)))
-
-
-def segment_times(path: RobotPath) -> Array:
-    """Time (N,) [s] from the target before to each target with the programmed feed; NaN where that is not known."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        length = arc_length(path.world_position, path.toolpath.move)
-        steps = np.diff(length, prepend=length[:1])
-        return np.asarray(np.where(steps == 0, 0.0, steps / path.toolpath.feed))
+    wrench = np.nan_to_num(loaded.forces.wrench)
+    return loaded.model.load_state(planned[before], wrench, path.flange_from_tcp, _dwell(path, np.any(wrench != 0, axis=1)))
 
 
 def _dwell(path: RobotPath, loaded: NDArray[np.bool_]) -> Array:
     """How long the load has been on at each target (N,) [s]: since the last one without; moves of unknown feed take none."""
-    time = np.cumsum(np.nan_to_num(segment_times(path), posinf=0.0))
+    time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))
     return np.asarray(time - np.maximum.accumulate(np.where(loaded, 0.0, time)))
 
 
-def resting_angles(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Array:
+def resting_angles(loaded: LoadedPath) -> Array:
     """Angles (M, 6) [rad] at which the springs must hold the robot, so that what the effects add brings the tool to the plan.
 
     Newton's method on the pose with the Jacobian of the joints alone; where an effect changes so steeply that a step does not
     bring the tool nearer, that target's steps are halved. What has not converged is left for the caller to find.
     """
-    robot = model.robot
-    goal = Frame(path.base_from_tcp.rotation[targets], path.base_from_tcp.position[targets])
-    rest, last, share = path.theta[targets], np.full(len(targets), np.inf), np.ones(len(targets))
+    model, targets, goal, rest = loaded.model, loaded.targets, loaded.goal, loaded.theta
+    last, share = np.full(len(targets), np.inf), np.ones(len(targets))
     for _ in range(MAX_ROUNDS):
-        rows = program(path, forces, model, targets, rest)
+        rows = load_state_of(loaded, rest)
         tool = displaced(Frame(rows.tool[targets], rows.tcp[targets]), model.added(rows)[targets])
         missing = np.concatenate(displacement(goal, tool), axis=1)
         distance = np.linalg.norm(missing, axis=1)
@@ -116,7 +96,7 @@ def resting_angles(path: RobotPath, forces: TargetForces, model: IdentifiedModel
         columns = rows.serial_jacobian[targets]
         normal = columns @ np.swapaxes(columns, 1, 2) + DAMPING**2 * np.eye(6)
         turn = np.einsum("nri,nr->ni", columns, np.linalg.solve(normal, missing[:, :, None])[:, :, 0])
-        rest = rest + share[:, None] * turn @ robot.uncoupling.T
+        rest = rest + share[:, None] * turn @ model.robot.uncoupling.T
     return np.asarray(rest)
 
 
@@ -130,19 +110,20 @@ class StateChange:
     step: Array
 
 
-def state_changes(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> list[StateChange]:
+def state_changes(loaded: LoadedPath) -> list[StateChange]:
     """Where along the program the state of an effect changes, with the loaded tool on the plan."""
+    model, targets = loaded.model, loaded.targets
     if not len(targets):
         return []
-    rows = program(path, forces, model, targets, path.theta[targets])
-    found = []
-    for one, values in zip(model.effects, split(model.values, model.effects), strict=True):
-        side = one.effect.side(rows, one.joint, values)
+    rows = load_state_of(loaded, loaded.theta)
+    changes = []
+    for effect, values in zip(model.effects, split(model.values, model.effects), strict=True):
+        side = effect.effect.side(rows, effect.joint, values)
         if side is None:
             continue
         places = np.flatnonzero(turned(side)[targets])
         if len(places):
-            moved = one.contribution(rows, values)[:, :3]
+            moved = effect.contribution(rows, values)[:, :3]
             step = np.linalg.norm(moved[targets[places]] - moved[targets[places] - 1], axis=1)
-            found.append(StateChange(one, places, step))
-    return found
+            changes.append(StateChange(effect, places, step))
+    return changes

@@ -1,4 +1,4 @@
-"""offsets.csv and deviation.csv: one row a target, corrected or not (FORMATS.md, correct)."""
+"""offsets.csv and deviation.csv: one row a target, corrected or not (docs/formats.md)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.job import Corrected, Predicted, planned_time
+from compensator.correction.correct import Corrected
+from compensator.correction.predict import Predicted
 
 Array = NDArray[np.float64]
 
@@ -36,9 +37,11 @@ def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
     import pyarrow as pa
     from pyarrow import csv
 
-    toolpath, targets = predicted.path.toolpath, predicted.prediction.targets
+    toolpath, targets = predicted.path.toolpath, predicted.targets
     deviation, sigma = np.zeros((len(toolpath), 3)), np.zeros((len(toolpath), 3))
     deviation[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
+    with np.errstate(over="ignore", invalid="ignore"):      # absurd feeds
+        time = np.cumsum(predicted.path.move_time)
     left = predicted.forces.forced.copy()
     left[targets] = False
     deviation[left] = sigma[left] = np.nan
@@ -50,7 +53,7 @@ def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
             *columns.items(),
             *_columns(deviation, "dx_um dy_um dz_um", 4).items(),
             *_columns(sigma, "sx_um sy_um sz_um", 4).items(),
-            ("time_s", np.round(planned_time(predicted), 6)),
+            ("time_s", np.round(time, 6)),
         )},
         "samples": predicted.forces.samples,
         "note": _notes(predicted, left),
@@ -74,7 +77,7 @@ def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]
     notes = np.full(len(toolpath), "", dtype=object)
     notes[~forces.forced] = "no force"
     notes[forces.samples == 0] = "no sample"
-    notes[predicted.prediction.targets] = predicted.prediction.notes
+    notes[predicted.targets] = predicted.prediction.notes
     for target in np.flatnonzero(left):
         notes[target] = f"left: {toolpath.block[target] or 'MoveAbsJ'}"
     return notes

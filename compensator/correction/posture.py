@@ -8,21 +8,19 @@ singularity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.forward import each_tool
-from compensator.forces.placement import TargetForces
-from compensator.path.robot_path import LARGEST_STEP, RobotPath
+from compensator.correction.loaded_path import LoadedPath
+from compensator.path.robot_path import LARGEST_STEP
+from identification.common.arrays import rms
 from identification.model.inverse import inverse, nearest_solution, wrist_distance
 from identification.model.rotations import Frame, rotation_matrix
-from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 STEP = np.radians(5.0)
 FARTHEST_TURN = 36          # steps to either side
 MOST_TARGETS = 400
@@ -61,55 +59,56 @@ class Advice:
             "ends_by": list(self.stopped), "targets": self.targets,
         }
 
-    def words(self) -> list[str]:
+    def lines(self) -> list[str]:
         """For the terminal."""
-        told = self.as_dict()
-        low, high = told["possible_deg"]
+        figures = self.as_dict()
+        low, high = figures["possible_deg"]
         span = (f"turns from {low:g} deg ({self.stopped[0]}) to {high:g} deg ({self.stopped[1]}) can be driven; {self.targets} "
                 "targets looked at")
-        if told["turn_deg"] == 0:
+        if figures["turn_deg"] == 0:
             return [f"Posture: no turn about the tool's axis lowers the deviation; {span}"]
-        return [f"Posture: turned by {told['turn_deg']:g} deg about the tool's axis the deviation would be "
-                f"{told['rms_um'][1]:.1f} in place of {told['rms_um'][0]:.1f} um RMS ({100 * told['gain']:.0f} % less), "
-                f"{told['largest_um'][1]:.1f} in place of {told['largest_um'][0]:.1f} um at most; {span}; "
+        planned, best = zip(figures["rms_um"], figures["largest_um"], strict=True)
+        return [f"Posture: turned by {figures['turn_deg']:g} deg about the tool's axis the deviation would be {best[0]:.1f} in "
+                f"place of {planned[0]:.1f} um RMS ({100 * figures['gain']:.0f} % less), {best[1]:.1f} in place of "
+                f"{planned[1]:.1f} um at most; {span}; "
                 "collisions are not checked"]
 
 
-def advise(path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices) -> Advice | None:
-    """What the turns about the tool's axis would do to the targets with force (M,); None where there is none.
+def advise(loaded: LoadedPath) -> Advice | None:
+    """What the turns about the tool's axis would do to the targets with force; None where there is none.
 
     Effects with memory are evaluated over the targets looked at alone.
     """
-    looked = targets[:: max(-(-len(targets) // MOST_TARGETS), 1)]
-    if not len(looked):
+    looked = replace(loaded, targets=loaded.targets[:: max(-(-len(loaded.targets) // MOST_TARGETS), 1)])
+    if not len(looked.targets):
         return None
-    rows: list[tuple[float, float, float]] = [(0.0, *_deviation(path, forces, model, looked, path.theta[looked]))]
+    rows: list[tuple[float, float, float]] = [(0.0, *_deviation(looked, looked.theta))]
     stopped = []
     for sense in (-1, 1):
-        theta, why = path.theta[looked], "half a turn"
+        theta, why = looked.theta, "half a turn"
         for number in range(1, FARTHEST_TURN + 1):
             turn = sense * number * STEP
-            theta, problem = _followed(path, looked, turn, theta)
+            theta, problem = _followed(looked, turn, theta)
             if problem:
                 why = problem
                 break
-            rows.append((turn, *_deviation(path, forces, model, looked, theta)))
+            rows.append((turn, *_deviation(looked, theta)))
         stopped.append(why)
-    turn, rms, largest = np.array(sorted(rows)).T
-    return Advice(turn, rms, largest, (stopped[0], stopped[1]), len(looked))
+    turns, rms_of, largest = np.array(sorted(rows)).T
+    return Advice(turns, rms_of, largest, (stopped[0], stopped[1]), len(looked.targets))
 
 
-def _pose(path: RobotPath, targets: Indices, turn: float) -> Frame:
+def _pose(loaded: LoadedPath, turn: float) -> Frame:
     """base_from_flange (M) with the tool turned about its own axis."""
     about = rotation_matrix(np.array([0.0, 0.0, turn]))
-    tcp = Frame(path.base_from_tcp.rotation[targets] @ about, path.base_from_tcp.position[targets])
-    return tcp @ Frame(path.flange_from_tcp.rotation[targets], path.flange_from_tcp.position[targets]).inverse()
+    tcp = Frame(loaded.goal.rotation @ about, loaded.goal.position)
+    return tcp @ loaded.path.flange_from_tcp[loaded.targets].inverse()
 
 
-def _followed(path: RobotPath, targets: Indices, turn: float, before: Array) -> tuple[Array, str]:
+def _followed(loaded: LoadedPath, turn: float, before: Array) -> tuple[Array, str]:
     """The joint angles (M, 6) next to those of the turn before, and what forbids them ("" if nothing does)."""
-    robot = path.cell.robot
-    solutions = inverse(robot, _pose(path, targets, turn), before)
+    robot = loaded.model.robot
+    solutions = inverse(robot, _pose(loaded, turn), before)
     if not solutions.reachable.any(axis=1).all():
         return before, "out of reach"
     theta, _ = nearest_solution(robot, solutions, before)
@@ -122,12 +121,10 @@ def _followed(path: RobotPath, targets: Indices, turn: float, before: Array) -> 
     return theta, "near the wrist's singularity" if wrist_distance(robot, theta).min() < SINGULAR else ""
 
 
-def _deviation(
-    path: RobotPath, forces: TargetForces, model: IdentifiedModel, targets: Indices, theta: Array
-) -> tuple[float, float]:
+def _deviation(loaded: LoadedPath, theta: Array) -> tuple[float, float]:
     """RMS and largest predicted deviation [m] of the targets at these joint angles (M, 6)."""
-    size = np.empty(len(targets))
-    for tool, places in each_tool(path, targets):
-        position, _, _ = model.predict(theta[places], forces.wrench[targets[places]], tool)
+    size, wrench = np.empty(len(loaded.targets)), loaded.wrench
+    for tool, places in loaded.each_tool():
+        position, _, _ = loaded.model.predict(theta[places], wrench[places], tool)
         size[places] = np.linalg.norm(position, axis=1)
-    return float(np.sqrt(np.mean(size**2))), float(size.max())
+    return rms(size), float(size.max())

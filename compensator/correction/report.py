@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.correct import Corrected
 from compensator.correction.feed_pages import feed_figures, feed_table
-from compensator.correction.job import Corrected, Predicted, as_logged, summary
+from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
-from compensator.path.arc_length import arc_length
 from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
 
 Array = NDArray[np.float64]
@@ -20,10 +20,12 @@ Indices = NDArray[np.intp]
 MOST_POINTS = 20_000
 
 
-def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
-    """The report of one program."""
-    figures = summary(predicted, corrected)
-    name = Path(predicted.inputs.toolpath).name
+def path_report(job: Predicted | Corrected) -> str:
+    """The report of one program, predicted or corrected."""
+    corrected = job if isinstance(job, Corrected) else None
+    predicted = job.predicted if isinstance(job, Corrected) else job
+    figures = job.as_dict()
+    name = Path(predicted.program.source or predicted.path.toolpath.source).name
     deviation, std = figures["deviation_um"], figures["deviation_std_um"]
     lead = [
         f"{figures['predicted']} of {figures['targets']} targets of {name} carry force. Without correction the tool is pushed "
@@ -39,15 +41,14 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
             f"same model leaves {residual['largest']:.2f} um at most; what the stiffnesses' uncertainty leaves is the 1 sigma "
             f"above. {figures['expected_worse']:.1f} of them are expected to end up farther off than uncorrected. "
-            + ("The force follows the cut with the stated cutting stiffness." if corrected.cutting is None else
+            + ("The force follows the cut with the stated cutting stiffness." if corrected.left_as_logged is None else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
-               f"{as_logged(figures)}."))
+               f"{corrected.as_logged()}."))
         if predicted.settings.correction.scale == EXACTLY_ONE:
             lead.append("The stiffnesses come from load tests at rest. In motion robots have been measured to give way more: "
-                        "measure "
-                        "a corrected pass, and let verify set --scale.")
+                        "measure a corrected pass, and let verify set --scale.")
         if corrected.advice is not None:
-            lead += corrected.advice.words()
+            lead += corrected.advice.lines()
         rows += [["intermediate targets", f"{figures['added_targets']}"],
                  ["corrections held back", f"{figures['held_back']}"],
                  ["largest correction [mm]", f"{offset['largest']:.4f}"],
@@ -59,7 +60,7 @@ def path_report(predicted: Predicted, corrected: Corrected | None) -> str:
         tables.append(feed_table(corrected.feed))
         drawn += feed_figures(corrected.feed)
     return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
-                  corrected.findings if corrected else predicted.findings, figures)
+                  job.findings, figures)
 
 
 def _kept(predicted: Predicted) -> tuple[Indices, str]:
@@ -68,7 +69,7 @@ def _kept(predicted: Predicted) -> tuple[Indices, str]:
     if count <= MOST_POINTS:
         return np.arange(count), ""
     size = np.zeros(count)
-    size[predicted.prediction.targets] = np.linalg.norm(predicted.prediction.position, axis=1)
+    size[predicted.targets] = np.linalg.norm(predicted.prediction.position, axis=1)
     stretches = np.array_split(np.arange(count), MOST_POINTS // 2)
     kept = np.unique([index for part in stretches for index in (part[0], part[np.argmax(size[part])])])
     return kept, f" {len(kept)} of {count} targets are drawn: of each stretch the first and the one that deviates most."
@@ -76,7 +77,7 @@ def _kept(predicted: Predicted) -> tuple[Indices, str]:
 
 def _space(predicted: Predicted) -> Figure:
     """The path in the base frame; colour: deviation along the direction in which the tool is pushed most."""
-    targets = predicted.prediction.targets
+    targets = predicted.targets
     kept, note = _kept(predicted)
     where = 1e3 * predicted.path.base_from_tcp.position
     known = predicted.path.known[kept]
@@ -112,9 +113,9 @@ def _space(predicted: Predicted) -> Figure:
 
 def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:
     kept, note = _kept(predicted)
-    targets = predicted.prediction.targets
+    targets = predicted.targets
     count = len(predicted.path.toolpath)
-    length = 1e3 * arc_length(predicted.path.world_position, predicted.path.toolpath.move)[kept]
+    length = 1e3 * predicted.path.length[kept]
     values, sigma = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
     values[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
     values, sigma = values[kept], sigma[kept]

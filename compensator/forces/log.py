@@ -59,7 +59,7 @@ def read_force_log(
 ) -> ForceLog:
     """Reads a force log.
 
-    form: how this cell's logger writes it. log_format: one of force_source.LOG_FORMATS, None for CSV or Parquet. spindle_rpm:
+    form: how this cell's logger writes it. log_format: one of source.LOG_FORMATS, None for CSV or Parquet. spindle_rpm:
     overrides the form's. borders (N - 1,) [m]: path lengths half way between targets: no row of a long log placed by path
     length reaches over one. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty,
     CS3004 no target number, CS3020 no header, CS3022 counts without a scale.
@@ -157,7 +157,7 @@ def _averaged(frequency: float, how: str, name: str) -> Finding:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Samples with their flags (n,) (force_health.py) and their numbers (n,) from 0; plain (n, c): loads as they were before
+    """Samples with their flags (n,) (health.py) and their numbers (n,) from 0; plain (n, c): loads as they were before
     they were averaged, (n, 0) where they are not."""
 
     samples: Samples

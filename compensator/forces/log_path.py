@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.map_matching import match_forwards
-from compensator.forces.program_time import placed_by_time
-from compensator.path.arc_length import arc_length, polyline
+from compensator.forces.time_log import place_by_time
+from compensator.path.arc_length import polyline
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
@@ -24,7 +24,7 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     it is.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
-    objects, and what `placed_by_time` raises.
+    objects, and what `place_by_time` raises.
     """
     if log.key == "target":
         _check_targets(log, len(path.toolpath))
@@ -32,7 +32,7 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     if log.key == "path_mm":
         return log
     if log.key == "time":
-        return placed_by_time(log, path)
+        return place_by_time(log, path)
     points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
@@ -48,7 +48,7 @@ def _check_targets(log: ForceLog, count: int) -> None:
 
 def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
     """The samples of a target as taken evenly on the way to it, from the target before."""
-    target, length = log.place.astype(np.intp), arc_length(path.world_position, path.toolpath.move)
+    target, length = log.place.astype(np.intp), path.length
     order = np.argsort(target, kind="stable")
     done = np.cumsum(log.weight[order]) - 0.5 * log.weight[order]
     total = np.bincount(target, log.weight, minlength=len(length))

@@ -13,11 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array, read_only
 from identification.model.gravity import FREE_FALL
 
-Array = NDArray[np.float64]
 # g must turn by about this much [rad], RMS over the readings, for what depends on it to be told apart from the bias.
 TURN = 0.1
 
@@ -43,6 +42,21 @@ class Payload:
     force_scatter: float
     moment_scatter: float
     turn: Array
+
+    def __post_init__(self) -> None:
+        read_only(self.bias, self.bias_std, self.turn)
+        if self.centre is not None and self.centre_std is not None:
+            read_only(self.centre, self.centre_std)
+
+    @property
+    def told_from_none(self) -> bool:
+        """The mass is over three standard deviations."""
+        return self.mass > 3 * self.mass_std
+
+    @property
+    def negative(self) -> bool:
+        """The mass is under zero by more than three standard deviations: something has the wrong sign."""
+        return self.mass < -3 * self.mass_std
 
 
 def weight(fall: Array, mass: float, arm: Array | None) -> Array:
@@ -70,10 +84,10 @@ def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload |
     force = np.zeros((3 * count, 4))
     force[:, :3] = np.tile(np.eye(3), (count, 1))
     force[:, 3] = fall.ravel()
-    found, covariance, scatter, dof = _least_squares(force, load[:, :3].ravel())
-    mass, mass_std = float(found[3]), float(np.sqrt(covariance[3, 3]))
+    parameters, covariance, scatter, dof = _least_squares(force, load[:, :3].ravel())
+    mass, mass_std = float(parameters[3]), float(np.sqrt(covariance[3, 3]))
     bias, bias_std = np.full(6, np.nan), np.full(6, np.nan)
-    bias[:3], bias_std[:3] = found[:3], np.sqrt(np.diag(covariance)[:3])
+    bias[:3], bias_std[:3] = parameters[:3], np.sqrt(np.diag(covariance)[:3])
     centre = centre_std = None
     moment_scatter, moment_dof = float("nan"), 0
     if has_moment and count > 2 and turn[1] >= TURN and mass > 3 * mass_std:
@@ -92,10 +106,10 @@ def estimate_payload(fall: Array, load: Array, *, has_moment: bool) -> Payload |
 def _least_squares(design: Array, values: Array) -> tuple[Array, Array, float, int]:
     """Estimates, their covariance from the scatter about the law, that scatter, and its degrees of freedom."""
     normal = np.linalg.inv(design.T @ design)
-    found = normal @ design.T @ values
+    parameters = normal @ design.T @ values
     dof = int(len(values) - design.shape[1])
-    scatter = float(np.sqrt(np.sum((values - design @ found) ** 2) / dof))
-    return found, np.asarray(scatter**2 * normal), scatter, dof
+    scatter = float(np.sqrt(np.sum((values - design @ parameters) ** 2) / dof))
+    return parameters, np.asarray(scatter**2 * normal), scatter, dof
 
 
 def interval_factor(dof: int) -> float:

@@ -1,39 +1,108 @@
-"""A force log with time alone, placed on a program: the program's own timing, the estimate of `time_placement.py`, and what is
-refused."""
+"""What a program says over time: when it is where, which of its moves cut, and what may carry force then."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.log import ForceLog
-from compensator.forces.time_alignment import (
-    LOWEST_SCORE,
-    LOWEST_SHARE,
-    MOST_ODD,
-    Program,
-    TimePlacement,
-    air_moves,
-    kinds_of_cut,
-    place_by_time,
-)
-from compensator.path.arc_length import arc_length
 from compensator.path.robot_path import RobotPath
 from compensator.path.timing import drive
 from compensator.toolpath import Move
-from identification.common.findings import Finding, Refused, counted, error
+from identification.common.arrays import Array, read_only
+from identification.common.findings import counted, error
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-# Fewer samples than this say nothing about time.
-FEWEST_SAMPLES = 100
+Flags = NDArray[np.bool_]
+# Feeds whose gap is at least this factor are cutting feed and air feed.
+AIR_FACTOR = 2.0
+# The edge of a cut is this wide [m].
+EDGE = 4e-3
+# Feeds whose cuts have a force of their own.
+KINDS = 2
 HINT = "log the column target, or x_mm y_mm z_mm (TCP in the work object), with the forces"
 
 
-def program_of(path: RobotPath) -> Program:
+@dataclass(frozen=True, eq=False)
+class ProgramTime:
+    """time (N,) [s] and length (N,) [m] at which each target is reached, ascending; air (N,): the move to the target does not
+    cut; kind (N,): moves of one number cut alike, such as those of one feed; direction (N, 3): unit vector of the move to it,
+    in the log's frame."""
+
+    time: Array
+    length: Array
+    air: Flags
+    kind: Indices
+    direction: Array
+
+    def __post_init__(self) -> None:
+        read_only(self.time, self.length, self.air, self.kind, self.direction)
+
+    @property
+    def duration(self) -> float:
+        """Of the whole program [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def stretches(self) -> list[tuple[int, int]]:
+        """Stretches of moves that may cut: the target before the first of them, and the last one."""
+        cuts = ~self.air
+        cuts[0] = False
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], cuts, [False]]).astype(int)))
+        return [(int(a) - 1, int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+    @cached_property
+    def typical_stretch(self) -> float:
+        """Duration of a typical stretch that cuts [s]."""
+        durations = [self.time[b] - self.time[a] for a, b in self.stretches]
+        return float(np.median(durations)) if durations else float(self.time[-1])
+
+    @cached_property
+    def period(self) -> float:
+        """Typical time from cut to cut [s]."""
+        return self.duration / max(len(self.stretches), 1)
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array]:
+        """Path length (N,) [m] at the start and the end of the stretch that each move belongs to; 0 on air moves."""
+        first, last = np.zeros(len(self.time)), np.zeros(len(self.time))
+        for a, b in self.stretches:
+            first[a + 1:b + 1], last[a + 1:b + 1] = self.length[a], self.length[b]
+        return first, last
+
+    def engagement(self, planned: Array, lead_in: float, lead_out: float) -> tuple[Array, Indices]:
+        """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the
+        program and over lead-in and lead-out [m]; and the move (n,)."""
+        move = np.clip(np.searchsorted(self.time, planned, side="left"), 1, len(self.time) - 1)
+        s = np.interp(planned, self.time, self.length)
+        first, last = self._ends
+        engaged = (np.clip((s - first[move] - lead_in) / EDGE + 0.5, 0, 1)
+                   * np.clip((last[move] - lead_out - s) / EDGE + 0.5, 0, 1))
+        engaged *= ~self.air[move] & (planned >= self.time[0]) & (planned <= self.time[-1])
+        return np.asarray(engaged[:, None] * np.column_stack([np.ones(len(move)), self.direction[move]])), move
+
+
+def air_moves(feed: Array, by_joints: Flags) -> Flags:
+    """Moves (N,) that do not cut: joint moves, and those of the fast class where the feeds (N,) [m/s] fall into two classes."""
+    feeds = np.unique(feed[(feed > 0) & ~by_joints])
+    ratio = feeds[1:] / feeds[:-1]
+    if not len(ratio) or ratio.max() < AIR_FACTOR:
+        return by_joints
+    return np.asarray(by_joints | (feed >= feeds[1:][np.argmax(ratio)]))
+
+
+def kinds_of_cut(feed: Array, air: Flags, length: Array) -> Indices:
+    """Number (N,) of the kind of cut of each move: one for each of the KINDS feeds with most path, one for all others."""
+    step = np.diff(length, prepend=length[:1])
+    feeds, which = np.unique(np.round(feed, 6), return_inverse=True)
+    share = np.bincount(which, np.where(air, 0.0, step))
+    rank = np.argsort(np.argsort(-share, kind="stable"), kind="stable")
+    return np.asarray(np.minimum(rank[which], min(KINDS, len(feeds) - 1)))
+
+
+def program_time(path: RobotPath) -> ProgramTime:
     """The program in time, as the robot can drive it. Raises CompstiffError (CS3060) where the feed or the way of a move is not
     known."""
     toolpath, robot_time = path.toolpath, drive(path)
@@ -46,7 +115,7 @@ def program_of(path: RobotPath) -> Program:
                     f"({counted(len(unknown), 'such target')})", file=toolpath.source, line=int(toolpath.line[first]),
                     target=first,
                     hint=f"declare the speed in this file, or {HINT}")
-    length = arc_length(path.world_position, toolpath.move)
+    length = path.length
     by_joints = np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE)))
     air = air_moves(toolpath.feed, by_joints)
     step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
@@ -54,73 +123,4 @@ def program_of(path: RobotPath) -> Program:
     if path.cell.force_log.kind != "base":
         # The sensor's frame turns with the tool's; a fixed rotation between them is part of what is estimated.
         direction = np.einsum("nji,nj->ni", path.base_from_tcp.rotation, direction)
-    return Program(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), direction)
-
-
-def placed_by_time(log: ForceLog, path: RobotPath) -> ForceLog:
-    """A log with time alone as one placed by path length, NaN outside the program, with the spread of each row.
-
-    Raises CompstiffError: CS3060 a move without known time, CS3062 time runs backwards, CS3063 a log that says nothing; Refused
-    (CS3061) where no place is believed.
-    """
-    time, source = log.place, log.source
-    if len(time) < FEWEST_SAMPLES:
-        raise error("CS3063", f"{counted(len(time), 'sample')} {'is' if len(time) == 1 else 'are'} too few to place a log by "
-                    f"time alone, at least {FEWEST_SAMPLES} are needed", file=source, hint=HINT)
-    back = np.flatnonzero(np.diff(time) < 0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise error("CS3062", f"time_s {time[row]:g} stands before the one above it, {time[row - 1]:g}", file=source,
-                    line=int(log.line[row]), hint="samples must be in the order of time, one pass a file")
-    if not np.ptp(log.force, axis=0).any() or time[-1] == time[0]:
-        raise error("CS3063", "the force never changes, or time does not: nothing says where the cut begins", file=source,
-                    hint=HINT)
-    program = program_of(path)
-    if not program.time[-1] > 0:
-        raise error("CS3063", "the program takes no time: it has no move of known length", file=source, hint=HINT)
-    found = place_by_time(program, time, log.force)
-    toolpath = path.toolpath.source
-    if not found.believed:
-        raise Refused(Finding(
-            "CS3061", "error", f"the log cannot be placed by time alone: {100 * found.share:.0f} % of the force follows the "
-            f"program, at least {100 * LOWEST_SHARE:.0f} % must; its score is {found.score:.1f} against {_rival(found)}, at "
-            f"least {LOWEST_SCORE:g} is needed; {_odd(program, found)}",
-            file=source,
-            hint=f"is it the log of {toolpath}, from before its start to after its end? Passes that are alike cannot be told "
-                 f"apart: {HINT}"))
-    spread = _spread(program, found)
-    typical, largest = 1e3 * np.nanquantile(spread, [0.5, 0.95])
-    findings = [Finding(
-        "CS3064", "warning", f"placed by time alone: the program starts at {found.start:.2f} s of the log's clock, override "
-        f"{100 * found.override:.1f} %, stretches slip by up to {found.slip:.2f} s; {100 * found.share:.0f} % of the force "
-        f"follows the program, score {found.score:.0f} against {_rival(found)}; 1 sigma of the time {np.median(found.std):.3f} "
-        f"s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)", file=source)]
-    if found.odd:
-        low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in found.odd[0])
-        findings.append(Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the "
-                                "program: is there no stock, or did the program stand still?", file=toolpath,
-                                line=int(path.toolpath.line[low]), target=low))
-    return replace(log, key="path_mm", place=found.place, spread=np.nan_to_num(spread),
-                   findings=(*log.findings, *findings))
-
-
-def _rival(found: TimePlacement) -> str:
-    return f"the best other place {found.rival:.1f} s away" if np.isfinite(found.rival) else "no other place"
-
-
-def _odd(program: Program, found: TimePlacement) -> str:
-    if not found.odd:
-        return "every stretch follows the program"
-    ends = [np.searchsorted(program.time, stretch) for stretch in found.odd[:5]]
-    places = ", ".join(f"{low} to {high}" for low, high in ends)
-    return (f"in {len(found.odd)} of its stretches (targets {places}"
-            f"{' ...' if len(found.odd) > 5 else ''}) the force does not follow the program, at most {MOST_ODD} may be so")
-
-
-def _spread(program: Program, found: TimePlacement) -> Array:
-    """1 sigma (M,) [m] of each sample's place: that of its time at the speed of the move it lies on; NaN outside."""
-    inside = ~np.isnan(found.place)
-    leg = np.minimum(np.searchsorted(program.length, np.where(inside, found.place, 0.0)), len(program.length) - 1)
-    step, duration = np.diff(program.length, prepend=0.0), np.diff(program.time, prepend=0.0)
-    speed = step / np.maximum(duration, 1e-9) * (duration > 0)
-    return np.where(inside, found.std * speed[leg], np.nan)
+    return ProgramTime(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), direction)

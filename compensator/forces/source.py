@@ -161,7 +161,11 @@ def open_force_log(path: Path, form: ForceLogFile, log_format: str | None = None
     said: tuple[Finding, ...] = ()
     header_line: int | None = 1
     if log_format is not None:
-        held, said = _public(path, form, log_format)
+        from identification.formats.force_logs import read_force_samples
+
+        samples = read_force_samples(path, log_format, rate_hz=form.rate_hz, counts_per_n=form.counts_per_n,
+                                     counts_per_nm=form.counts_per_nm)
+        held, said = samples.columns(), samples.findings
         names, rows, header_line = tuple(held), len(next(iter(held.values()))), None
     elif path.suffix.lower() in (".parquet", ".pq"):
         names, rows = number_blocks.parquet_names(path)
@@ -215,21 +219,3 @@ def _check_names(names: Sequence[str], required: Sequence[str], source: str, lin
         if there and len(there) < len(group):
             raise error("CS0202", f"found {', '.join(there)} without {', '.join(one for one in group if one not in names)}",
                         file=source, line=line, hint="give all of them or none")
-
-
-def _public(path: Path, form: ForceLogFile, log_format: str) -> tuple[dict[str, Array], tuple[Finding, ...]]:
-    """A log in one of the forms `compstiff convert` reads, whole."""
-    if log_format == "lvm":
-        from identification.formats.lvm import read_lvm
-
-        samples = read_lvm(path)
-    elif log_format == "net-ft":
-        from identification.formats import net_ft
-
-        samples = net_ft.read_net_ft(path, counts_per_force=form.counts_per_n or net_ft.COUNTS,
-                                     counts_per_torque=form.counts_per_nm or net_ft.COUNTS, rate=form.rate_hz or net_ft.RATE)
-    else:
-        from identification.formats import metallicadour
-
-        samples = metallicadour.read_metallicadour(path, rate=form.rate_hz or metallicadour.RATE)
-    return samples.columns(), samples.findings

@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.payload import Payload, estimate_payload, turns, weight
+from compensator.forces.target_rows import TargetRows
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import Finding, Level, counted, error
-from identification.model.cell import Cell
+from identification.common.arrays import Array, read_only
+from identification.common.findings import Finding, counted, error
+from identification.model.cell import Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.rotations import Frame
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 Range = tuple[int, int]
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
@@ -46,6 +45,9 @@ class Zero:
     noise: Array | None
     findings: tuple[Finding, ...]
 
+    def __post_init__(self) -> None:
+        read_only(*(array for array in (self.offset, self.bias, self.noise) if array is not None))
+
 
 def base_from_log(path: RobotPath, cell: Cell) -> Frame:
     """The log's axes and origin at each target (N)."""
@@ -56,26 +58,26 @@ def base_from_log(path: RobotPath, cell: Cell) -> Frame:
     return Frame(np.broadcast_to(np.eye(3), path.base_from_tcp.rotation.shape), path.base_from_tcp.position)
 
 
-def zero_of(
-    log: ForceLog, path: RobotPath, cell: Cell, loads: Array, index: Indices, share: Array, tare: Sequence[Range]
-) -> Zero:
-    """The zero of a log placed on a path: loads (m, 6) before any averaging, index (m,) target, share (m,) samples of its rows.
+def zero_of(log: ForceLog, path: RobotPath, cell: Cell, loads: Array, rows: TargetRows, tare: Sequence[Range]) -> Zero:
+    """The zero of a log placed on a path: loads (m, 6) before any averaging of its rows.
 
     A tare gives the bias; stretches of different orientation give mass and centre too, where cell.yaml names none. Without a
-    tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log.
+    tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log,
+    CS3039 a stretch is not in air.
     """
     form = cell.force_log
     frame = base_from_log(path, cell)
     fall = np.nan_to_num(frame.inverse().turn(fall_in_base(cell.world_from_base)))
-    mass, centre = (form.mass, form.centre) if form.kind != "base" and form.weight != "removed" else (None, None)
+    weighs = form.kind != "base" and form.weight != "removed"
+    mass, centre = (form.mass, form.centre) if weighs else (None, None)
     findings: list[Finding] = []
-    air = _air(log, loads, index, share, fall, tare) if tare else None
-    if air is not None and not mass and form.kind != "base" and form.weight != "removed" and len(tare) > 1:
-        found = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment)
-        findings.append(_estimated(found, air, log))
-        if found is not None and found.mass > 3 * found.mass_std:
+    air = _air(log, loads, rows, fall, tare) if tare else None
+    if air is not None and not mass and weighs and len(tare) > 1:
+        payload = estimate_payload(air.fall, form.sign * air.mean, has_moment=log.has_moment)
+        findings.append(_estimated(payload, air, log))
+        if payload is not None and payload.told_from_none:
             # The centre in the log's own frame, where the sensor sits: carried to the flange once.
-            mass, centre = found.mass, _in_flange(found, path, cell)
+            mass, centre = payload.mass, _in_flange(payload, path, form)
     held = np.zeros((len(path.toolpath), 6))
     if mass:
         arm = None
@@ -86,20 +88,22 @@ def zero_of(
                                     "centre of mass is not known", file=log.source, hint="state centre_of_mass_mm"))
         held = form.sign * np.nan_to_num(weight(fall, mass, arm))
     if air is not None:
-        apart = _per_stretch(held, index, share, tare)
-        _check_air(log, loads - held[index], index, share, tare)
-        bias = (air.mean - apart).mean(axis=0)
-        findings += _tared(log, air.mean - apart, bias, mass, tare)
+        _check_air(log, loads - held[rows.target], rows, tare)
+        biases = air.mean - _per_stretch(held, rows, tare)
+        bias = biases.mean(axis=0)
+        findings += _tared(log, biases, bias, mass, tare)
     else:
         bias = np.zeros(6) if form.bias is None else form.bias.copy()
         bias[3:] *= log.has_moment
     if mass:
-        findings += _weighed(log, cell, mass, held, loads - bias, index, share, tared=air is not None)
+        seen = rows.samples > 0
+        mean = rows.mean((loads - bias)[:, :3])
+        findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
     return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings))
 
 
-def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array, tare: Sequence[Range]) -> Air:
+def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Sequence[Range]) -> Air:
     """Means over the stretches. The noise is such that sigma of a mean of n samples is noise / sqrt(n), correlation between
     neighbours included: from up to 32 consecutive batches."""
     means, falls, squares, degrees = [], [], np.zeros(6), 0
@@ -108,32 +112,30 @@ def _air(log: ForceLog, loads: Array, index: Indices, share: Array, fall: Array,
             raise error("CS3006", f"--tare {first}:{last} names targets beyond the program, which has "
                         f"{counted(len(fall), 'target')} (0 to {len(fall) - 1})", file=log.source,
                         hint="name targets of an air move: FIRST:LAST, counted from 0 in the order of the text")
-        rows = np.flatnonzero((index >= first) & (index <= last))
-        if not len(rows):
+        inside = rows.between(first, last)
+        if not len(inside):
             raise error("CS3006", f"no sample lies on the targets {first} to {last} of --tare", file=log.source,
                         hint="name targets of an air move during which the log was already running")
-        samples = share[rows]
-        means.append(np.average(loads[rows], axis=0, weights=samples))
-        falls.append(np.average(fall[index[rows]], axis=0, weights=samples))
-        batches = np.array_split(rows, min(32, max(len(rows) // 4, 1)))
+        samples = rows.weight[inside]
+        means.append(np.average(loads[inside], axis=0, weights=samples))
+        falls.append(np.average(fall[rows.target[inside]], axis=0, weights=samples))
+        batches = np.array_split(inside, min(32, max(len(inside) // 4, 1)))
         if len(batches) > 1:
-            each = np.array([np.average(loads[batch], axis=0, weights=share[batch]) for batch in batches])
+            each = np.array([np.average(loads[batch], axis=0, weights=rows.weight[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
     return Air(np.array(means), np.array(falls), np.sqrt(squares / max(degrees, 1)))
 
 
-def _check_air(log: ForceLog, loads: Array, index: Indices, share: Array, tare: Sequence[Range]) -> None:
+def _check_air(log: ForceLog, loads: Array, rows: TargetRows, tare: Sequence[Range]) -> None:
     """Raises CompstiffError (CS3039) where the targets of a stretch show forces that differ as those of a cut do: by a fifth of
     the largest of the whole log."""
-    count = int(index.max()) + 1
-    samples = np.bincount(index, share, minlength=count)
+    force, samples = loads[:, :3], rows.samples
     seen = np.flatnonzero(samples)
-    total = np.column_stack([np.bincount(index, share * column, minlength=count) for column in loads[:, :3].T])
-    mean = np.asarray(total[seen] / samples[seen, None])
-    row = np.searchsorted(seen, index)
-    spread = np.bincount(row, share * ((loads[:, :3] - mean[row]) ** 2).sum(axis=1)) / samples[seen]
-    error_of = np.sqrt(np.maximum(spread, np.median(spread)) / np.bincount(row))
+    mean = rows.mean(force)
+    spread = rows.sum(((force - mean[rows.target]) ** 2).sum(axis=1))[seen] / samples[seen]
+    mean = mean[seen]
+    error_of = np.sqrt(np.maximum(spread, np.median(spread)) / rows.rows[seen])
     for first, last in tare:
         inside = (seen >= first) & (seen <= last)
         if not (~inside).any():
@@ -147,68 +149,66 @@ def _check_air(log: ForceLog, loads: Array, index: Indices, share: Array, tare: 
                         file=log.source, hint="name targets during which the tool touches nothing")
 
 
-def _per_stretch(values: Array, index: Indices, share: Array, tare: Sequence[Range]) -> Array:
+def _per_stretch(values: Array, rows: TargetRows, tare: Sequence[Range]) -> Array:
     """Means (k, 6) over the samples of each stretch of what each target has."""
-    chosen = [(index >= first) & (index <= last) for first, last in tare]
-    return np.array([np.average(values[index[rows]], axis=0, weights=share[rows]) for rows in chosen])
+    inside = [rows.between(*stretch) for stretch in tare]
+    return np.array([np.average(values[rows.target[part]], axis=0, weights=rows.weight[part]) for part in inside])
 
 
-def _in_flange(found: Payload, path: RobotPath, cell: Cell) -> Array | None:
-    if found.centre is None:
+def _in_flange(payload: Payload, path: RobotPath, form: ForceLogFrame) -> Array | None:
+    if payload.centre is None:
         return None
-    if cell.force_log.kind == "sensor" and cell.force_log.flange_from_sensor is not None:
-        return cell.force_log.flange_from_sensor.apply(found.centre)
-    return Frame(path.flange_from_tcp.rotation[0], path.flange_from_tcp.position[0]).apply(found.centre)
+    if form.kind == "sensor" and form.flange_from_sensor is not None:
+        return form.flange_from_sensor.apply(payload.centre)
+    return path.flange_from_tcp[0].apply(payload.centre)
 
 
-def _estimated(found: Payload | None, air: Air, log: ForceLog) -> Finding:
-    if found is None:
+def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:
+    if payload is None:
         return Finding("CS3034", "note", f"the {len(air.mean)} stretches of --tare turn the sensor by "
                        f"{np.degrees(turns(air.fall)[0]):.1f} deg: that does not tell a payload from the bias", file=log.source,
                        hint="compstiff tare finds it from still readings in orientations that differ more")
-    text = f"payload {found.mass:.2f} +- {found.mass_std:.2f} kg"
-    if found.mass <= 3 * found.mass_std:
-        level: Level = "warning" if found.mass < -3 * found.mass_std else "note"
-        return Finding("CS3034", level, f"{text} in the stretches of --tare: the log holds no weight", file=log.source,
-                       hint="a negative mass: check force_log.sign and the sensor's frame" if level == "warning" else "")
-    if found.centre is not None and found.centre_std is not None:
-        text += f", centre {_list(1e3 * found.centre, 1)} +- {_list(1e3 * found.centre_std, 1)} mm in the log's frame"
+    text = f"payload {payload.mass:.2f} +- {payload.mass_std:.2f} kg"
+    no_weight = f"{text} in the stretches of --tare: the log holds no weight"
+    if payload.negative:
+        return Finding("CS3042", "warning", no_weight, file=log.source,
+                       hint="a negative mass: check force_log.sign and the sensor's frame")
+    if not payload.told_from_none:
+        return Finding("CS3043", "note", no_weight, file=log.source)
+    if payload.centre is not None and payload.centre_std is not None:
+        text += f", centre {_list(1e3 * payload.centre, 1)} +- {_list(1e3 * payload.centre_std, 1)} mm in the log's frame"
     return Finding("CS3033", "note", f"{text}, estimated from {len(air.mean)} stretches of --tare", file=log.source)
 
 
-def _tared(log: ForceLog, each: Array, bias: Array, mass: float | None, tare: Sequence[Range]) -> list[Finding]:
+def _tared(log: ForceLog, biases: Array, bias: Array, mass: float | None, tare: Sequence[Range]) -> list[Finding]:
+    """What is said of the bias, the mean of those (k, 6) of each stretch."""
     where = ", ".join(f"{first} to {last}" for first, last in tare)
-    found = [Finding("CS3008", "note", f"bias {', '.join(f'{x:.2f}' for x in bias[:3])} N, mean of targets {where}, was "
-                     "subtracted", file=log.source)]
-    apart = float(np.linalg.norm(each[:, :3] - bias[:3], axis=1).max())
+    findings = [Finding("CS3008", "note", f"bias {_list(bias[:3], 2)} N, mean of targets {where}, was subtracted",
+                        file=log.source)]
+    apart = float(np.linalg.norm(biases[:, :3] - bias[:3], axis=1).max())
     if mass and apart > 0.1 * mass * FREE_FALL:
-        found.append(Finding("CS3034", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "
-                             f"from their mean by up to {apart:.1f} N", file=log.source,
-                             hint="is the mass right, and its weight still in the log (force_log.weight)?"))
-    return found
+        findings.append(Finding("CS3046", "warning", f"with a payload of {mass:g} kg taken off, the stretches of --tare differ "
+                                f"from their mean by up to {apart:.1f} N", file=log.source,
+                                hint="is the mass right, and its weight still in the log (force_log.weight)?"))
+    return findings
 
 
-def _weighed(
-    log: ForceLog, cell: Cell, mass: float, held: Array, loads: Array, index: Indices, share: Array, *, tared: bool
-) -> list[Finding]:
-    """What is said of the weight that is subtracted; loads (m, 6) without the bias."""
+def _weighed(log: ForceLog, form: ForceLogFrame, mass: float, mean: Array, held: Array, *, tared: bool) -> Finding:
+    """What is said of the weight that is subtracted: mean (n, 3) [N] of each target with samples, without the bias, and the
+    weight held (n, 3) [N] there. Raises CompstiffError (CS3032) where the log does not hold it."""
     heavy = mass * FREE_FALL
-    count = np.bincount(index, share, minlength=len(held))
-    there = count > 0
-    total = np.column_stack([np.bincount(index, share * column, minlength=len(held)) for column in loads[:, :3].T])
-    mean = total[there] / count[there, None]
     quiet = float(np.quantile(np.linalg.norm(mean, axis=1), 0.05))
-    left = float(np.quantile(np.linalg.norm(mean - held[there, :3], axis=1), 0.05))
+    left = float(np.quantile(np.linalg.norm(mean - held, axis=1), 0.05))
     if not tared and quiet < NOT_IN_LOG * heavy and left > (1 - NOT_IN_LOG) * heavy:
         raise error("CS3032", f"the payload of {mass:g} kg weighs {heavy:.0f} N, and the quietest targets of the log show "
                     f"{quiet:.1f} N: its weight is not in the log", file=log.source,
                     hint="state force_log.weight: removed in cell.yaml if the logger takes it off; if the sensor was zeroed "
                     "with the tool on, name an air move with --tare")
-    stated = tared or cell.force_log.bias is not None or cell.force_log.weight is not None
-    return [Finding("CS3031", "note" if stated else "warning", f"the weight of the payload of {mass:g} kg, {heavy:.0f} N, was "
-                    "subtracted at each target's orientation", file=log.source,
-                    hint="" if stated else "right only if the log holds that weight and the sensor has no bias: say so with "
-                    "force_log.weight: in_log (or removed) in cell.yaml, or name an air move with --tare")]
+    stated = tared or form.bias is not None or form.weight is not None
+    return Finding("CS3031", "note" if stated else "warning", f"the weight of the payload of {mass:g} kg, {heavy:.0f} N, was "
+                   "subtracted at each target's orientation", file=log.source,
+                   hint="" if stated else "right only if the log holds that weight and the sensor has no bias: say so with "
+                   "force_log.weight: in_log (or removed) in cell.yaml, or name an air move with --tare")
 
 
 def _list(values: Array, digits: int) -> str:

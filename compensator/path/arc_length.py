@@ -93,14 +93,10 @@ def nearest_target(length: Array, place: Array) -> Indices:
     length (N,) [m] from `arc_length`; targets with NaN get nothing.
     """
     known = np.flatnonzero(~np.isnan(length))
-    return np.asarray(known[np.searchsorted(_half_way(length), place, side="right")])
+    return np.asarray(known[np.searchsorted(borders(length), place, side="right")])
 
 
-def borders(position: Array, move: NDArray[np.uint8]) -> Array:
-    """Arc lengths half way between targets that follow each other, those of unknown position left out; as `arc_length`."""
-    return _half_way(arc_length(position, move))
-
-
-def _half_way(length: Array) -> Array:
+def borders(length: Array) -> Array:
+    """Arc lengths half way between targets that follow each other, those of unknown position (NaN) left out."""
     known = length[~np.isnan(length)]
     return np.asarray(0.5 * (known[1:] + known[:-1]))

@@ -83,8 +83,8 @@ def hold(robot: RobotModel, flange: Frame, *, branches: NDArray[np.bool_] | None
     thinned: neighbours are farther apart than on the path, so large steps do not count."""
     solutions = inverse(robot, flange)
     held = [_along(robot, solutions, branch, thinned) for branch in range(BRANCHES) if branches is None or branches[branch]]
-    whole = [one for one in held if one.failed_at < 0]
-    return max(whole, key=lambda one: one.reserve) if whole else max(held, key=lambda one: one.failed_at)
+    whole = [run for run in held if run.failed_at < 0]
+    return max(whole, key=lambda run: run.reserve) if whole else max(held, key=lambda run: run.failed_at)
 
 
 def _along(robot: RobotModel, solutions: Solutions, branch: int, thinned: bool) -> Held:

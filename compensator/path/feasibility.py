@@ -34,7 +34,8 @@ MOST_TOLD = 5
 
 @dataclass(frozen=True, eq=False)
 class Feasibility:
-    """One program, driven. plan, poses: what was driven; cutting (N,): the moves with force at both of their ends.
+    """One program, driven. path, poses: what was driven; forced (N,): the targets with force; cutting (N,): the moves with
+    force at both of their ends.
 
     ratio (N,): the lowest share of the programmed feed that the joints can hold on the way to each target, 1 where all of it;
     NaN where the move is not judged by its feed. joint (N,) index and by_speed (N,): what holds it back there, at the grid
@@ -44,6 +45,7 @@ class Feasibility:
 
     path: RobotPath
     poses: Poses
+    forced: Flags
     cutting: Flags
     drive: Drive
     ratio: Array
@@ -63,6 +65,22 @@ class Feasibility:
         """How many moves of the program as given these are: one that was given further targets counts once."""
         return len(np.unique(self.path.toolpath.number[which]))
 
+    def as_dict(self) -> dict[str, Any]:
+        """Its figures, JSON values."""
+        judged = ~np.isnan(self.ratio)
+        lowest = [float(np.nanmin(self.ratio[mask], initial=1.0)) for mask in (judged, judged & self.cutting)]
+        drive = self.drive
+        return {
+            "time_s": round(float(drive.time[-1]), 4), "programmed_time_s": round(float(np.nansum(drive.programmed)), 4),
+            "joint_moves_s": round(float(np.nansum(drive.duration[drive.route.legs.joint])), 4),
+            "judged": self.moves(judged), "held_back": self.moves(self.slow),
+            "held_back_with_force": self.moves(self.slow & self.cutting),
+            "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
+            "lost_held_back_s": round(float(np.nansum(self.lost[self.slow])), 4),
+            "lost_ramps_s": round(float(np.nansum(self.lost[judged & ~self.slow])), 4),
+            "wrist_margin_deg": round(float(np.degrees(self.wrist.min(initial=np.pi / 2))), 4),
+        }
+
 
 @dataclass(frozen=True, eq=False)
 class FeedCheck:
@@ -76,6 +94,25 @@ class FeedCheck:
     def last(self) -> Feasibility:
         """What the robot is to drive."""
         return self.after or self.before
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures before and after correction, JSON values."""
+        return {when: program.as_dict() for when, program in (("planned", self.before), ("corrected", self.after)) if program}
+
+    def lines(self) -> list[str]:
+        """For the terminal: what the corrected program holds, beside the planned one."""
+        planned, corrected = self.before.as_dict(), self.last.as_dict()
+
+        def both(key: str, form: str, factor: int = 1) -> str:
+            return f"{factor * corrected[key]:{form}} (as planned {factor * planned[key]:{form}})"
+
+        return [
+            f"feed cannot be held by {both('held_back', 'd')} of {corrected['judged']} moves, in the cut by "
+            f"{both('held_back_with_force', 'd')}; lowest share {both('lowest_feed_ratio', '.0f', 100)} %, in the cut "
+            f"{both('lowest_feed_ratio_with_force', '.0f', 100)} %",
+            f"time: {both('time_s', '.1f')} s, of them {both('lost_held_back_s', '.2f')} s lost where the feed cannot be held "
+            f"and {both('lost_ramps_s', '.2f')} s at stops and changes of feed",
+        ]
 
 
 def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = None) -> Feasibility:
@@ -91,9 +128,9 @@ def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = No
     for part in chunks(len(route.s), 65_536):
         leg, feed = route.leg[part], route.feed[part, None]
         with np.errstate(divide="ignore", invalid="ignore"):      # an unknown feed is infinite, a joint may rest
-            of_speed = robot.speed / np.abs(route.slope[part]) / feed
-            of_push = np.sqrt(robot.acceleration / np.abs(route.bend[part])) / feed
-        share = np.minimum(of_speed, of_push)
+            of_speed = robot.speed / np.abs(route.dtheta_ds[part]) / feed
+            of_acceleration = np.sqrt(robot.acceleration / np.abs(route.d2theta_ds2[part])) / feed
+        share = np.minimum(of_speed, of_acceleration)
         which = np.argmin(share, axis=1)
         lowest = share[np.arange(len(leg)), which]
         # The worst point of each leg: sorted by leg, the lowest first.
@@ -102,26 +139,21 @@ def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = No
         worse = first[lowest[first] < np.where(np.isnan(ratio[leg[first]]), -np.inf, ratio[leg[first]])]
         ratio[leg[worse]], joint[leg[worse]] = lowest[worse], which[worse]
         point[leg[worse]] = part.start + worse
-        by_speed[leg[worse]] = (of_speed <= of_push)[worse, which[worse]]
+        by_speed[leg[worse]] = (of_speed <= of_acceleration)[worse, which[worse]]
         np.minimum.at(wrist, leg, wrist_distance(robot, route.theta[part]))
         np.logical_or.at(outside, leg, (robot.limit_excess(route.theta[part]) > 1e-7).any(axis=1))
     lost = np.where(known, driven.duration - driven.programmed, 0.0)
     forced = np.zeros(count, dtype=bool) if forced is None else forced
     # A single noisy target on an air move is no cut.
-    return Feasibility(path, poses, forced & forced[route.legs.before], driven, ratio, joint, by_speed, point, wrist, outside,
-                       lost)
+    cutting = forced & forced[route.legs.before]
+    return Feasibility(path, poses, forced, cutting, driven, ratio, joint, by_speed, point, wrist, outside, lost)
 
 
-def check_feed(
-    path: RobotPath, forced: Flags, corrected: tuple[RobotPath, Flags, Poses] | None, *, strict: bool
-) -> FeedCheck:
-    """The verdict on the program as given and, where there is one, on the corrected one: its plan, with the targets that were
-    added, which of them have force, and the poses it commands.
+def check_feed(before: Feasibility, after: Feasibility | None = None, *, strict: bool) -> FeedCheck:
+    """The verdict on the program as given and, where there is one, on the corrected one, with the targets that were added.
 
     strict: Refused (CS4402) where a cut cannot hold its feed in the program that would be written.
     """
-    before = judge(path, forced)
-    after = None if corrected is None else judge(*corrected)
     check = FeedCheck(before, after, ())
     last = check.last
     if strict and (last.slow & last.cutting).any():
@@ -130,141 +162,118 @@ def check_feed(
     if strict and len(unfollowed):
         raise Refused(last.path.finding(int(unfollowed[0]), "CS4402", "error", f"{counted(last.moves(unfollowed), 'cut')} the "
                          "robot cannot follow between the targets: it would stop", "add targets, or turn the part"))
-    findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, forced, "as planned")]
-    if corrected is not None and after is not None:
-        findings += _places(after, corrected[1], "after correction")
+    findings = [*_cuts(check, "CS4401", "warning"), *_air(last), *_places(before, "as planned")]
+    if after is not None:
+        findings += _places(after, "after correction")
     return FeedCheck(before, after, (*findings, *_configurations(before), *_assumed(before)))
 
 
-def figures(check: FeedCheck) -> dict[str, Any]:
-    """What `--json` tells, JSON values: before and after correction."""
-    return {when: _figures(one) for when, one in (("planned", check.before), ("corrected", check.after)) if one is not None}
-
-
-def _figures(one: Feasibility) -> dict[str, Any]:
-    held_back, cutting = one.slow, one.cutting
-    judged = ~np.isnan(one.ratio)
-    lowest = [float(np.nanmin(one.ratio[mask], initial=1.0)) for mask in (judged, judged & cutting)]
-    return {
-        "time_s": round(float(one.drive.time[-1]), 4), "programmed_time_s": round(float(np.nansum(one.drive.programmed)), 4),
-        "joint_moves_s": round(float(np.nansum(one.drive.duration[one.drive.route.legs.joint])), 4),
-        "judged": one.moves(judged), "held_back": one.moves(held_back),
-        "held_back_with_force": one.moves(held_back & cutting),
-        "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
-        "lost_held_back_s": round(float(np.nansum(one.lost[held_back])), 4),
-        "lost_ramps_s": round(float(np.nansum(one.lost[judged & ~held_back])), 4),
-        "wrist_margin_deg": round(float(np.degrees(one.wrist.min(initial=np.pi / 2))), 4),
-    }
-
-
-def _reason(one: Feasibility, target: int) -> str:
-    robot, joint = one.path.cell.robot, int(one.joint[target])
-    limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if one.by_speed[target]
+def _reason(driven: Feasibility, target: int) -> str:
+    robot, joint = driven.path.cell.robot, int(driven.joint[target])
+    limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if driven.by_speed[target]
              else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
-    route, words = one.drive.route, ""
+    route, words = driven.drive.route, ""
     legs = route.legs
-    if not one.by_speed[target]:
+    if not driven.by_speed[target]:
         # The corner is the one at the nearer end of the leg.
-        grid, place = np.flatnonzero(route.leg == target), one.point[target]
+        grid, place = np.flatnonzero(route.leg == target), driven.point[target]
         nearer_end = route.s[grid[-1]] - route.s[place] <= route.s[place] - route.s[grid[0]]
         corner = target if nearer_end else int(legs.before[target])
         if legs.radius[corner] > 0 and legs.corner[corner] > np.radians(1.0):
             words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target "
-                     f"{one.path.toolpath.number[corner]}, rounded by a zone of "
+                     f"{driven.path.toolpath.number[corner]}, rounded by a zone of "
                      f"{1e3 * legs.radius[corner]:.3g} mm")
     return f"joint {joint + 1} at its {limit}{words}"
 
 
 def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
     """One finding a stretch of moves with force that cannot hold their feed, the worst first; the rest counted."""
-    one = check.last
-    places = np.flatnonzero(one.slow & one.cutting)
+    driven = check.last
+    places = np.flatnonzero(driven.slow & driven.cutting)
     if not len(places):
         return []
     runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
-    worst = np.array([int(run[np.argmin(one.ratio[run])]) for run in runs])
-    order = np.argsort(one.ratio[worst], kind="stable")
+    worst = np.array([int(run[np.argmin(driven.ratio[run])]) for run in runs])
+    order = np.argsort(driven.ratio[worst], kind="stable")
     findings = []
     for index in order[:MOST_TOLD]:
         target, run = int(worst[index]), runs[index]
-        planned = float(check.before.ratio[one.path.toolpath.number[target]])
+        planned = float(check.before.ratio[driven.path.toolpath.number[target]])
         before = "" if check.after is None or np.isnan(planned) else f"; as planned {_percent(min(planned, 1.0))}"
-        findings.append(one.path.finding(
-            target, code, level, f"a cut of {counted(one.moves(run), 'target')} cannot hold {_feed(one, target)}: "
-            f"{_percent(one.ratio[target])}, {_reason(one, target)}; {np.nansum(one.lost[run]):.2f} s lost{before}",
+        findings.append(driven.path.finding(
+            target, code, level, f"a cut of {counted(driven.moves(run), 'target')} cannot hold {_feed(driven, target)}: "
+            f"{_percent(driven.ratio[target])}, {_reason(driven, target)}; {np.nansum(driven.lost[run]):.2f} s lost{before}",
             "lower the feed there, round the corner with a larger zone, or turn the part away from the wrist singularity"))
     if len(runs) > MOST_TOLD:
         rest = worst[order[MOST_TOLD:]]
-        findings.append(one.path.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
-                                         "lowest "
-                           f"{_percent(one.ratio[rest].min())}"))
+        findings.append(driven.path.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
+                                            f"lowest {_percent(driven.ratio[rest].min())}"))
     return findings
 
 
-def _air(one: Feasibility) -> list[Finding]:
+def _air(driven: Feasibility) -> list[Finding]:
     """One note for all moves without force that cannot hold their feed."""
-    places = np.flatnonzero(one.slow & ~one.cutting)
+    places = np.flatnonzero(driven.slow & ~driven.cutting)
     if not len(places):
         return []
-    target = int(places[np.argmin(one.ratio[places])])
-    return [one.path.finding(target, "CS4411", "note", f"{counted(one.moves(places), 'move')} without force cannot hold their "
-               f"feed, {np.nansum(one.lost[places]):.2f} s lost; the lowest share {_percent(one.ratio[target])} of "
-               f"{_feed(one, target)}: {_reason(one, target)}")]
+    target = int(places[np.argmin(driven.ratio[places])])
+    return [driven.path.finding(target, "CS4411", "note", f"{counted(driven.moves(places), 'move')} without force cannot hold "
+                                f"their feed, {np.nansum(driven.lost[places]):.2f} s lost; the lowest share "
+                                f"{_percent(driven.ratio[target])} of {_feed(driven, target)}: {_reason(driven, target)}")]
 
 
 def _percent(ratio: float) -> str:
     return f"{100 * ratio:.0f} %" if ratio >= 0.1 else f"{100 * ratio:.2g} %"
 
 
-def _feed(one: Feasibility, target: int) -> str:
-    return f"{1e3 * one.drive.route.feed[one.point[target]]:g} mm/s"
+def _feed(driven: Feasibility, target: int) -> str:
+    return f"{1e3 * driven.drive.route.feed[driven.point[target]]:g} mm/s"
 
 
-def _places(one: Feasibility, forced: Flags, when: str) -> list[Finding]:
+def _places(driven: Feasibility, when: str) -> list[Finding]:
     """What lies between the targets: the wrist singularity, joint limits, moves that cannot be followed."""
     findings = []
-    path, robot, route = one.path, one.path.cell.robot, one.drive.route
+    path, robot, route = driven.path, driven.path.cell.robot, driven.drive.route
     # The targets with force themselves are judged by the correction (CS4105, CS4106, CS4110): of moves between them only what
     # comes nearer than both.
-    own = np.where(forced, wrist_distance(robot, one.poses.theta), np.inf)
-    near = np.flatnonzero(one.wrist < np.minimum(NEARLY_SINGULAR, NEARER * np.minimum(own, own[route.legs.before])))
+    own = np.where(driven.forced, wrist_distance(robot, driven.poses.theta), np.inf)
+    near = np.flatnonzero(driven.wrist < np.minimum(NEARLY_SINGULAR, NEARER * np.minimum(own, own[route.legs.before])))
     if len(near):
-        closest = int(near[np.argmin(one.wrist[near])])
-        cuts = one.moves(near[forced[near]])
-        findings.append(path.finding(closest, "CS4406", "warning", f"{when}: {counted(one.moves(near), 'move')} "
+        closest = int(near[np.argmin(driven.wrist[near])])
+        cuts = driven.moves(near[driven.forced[near]])
+        findings.append(path.finding(closest, "CS4406", "warning", f"{when}: {counted(driven.moves(near), 'move')} "
                            f"{f'({cuts} with force, between its targets) ' if cuts else 'without force '}"
                            f"within {np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest "
-                           f"{np.degrees(one.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
-    left = np.flatnonzero(one.outside)
+                           f"{np.degrees(driven.wrist[closest]):.2f} deg: axes 4 and 6 turn fast there"))
+    left = np.flatnonzero(driven.outside)
     if len(left):
         findings.append(path.finding(int(left[0]), "CS4407", "warning", f"{when}: on the way to "
-                           f"{counted(one.moves(left), 'target')} a joint limit or the parallel rod's window is left",
+                           f"{counted(driven.moves(left), 'target')} a joint limit or the parallel rod's window is left",
                            "step through these moves at low speed"))
     lost = np.flatnonzero(route.lost)
     if len(lost):
-        findings.append(path.finding(int(lost[0]), "CS4404", "warning", f"{when}: between {counted(one.moves(lost), 'pair')} "
-                                     "of "
-                           "targets the robot cannot follow the straight line or arc; these moves were not judged",
-                           "step through these moves, or add targets"))
+        findings.append(path.finding(int(lost[0]), "CS4404", "warning",
+                                     f"{when}: between {counted(driven.moves(lost), 'pair')} of targets the robot cannot "
+                                     "follow the straight line or arc; these moves were not judged",
+                                     "step through these moves, or add targets"))
     return findings
 
 
-def _configurations(one: Feasibility) -> list[Finding]:
+def _configurations(driven: Feasibility) -> list[Finding]:
     """Joint moves that change the configuration."""
-    path, legs = one.path, one.drive.route.legs
+    path, legs = driven.path, driven.drive.route.legs
     moved = np.flatnonzero(legs.joint & ~np.isin(path.toolpath.move, (1, 2, 3)))
     if not len(moved):
         return []
     ends = [configuration(path.cell.robot, path.theta[which])[:, 3] for which in (moved, legs.before[moved])]
     changed = moved[ends[0] != ends[1]]
     return [path.finding(int(changed[0]), "CS4408", "note", f"{counted(len(changed), 'joint move')} into another configuration "
-                         "of "
-               "arm or wrist")] if len(changed) else []
+                         "of arm or wrist")] if len(changed) else []
 
 
-def _assumed(one: Feasibility) -> list[Finding]:
+def _assumed(driven: Feasibility) -> list[Finding]:
     """What the verdict rests on."""
-    path, legs, toolpath = one.path, one.drive.route.legs, one.path.toolpath
+    path, legs, toolpath = driven.path, driven.drive.route.legs, driven.path.toolpath
     count = len(toolpath)
     cusps = int((legs.stop & legs.linear & (legs.corner >= SHARPEST) & (toolpath.zone > 0)).sum())
     text = (f"the limits are the speeds and accelerations of the robot file {path.cell.robot.name}; zones are driven as "
@@ -279,11 +288,10 @@ def _assumed(one: Feasibility) -> list[Finding]:
     no_feed = np.flatnonzero(legs.linear & ~(toolpath.feed > 0))
     if len(no_feed):
         findings.append(path.finding(int(no_feed[0]), "CS4405", "warning", f"the feed of {counted(len(no_feed), 'move')} is "
-                                     "not "
-                           "known: not judged, timed as fast as the joints allow", "declare the speed in this file"))
-    away = np.flatnonzero(np.isnan(one.drive.duration) & ~one.drive.route.lost & (np.arange(count) > 0))
+                                     "not known: not judged, timed as fast as the joints allow",
+                                     "declare the speed in this file"))
+    away = np.flatnonzero(np.isnan(driven.drive.duration) & ~driven.drive.route.lost & (np.arange(count) > 0))
     if len(away):
         findings.append(path.finding(int(away[0]), "CS4404", "warning", f"{counted(len(away), 'move')} from or to a target "
-                                     "whose "
-                           "joint angles are not known: neither judged nor timed"))
+                                     "whose joint angles are not known: neither judged nor timed"))
     return findings

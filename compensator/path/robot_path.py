@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.path.arc_length import arc_length
 from compensator.toolpath import Move, ToolFrame, Toolpath, WorkObject
+from identification.common.arrays import read_only
 from identification.common.findings import Finding, Level
 from identification.model.cell import Cell
 from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution
@@ -50,6 +53,20 @@ class RobotPath:
     used_frames: UsedFrames
     findings: tuple[Finding, ...]
 
+    @cached_property
+    def length(self) -> Array:
+        """Path length (N,) [m] at each target (`arc_length`); NaN where the position is not known."""
+        length = arc_length(self.world_position, self.toolpath.move)
+        read_only(length)
+        return length
+
+    @property
+    def move_time(self) -> Array:
+        """Time (N,) [s] from the target before to each target with the programmed feed; NaN where that is not known."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            steps = np.diff(self.length, prepend=self.length[:1])
+            return np.asarray(np.where(steps == 0, 0.0, steps / self.toolpath.feed))
+
     def finding(self, target: int, code: str, level: Level, message: str, hint: str = "") -> Finding:
         """A finding at the place of a target in the text of the program as it was given."""
         toolpath = self.toolpath
@@ -74,7 +91,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     theta[by_joints] = toolpath.joints[by_joints]
     if by_joints.any():
         flange = forward(robot, theta[by_joints], Frame.identity())
-        tcp = flange @ Frame(flange_from_tcp.rotation[by_joints], flange_from_tcp.position[by_joints])
+        tcp = flange @ flange_from_tcp[by_joints]
         base_from_tcp.rotation[by_joints], base_from_tcp.position[by_joints] = tcp.rotation, tcp.position
     known = posed | by_joints
     base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
@@ -85,8 +102,10 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
+    reached = np.asarray(~np.isnan(theta).any(axis=1))
+    read_only(theta, base_from_tcp.rotation, base_from_tcp.position, world, known, reached)
     return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, world, known,
-                ~np.isnan(theta).any(axis=1), used, tuple(findings))
+                     reached, used, tuple(findings))
 
 
 def _tool(tool: ToolFrame, cell: Cell) -> Frame:
@@ -116,7 +135,7 @@ def _follow(
     """Fills `theta` of the posed targets: the configuration a target names where the robot gets there by joint move, the
     continuous one along linear moves and arcs (the controller never changes configuration on those)."""
     where = np.flatnonzero(posed)
-    solutions = inverse(robot, Frame(base_from_flange.rotation[where], base_from_flange.position[where]))
+    solutions = inverse(robot, base_from_flange[where])
     configured, fits = configured_solution(robot, solutions, toolpath.confdata[where])
     fits &= toolpath.has_confdata[where]
     moves = toolpath.move[where]
@@ -175,15 +194,15 @@ def _anchor(
     """Angles (6,) and branch of one target, and whether they were guessed; None where no branch reaches it."""
     if not solutions.reachable[index].any():
         return None
-    one = Solutions(solutions.theta[index:index + 1], solutions.reachable[index:index + 1])
+    branches = Solutions(solutions.theta[index:index + 1], solutions.reachable[index:index + 1])
     linear = move != Move.JOINT and previous is not None
     if fits and not linear:
-        branch = int(np.argmin(np.max(np.abs(_modulo(one.theta[0] - configured)), axis=1)))
+        branch = int(np.argmin(np.max(np.abs(_modulo(branches.theta[0] - configured)), axis=1)))
         return configured, branch, False
     reference = np.zeros(6) if previous is None else previous
-    inside = Solutions(one.theta, one.reachable & (robot.limit_excess(one.theta) <= 1e-9).all(axis=2))
-    angles, branches = nearest_solution(robot, inside if inside.reachable.any() else one, reference[None])
-    return angles[0], int(branches[0]), not linear
+    inside = Solutions(branches.theta, branches.reachable & (robot.limit_excess(branches.theta) <= 1e-9).all(axis=2))
+    angles, nearest = nearest_solution(robot, inside if inside.reachable.any() else branches, reference[None])
+    return angles[0], int(nearest[0]), not linear
 
 
 def _modulo(angle: Array) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from compensator.path.arc_length import circle, turned_angle
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
+from identification.common.arrays import read_only
 from identification.model.inverse import BRANCHES, Solutions, configuration, inverse, nearest_solution
 from identification.model.kinematics import chunks, jacobian
 from identification.model.rotations import Frame, rotation_matrix, rotation_vector
@@ -77,8 +78,8 @@ class Route:
 
     leg (K,): target the point is on the way to. s (K,) [m]: path length; at a stop inside the program the point stands twice,
     as the end of one run and the start of the next, `GAP` apart. feed (K,) [m/s], inf where unknown, the slower one within a
-    blend. theta (K, 6) [rad]; slope (K, 6) [rad/m] and bend (K, 6) [rad/m^2]: its first and second derivative by s. stop (K,):
-    the robot stands still. lost (N,): legs along which no joint angles were found.
+    blend. theta (K, 6) [rad]; dtheta_ds (K, 6) [rad/m] and d2theta_ds2 (K, 6) [rad/m^2]: its derivatives by s. stop (K,): the
+    robot stands still. lost (N,): legs along which no joint angles were found.
     """
 
     legs: Legs
@@ -86,8 +87,8 @@ class Route:
     s: Array
     feed: Array
     theta: Array
-    slope: Array
-    bend: Array
+    dtheta_ds: Array
+    d2theta_ds2: Array
     stop: Flags
     lost: Flags
 
@@ -104,8 +105,9 @@ class Poses:
     theta: Array
 
 
-def build_legs(path: RobotPath, poses: Poses) -> Legs:
-    """The legs of a program driven through these poses."""
+def build_legs(path: RobotPath, poses: Poses, lost: Flags | None = None) -> Legs:
+    """The legs of a program driven through these poses. lost (N,): those along which no joint angles were found: not
+    linear."""
     toolpath, count = path.toolpath, len(path.toolpath)
     reached = np.asarray(~np.isnan(poses.theta).any(axis=1))
     position = np.where(reached[:, None], poses.base_from_tcp.position, 0.0)
@@ -131,40 +133,49 @@ def build_legs(path: RobotPath, poses: Poses) -> Legs:
     if len(via):
         straight, middle, about = circle(position[via - 1], position[via], position[via + 1])
         for end in (via, via + 1):
-            bent = end[~straight]
-            centre[bent], axis[bent] = middle[~straight], about[~straight]
-            start = position[bent - 1] - centre[bent]
-            angle[bent] = turned_angle(axis[bent], start, position[bent] - centre[bent])
+            curved = end[~straight]
+            centre[curved], axis[curved] = middle[~straight], about[~straight]
+            start = position[curved - 1] - centre[curved]
+            angle[curved] = turned_angle(axis[curved], start, position[curved] - centre[curved])
             radius = np.linalg.norm(start, axis=1)
-            length[bent] = radius * angle[bent]
-            first[bent] = np.cross(axis[bent], start) / radius[:, None]
-            last[bent] = np.cross(axis[bent], position[bent] - centre[bent]) / radius[:, None]
-    return _corners(toolpath.move, toolpath.zone, Legs(
-        linear, joint, same, before, length, first, last, turn, centre, axis, angle, np.zeros(count),
-        np.ones(count, dtype=bool), np.zeros(count), np.zeros(count, dtype=bool)))
+            length[curved] = radius * angle[curved]
+            first[curved] = np.cross(axis[curved], start) / radius[:, None]
+            last[curved] = np.cross(axis[curved], position[curved] - centre[curved]) / radius[:, None]
+    if lost is not None:
+        linear[lost] = False
+    # A leg starts where the last one that is not on the spot ended.
+    kept = np.flatnonzero(~same)
+    before[kept[1:]] = kept[:-1]
+    radius, stop, corner, unknown_zone = _corners(toolpath.move, toolpath.zone, linear, same, length, first, last)
+    read_only(linear, joint, same, before, length, first, last, turn, centre, axis, angle, radius, stop, corner, unknown_zone)
+    return Legs(linear, joint, same, before, length, first, last, turn, centre, axis, angle, radius, stop, corner,
+                unknown_zone)
 
 
-def _corners(move: NDArray[np.uint8], zone: Array, legs: Legs) -> Legs:
-    """Fills in stops, blends and corner angles. A target where the one before lies passes its zone on to that one."""
-    kept = np.flatnonzero(~legs.same)
-    group = np.cumsum(~legs.same) - 1
+def _corners(
+    move: NDArray[np.uint8], zone: Array, linear: Flags, same: Flags, length: Array, first: Array, last: Array
+) -> tuple[Array, Flags, Array, Flags]:
+    """Blend radius, stop, corner angle and unknown zone at the end of each leg (N,), as in `Legs`. A target where the one
+    before lies passes its zone on to that one."""
+    kept = np.flatnonzero(~same)
+    group = np.cumsum(~same) - 1
     smallest = np.full(len(kept), np.inf)
     np.fmin.at(smallest, group, zone)
     missing = np.zeros(len(kept), dtype=bool)
     np.logical_or.at(missing, group, np.isnan(zone))
     via = move[kept] == Move.ARC_VIA
-    follows = np.append(legs.linear[kept[1:]], False)
-    cosine = np.einsum("ij,ij->i", legs.last[kept[:-1]], legs.first[kept[1:]])
-    corner = np.append(np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
-    half = 0.5 * np.minimum(legs.length[kept], np.append(legs.length[kept[1:]], np.inf))
-    flying = legs.linear[kept] & follows & (via | (~missing & (smallest > 0) & (corner < SHARPEST)))
-    legs.before[kept[1:]] = kept[:-1]
-    legs.stop[kept] = ~flying
-    legs.stop[legs.same] = False
-    legs.radius[kept] = np.where(flying, np.minimum(smallest, half), 0.0)
-    legs.corner[kept] = np.where(legs.linear[kept] & follows, corner, 0.0)
-    legs.unknown_zone[kept] = missing & legs.linear[kept] & follows & ~via
-    return legs
+    follows = np.append(linear[kept[1:]], False)
+    cosine = np.einsum("ij,ij->i", last[kept[:-1]], first[kept[1:]])
+    angle = np.append(np.arccos(np.clip(cosine, -1.0, 1.0)), 0.0)
+    half = 0.5 * np.minimum(length[kept], np.append(length[kept[1:]], np.inf))
+    flying = linear[kept] & follows & (via | (~missing & (smallest > 0) & (angle < SHARPEST)))
+    radius, stop, corner = np.zeros(len(same)), np.zeros(len(same), dtype=bool), np.zeros(len(same))
+    unknown_zone = np.zeros(len(same), dtype=bool)
+    stop[kept] = ~flying
+    radius[kept] = np.where(flying, np.minimum(smallest, half), 0.0)
+    corner[kept] = np.where(linear[kept] & follows, angle, 0.0)
+    unknown_zone[kept] = missing & linear[kept] & follows & ~via
+    return radius, stop, corner, unknown_zone
 
 
 def joint_rates(path: RobotPath, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
@@ -174,29 +185,25 @@ def joint_rates(path: RobotPath, theta: Array, targets: Indices, legs: Legs, leg
     tools = path.toolpath.tool[targets]
     for tool in np.unique(tools):
         places = np.flatnonzero(tools == tool)
-        frame = Frame(path.flange_from_tcp.rotation[targets[places[0]]], path.flange_from_tcp.position[targets[places[0]]])
+        frame = path.flange_from_tcp[targets[places[0]]]
         for part in chunks(len(places), BATCH):
             here = places[part]
             matrix = jacobian(path.cell.robot, theta[targets[here]], frame, "drive") + 1e-12 * np.eye(6)
-            one = leg[here]
-            direction = np.concatenate([tangent[one], legs.turn[one] / legs.length[one, None]], axis=1)
+            on = leg[here]
+            direction = np.concatenate([tangent[on], legs.turn[on] / legs.length[on, None]], axis=1)
             rates[here] = np.linalg.solve(matrix, direction[:, :, None])[:, :, 0]
     return rates
 
 
 def build_route(path: RobotPath, poses: Poses) -> Route:
     """The grid along all linear legs. Legs along which the robot finds no joint angles are left out and named."""
-    legs = build_legs(path, poses)
-    lost = np.zeros(len(legs.linear), dtype=bool)
+    lost = np.zeros(len(path.toolpath), dtype=bool)
     while True:
-        route = _route(path, poses, legs, lost)
+        route = _route(path, poses, build_legs(path, poses, lost), lost)
         broken = np.unique(route.leg[np.isnan(route.theta).any(axis=1)])
         if not len(broken):
             return route
         lost[broken] = True
-        legs = build_legs(path, poses)
-        legs.linear[lost] = False
-        legs = _corners(path.toolpath.move, path.toolpath.zone, legs)
 
 
 def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
@@ -206,8 +213,8 @@ def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
     after = np.full(count, -1)
     after[legs.before[driven]] = driven
     both = np.minimum(feed, np.where(after >= 0, feed[after], np.inf))
-    push, jump, sharp = _demands(path, poses, legs, driven, after, np.minimum(both, 10.0))
-    leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), push, sharp)
+    acceleration, jump, sharp = _demands(path, poses, legs, driven, after, np.minimum(both, 10.0))
+    leg, d = _grid(legs, driven, after, np.minimum(feed, 10.0), acceleration, sharp)
 
     theta, position, blend = _joints(path, poses, legs, after, sharp, leg, d)
     while True:
@@ -233,11 +240,12 @@ def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
     # Within a blend the slower feed counts.
     shared = np.where(blend >= 0, blend, np.where(corner, leg, -1))
     bound = np.where(shared >= 0, both[shared], feed[leg])
-    slope, bend = _derivatives(theta, s, ends)
+    dtheta_ds, d2theta_ds2 = _derivatives(theta, s, ends)
     single = np.flatnonzero(corner & ~sharp[leg] & (legs.radius[leg] > 0))
     width = 0.5 * (s[single + 1] - s[single - 1])[:, None]
-    bend[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
-    return Route(legs, leg, s, bound, theta, slope, bend, stop, lost)
+    d2theta_ds2[single] += jump[leg[single]] * (0.5 / legs.radius[leg[single]][:, None] - 1 / width)
+    read_only(leg, s, bound, theta, dtheta_ds, d2theta_ds2, stop)
+    return Route(legs, leg, s, bound, theta, dtheta_ds, d2theta_ds2, stop, lost)
 
 
 def _joints(
@@ -257,11 +265,11 @@ def _joints(
         position[part] = pose.position
         share = (d[part] / legs.length[here])[:, None]
         reference = (1 - share) * poses.theta[start] + share * poses.theta[here]
-        tool = Frame(path.flange_from_tcp.rotation[here], path.flange_from_tcp.position[here])
-        found = inverse(robot, pose @ tool.inverse(), reference)
+        tool = path.flange_from_tcp[here]
+        solutions = inverse(robot, pose @ tool.inverse(), reference)
         branch = np.arange(BRANCHES) // 2
         same = (branch == arm[start][:, None]) | (branch == arm[here][:, None])
-        theta[part], _ = nearest_solution(robot, Solutions(found.theta, found.reachable & same), reference)
+        theta[part], _ = nearest_solution(robot, Solutions(solutions.theta, solutions.reachable & same), reference)
     return theta, position, blend
 
 
@@ -271,24 +279,24 @@ def _demands(
     """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6)
     [rad/m] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,) [m/s]."""
     limits, count = path.cell.robot.acceleration, len(legs.linear)
-    push, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
+    acceleration, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
     rate = joint_rates(path, poses.theta, driven, legs, driven, legs.last)
     with np.errstate(divide="ignore"):
-        push[driven] = np.min(limits / np.abs(rate), axis=1)
+        acceleration[driven] = np.min(limits / np.abs(rate), axis=1)
     jump[driven] = -rate
     rate = joint_rates(path, poses.theta, legs.before[driven], legs, driven, legs.first)
     with np.errstate(divide="ignore"):
-        push[driven] = np.minimum(push[driven], np.min(limits / np.abs(rate), axis=1))
+        acceleration[driven] = np.minimum(acceleration[driven], np.min(limits / np.abs(rate), axis=1))
     jump[legs.before[driven]] += rate
     jump[~((legs.radius > 0) & (after >= 0)) | (path.toolpath.move == Move.ARC_VIA)] = 0.0
     flying = np.flatnonzero((legs.radius > 0) & (after >= 0))
     sharp[flying] = legs.corner[flying] > NEARLY_STRAIGHT
     sharp[flying] |= (np.abs(jump[flying]) * feed[flying, None] ** 2 > 2 * GENTLE * limits
                       * legs.radius[flying, None]).any(axis=1)
-    return push, jump, sharp
+    return acceleration, jump, sharp
 
 
-def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array, sharp: Flags) -> tuple[Indices, Array]:
+def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, acceleration: Array, sharp: Flags) -> tuple[Indices, Array]:
     """Grid points as leg (K,) and distance (K,) [m] from the leg's start, in order."""
     length = legs.length
     starts = driven[legs.stop[legs.before[driven]] | ~legs.linear[legs.before[driven]]]
@@ -299,18 +307,18 @@ def _grid(legs: Legs, driven: Indices, after: Indices, feed: Array, push: Array,
     number = np.arange(len(inner)) - np.repeat(np.cumsum(np.maximum(pieces - 1, 0)) - np.maximum(pieces - 1, 0),
                                                np.maximum(pieces - 1, 0))
     loose = [(inner, (number + 1) / np.repeat(pieces, np.maximum(pieces - 1, 0)) * length[inner])]
-    bends = np.flatnonzero(sharp)
+    corners = np.flatnonzero(sharp)
     for share in BLEND:
-        near = bends if share <= 0.5 else after[bends]
-        d = legs.radius[bends] * (2 * share - 1)
+        near = corners if share <= 0.5 else after[corners]
+        d = legs.radius[corners] * (2 * share - 1)
         if share != 0.5:
-            loose.append((near, length[bends] + d if share < 0.5 else d))
+            loose.append((near, length[corners] + d if share < 0.5 else d))
     # Ramps beside stops, corners and changes of feed.
     before, next_feed = legs.before[driven], feed[np.maximum(after, 0)]
     standing = legs.stop[before] | ~legs.linear[before] | sharp[before]
-    at_start = np.where(standing, feed[driven] ** 2, np.abs(feed[driven] ** 2 - feed[before] ** 2)) / (2 * push[driven])
+    at_start = np.where(standing, feed[driven] ** 2, np.abs(feed[driven] ** 2 - feed[before] ** 2)) / (2 * acceleration[driven])
     still = legs.stop[driven] | sharp[driven]
-    at_end = np.where(still, feed[driven] ** 2, np.abs(feed[driven] ** 2 - next_feed[driven] ** 2)) / (2 * push[driven])
+    at_end = np.where(still, feed[driven] ** 2, np.abs(feed[driven] ** 2 - next_feed[driven] ** 2)) / (2 * acceleration[driven])
     clear_start, clear_end = np.where(sharp[before], legs.radius[before], 0), np.where(sharp[driven], legs.radius[driven], 0)
     for share in RAMP:
         for ramp, clear, from_start in ((at_start, clear_start, True), (at_end, clear_end, False)):
@@ -342,12 +350,12 @@ def _on_leg(frame: Frame, legs: Legs, leg: Indices, d: Array) -> tuple[Frame, Ar
     arc = np.flatnonzero(legs.angle[leg] > 0)
     if len(arc):
         tangent = tangent.copy()
-        one = leg[arc]
-        radius = frame.position[start[arc]] - legs.centre[one]
+        on = leg[arc]
+        radius = frame.position[start[arc]] - legs.centre[on]
         size = np.linalg.norm(radius, axis=1)
         angle = (d[arc] / size)[:, None]
-        across = np.cross(legs.axis[one], radius)
-        position[arc] = legs.centre[one] + np.cos(angle) * radius + np.sin(angle) * across
+        across = np.cross(legs.axis[on], radius)
+        position[arc] = legs.centre[on] + np.cos(angle) * radius + np.sin(angle) * across
         tangent[arc] = (np.cos(angle) * across - np.sin(angle) * radius) / size[:, None]
     turned = rotation_matrix(legs.turn[leg] * (d / legs.length[leg])[:, None])
     return Frame(turned @ frame.rotation[start], position), tangent
@@ -381,7 +389,7 @@ def _pose(frame: Frame, legs: Legs, after: Indices, sharp: Flags, leg: Indices, 
 
 def _derivatives(theta: Array, s: Array, ends: Flags) -> tuple[Array, Array]:
     """First and second derivative (K, 6) of theta by s through each three neighbours; at the ends of runs one-sided."""
-    slope, bend = np.zeros_like(theta), np.zeros_like(theta)
+    first_by_s, second_by_s = np.zeros_like(theta), np.zeros_like(theta)
     count = len(s)
     starts = np.append(True, ends[:-1]) if count else np.empty(0, dtype=bool)
     for part in chunks(count, BATCH):
@@ -392,8 +400,8 @@ def _derivatives(theta: Array, s: Array, ends: Flags) -> tuple[Array, Array]:
         left, right = np.maximum(here - 1, low) - low, np.minimum(here, high - 2) - low
         first, last = starts[here], ends[here]
         h_left, h_right, m_left, m_right = h[left], h[right], m[left], m[right]
-        slope[part] = (m_left * h_right + m_right * h_left) / (h_left + h_right)
-        bend[part] = 2 * (m_right - m_left) / (h_left + h_right)
-        slope[here[first]], slope[here[last]] = m_right[first], m_left[last]
-        bend[here[first | last]] = 0.0
-    return slope, bend
+        first_by_s[part] = (m_left * h_right + m_right * h_left) / (h_left + h_right)
+        second_by_s[part] = 2 * (m_right - m_left) / (h_left + h_right)
+        first_by_s[here[first]], first_by_s[here[last]] = m_right[first], m_left[last]
+        second_by_s[here[first | last]] = 0.0
+    return first_by_s, second_by_s

@@ -81,18 +81,18 @@ def joint_move_time(robot: RobotModel, step: Array, length: Array, feed: Array) 
     length (n,) [m], is on average no faster than feed (n,) [m/s] where that is known."""
     size = np.maximum(np.abs(step), 1e-12)
     rate = np.min(robot.speed / size, axis=1)
-    push = np.min(robot.acceleration / size, axis=1)
+    acceleration = np.min(robot.acceleration / size, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.fmin(rate, np.where((feed > 0) & (length > 1e-6), feed / length, np.nan))
-    triangle = rate**2 >= push
-    time = np.where(triangle, 2 / np.sqrt(push), 1 / rate + rate / push)
+    triangle = rate**2 >= acceleration
+    time = np.where(triangle, 2 / np.sqrt(acceleration), 1 / rate + rate / acceleration)
     return np.asarray(np.where(np.abs(step).max(axis=1, initial=0.0) < 1e-9, 0.0, time))
 
 
 def speed_bound(route: Route, robot: RobotModel) -> Array:
     """Largest squared speed (K,) [m^2/s^2] by the feed and the joints' speeds; 0 at stops."""
     with np.errstate(divide="ignore"):
-        joints = np.min(robot.speed / np.abs(route.slope), axis=1)
+        joints = np.min(robot.speed / np.abs(route.dtheta_ds), axis=1)
     bound = np.minimum(np.minimum(route.feed, joints) ** 2, FASTEST)
     return np.where(route.stop, 0.0, bound)
 
@@ -118,8 +118,8 @@ def fastest(route: Route, robot: RobotModel, path: RobotPath, window: int = WIND
                 braking = OVERRUN * float(np.max(_braking(route, robot, kept[ahead], limit[ahead])))
                 end = min(max(int(np.searchsorted(s, s[keep] + braking)), keep + FEWEST), last)
         part = kept[start:end + 1]
-        solved = _solve(s[start:end + 1] - s[start], route.slope[part], route.bend[part], limit[start:end + 1], robot,
-                        float(speed[start]))
+        solved = _solve(s[start:end + 1] - s[start], route.dtheta_ds[part], route.d2theta_ds2[part], limit[start:end + 1],
+                        robot, float(speed[start]))
         if solved is None:
             raise _failure(route, path, part)
         speed[start:keep + 1] = solved[:keep + 1 - start]
@@ -129,7 +129,7 @@ def fastest(route: Route, robot: RobotModel, path: RobotPath, window: int = WIND
 
 def _braking(route: Route, robot: RobotModel, where: Indices, bound: Array) -> Array:
     """Path length (n,) [m] to stop from the squared speed `bound` (n,) with the joints' accelerations there."""
-    return np.asarray(bound / (2 * np.min(robot.acceleration / np.maximum(np.abs(route.slope[where]), 1e-12), axis=1)))
+    return np.asarray(bound / (2 * np.min(robot.acceleration / np.maximum(np.abs(route.dtheta_ds[where]), 1e-12), axis=1)))
 
 
 def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool_]:
@@ -138,7 +138,7 @@ def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool
     count = len(bound)
     restless = np.zeros(count, dtype=bool)
     for part in chunks(count):
-        restless[part] = (np.abs(route.bend[part]) * bound[part, None] > 0.95 * robot.acceleration).any(axis=1)
+        restless[part] = (np.abs(route.d2theta_ds2[part]) * bound[part, None] > 0.95 * robot.acceleration).any(axis=1)
     steps = np.flatnonzero(np.abs(np.diff(bound)) > 1e-9 * bound[1:])
     restless[steps] = restless[steps + 1] = True
     restless[[0, -1]] = True
@@ -151,7 +151,7 @@ def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool
     return np.asarray(np.cumsum(change[:-1]) > 0)
 
 
-def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel, first: float) -> Array | None:
+def _solve(s: Array, dtheta_ds: Array, d2theta_ds2: Array, bound: Array, robot: RobotModel, first: float) -> Array | None:
     """Speed (k,) [m/s] along s (k,) [m] from 0 on, from speed `first` to rest; None where TOPPRA finds none."""
     import toppra
     from toppra.algorithm import TOPPRA, ParameterizationReturnCode
@@ -166,7 +166,7 @@ def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel,
         path_interval = np.array([0.0, s[-1]])
 
         def __call__(self, grid: Array, order: int = 0) -> Array:
-            return (slope, slope, bend)[order]
+            return (dtheta_ds, dtheta_ds, d2theta_ds2)[order]
 
     class SpeedBound(LinearConstraint):  # type: ignore[misc]
         """0 <= speed^2 <= bound."""
@@ -187,12 +187,12 @@ def _solve(s: Array, slope: Array, bend: Array, bound: Array, robot: RobotModel,
 
 def _failure(route: Route, path: RobotPath, part: Indices) -> CompstiffError:
     """CS4409 at the place of a window where the joints move fastest by the path's length."""
-    relative = np.abs(route.slope[part]) / path.cell.robot.speed
+    relative = np.abs(route.dtheta_ds[part]) / path.cell.robot.speed
     place, joint = np.unravel_index(int(np.nanargmax(relative)), relative.shape)
     target = int(route.leg[part[place]])
     toolpath = path.toolpath
     return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
-                 f"{1e-3 * np.degrees(abs(route.slope[part[place], joint])):.3g} deg a millimetre of path",
+                 f"{1e-3 * np.degrees(abs(route.dtheta_ds[part[place], joint])):.3g} deg a millimetre of path",
                  file=toolpath.source, line=int(toolpath.line[target]), column=int(toolpath.column[target]),
                  target=int(toolpath.number[target]),
                  hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")

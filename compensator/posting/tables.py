@@ -1,4 +1,4 @@
-"""Toolpaths as tables (CSV, Parquet): a row a target, in the work object (FORMATS.md, Toolpaths)."""
+"""Toolpaths as tables (CSV, Parquet): a row a target, in the work object (docs/formats.md#toolpaths)."""
 
 from __future__ import annotations
 

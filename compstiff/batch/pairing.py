@@ -1,4 +1,4 @@
-"""Many programs: which belong together with which log, and which files each is to become (FORMATS.md, Commands).
+"""Many programs: which belong together with which log, and which files each is to become (docs/formats.md).
 
 A program and its log share their stem: `part.mod`, `part.forces.csv`. Nothing here reads what is inside the files.
 """
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from compensator.correction.job import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
+from compensator.posting.read_toolpath import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
 from identification.common.findings import Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")

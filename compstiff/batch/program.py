@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from compensator.correction.files import run_correction
-from compensator.correction.job import Inputs, check_not_corrected, summary
+from compensator.correction.files import Inputs, Outputs, correct_files
+from compensator.correction.record import check_not_corrected
 from compensator.correction.settings import Settings
 from compstiff.batch.pairing import Job, no_log
 from compstiff.outcome import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
@@ -80,9 +80,9 @@ def run_job(job: Job, common: Common, *, overwrite: bool = False, before_writing
         inputs = Inputs(common.cell, job.program, common.stiffness, job.forces)
         if not forced:
             check_not_corrected(job.program, job.output.parent)
-        corrected = run_correction(inputs, job.output, job.offsets, job.report, common.settings,
-                                   overwrite=overwrite or forced, before_writing=before_writing)
-        return Outcome(summary(corrected.predicted, corrected), corrected.findings)
+        corrected = correct_files(inputs, Outputs(job.output, job.offsets, job.report), common.settings,
+                                  overwrite=overwrite or forced, before_writing=before_writing)
+        return Outcome(corrected.as_dict(), corrected.findings)
 
     session = replace(common.session, jobs=False)
     outcome, status, code = attempt(session, body)

@@ -1,4 +1,4 @@
-"""What every command does the same way: options, messages, `--json`, exit codes (FORMATS.md).
+"""What every command does the same way: options, messages, `--json`, exit codes (docs/formats.md).
 
 Results go to stdout or the named file, messages to stderr; `--json` prints exactly one document on stdout, also when the
 command fails. Only this module and the command modules talk.
@@ -26,9 +26,50 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 
 Body = Callable[..., Outcome]
+COMMON = "Common"
 
 
-def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Command]:
+class HeadedOption(click.Option):
+    """An option that stands under a heading in the help of its command."""
+
+    def __init__(self, *arguments: Any, heading: str, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.heading = heading
+
+
+class HeadedCommand(click.Command):
+    """A command whose options stand under headings: those without one first, the common ones last. examples: calls to copy."""
+
+    examples: tuple[str, ...] = ()
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        headed: dict[str, list[tuple[str, str]]] = {"Options": []}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record and isinstance(parameter, click.Option):
+                headed.setdefault(getattr(parameter, "heading", "Options"), []).append(record)
+        common = headed.pop(COMMON, [])
+        if len(headed) == 1:        # a short list needs no headings
+            headed["Options"][:0] = common
+        else:
+            headed[COMMON] = [*common, headed["Options"].pop()]      # --help
+        for heading, records in headed.items():
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        if self.examples:
+            with formatter.section("Examples"):
+                for example in self.examples:
+                    formatter.write(f"  {example}\n")
+
+
+def option(heading: str, *names: str, **named: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`click.option` under a heading."""
+    return click.option(*names, cls=HeadedOption, heading=heading, **named)
+
+
+def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) -> Callable[[Body], click.Command]:
     """A click command whose body takes `session` first and returns its `Outcome`; adds the common options."""
 
     def decorate(body: Body) -> click.Command:
@@ -39,11 +80,13 @@ def command(name: str, *, writes: bool = False) -> Callable[[Body], click.Comman
 
         decorated: Any = run
         if writes:
-            decorated = click.option("--force", "overwrite", is_flag=True, help="Overwrite files that exist.")(decorated)
-        decorated = click.option("-v", "--verbose", is_flag=True, help="Every finding by itself, nothing folded.")(decorated)
-        decorated = click.option("-q", "--quiet", is_flag=True, help="Only errors on stderr.")(decorated)
-        decorated = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout.")(decorated)
-        return click.command(name, context_settings=CONTEXT)(decorated)
+            decorated = option(COMMON, "--force", "overwrite", is_flag=True, help="Overwrite files that exist.")(decorated)
+        decorated = option(COMMON, "-v", "--verbose", is_flag=True, help="Every finding by itself, nothing folded.")(decorated)
+        decorated = option(COMMON, "-q", "--quiet", is_flag=True, help="Only errors on stderr.")(decorated)
+        decorated = option(COMMON, "--json", "as_json", is_flag=True, help="One JSON document on stdout.")(decorated)
+        headed = click.command(name, cls=HeadedCommand, context_settings=CONTEXT)(decorated)
+        headed.examples = examples
+        return headed
 
     return decorate
 

@@ -1,33 +1,42 @@
-"""The commands of every toolpath: `predict`, `correct`, `demo`."""
+"""`compstiff correct`: a milling program, or many, corrected for the deflection under logged forces."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from compensator.correction.settings import Settings
-from compstiff.cli.console import EXISTING, PATH, command
-from compstiff.cli.options import CELL, CORRECTION_OPTIONS, FORCE_OPTIONS, POSTING_OPTIONS, STIFFNESS, with_settings
+from compstiff.cli.console import EXISTING, PATH, command, option
+from compstiff.cli.options import (
+    CELL,
+    CORRECTION_OPTIONS,
+    FEED_OPTIONS,
+    LOG_OPTIONS,
+    POSTING_OPTIONS,
+    SPLITTING_OPTIONS,
+    STIFFNESS,
+    with_settings,
+)
 from compstiff.cli.watch import correct_batch, is_batch
 from compstiff.outcome import Outcome, Session
 
-if TYPE_CHECKING:
-    pass
 
-
-@command("correct", writes=True)
+@command("correct", writes=True, examples=(
+    "compstiff correct cell.yaml part.mod --stiffness stiffness.json --forces part.forces.csv \\",
+    "    --tare 0:2 -o part_corrected.mod --report correct.html",
+    "compstiff correct cell.yaml programs/ --stiffness stiffness.json --tare 0:2 -o corrected/ --json",
+))
 @CELL
 @click.argument("toolpath_files", metavar="TOOLPATH...", nargs=-1, required=True, type=EXISTING)
 @STIFFNESS
 @click.option("--forces", "forces_file", type=EXISTING,
               help="The force log of this program; of several the folder of their logs.  [default: beside each]")
 @click.option("-o", "--output", required=True, type=click.Path(), help="The corrected program to write; of several a folder.")
-@click.option("--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
-@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS)
+@with_settings(*LOG_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
-@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
+@option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
+@option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
 def correct(
     session: Session, cell_file: Path, toolpath_files: tuple[Path, ...], stiffness_file: Path, forces_file: Path | None,
     output: str, offsets: Path | None, report: Path | None, settings: Settings, jobs: int,
@@ -51,8 +60,7 @@ def _correct_one(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
     offsets: Path | None, report: Path | None, settings: Settings,
 ) -> Outcome:
-    from compensator.correction.files import correction_lines, run_correction
-    from compensator.correction.job import Inputs, summary
+    from compensator.correction.files import Inputs, Outputs, correct_files
     from compstiff.batch.pairing import log_beside
 
     forces_file = forces_file or log_beside(toolpath_file)
@@ -66,9 +74,9 @@ def _correct_one(
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
-    corrected = run_correction(inputs, output, offsets, report, settings, overwrite=session.overwrite)
+    corrected = correct_files(inputs, Outputs(output, offsets, report), settings, overwrite=session.overwrite)
     step = f"open {report} in a browser" if report else f"load {output}{_parts_of(output)} into the robot, first in air"
-    return Outcome(summary(corrected.predicted, corrected), corrected.findings, correction_lines(corrected), step)
+    return Outcome(corrected.as_dict(), corrected.findings, corrected.lines(), step)
 
 
 def _parts_of(output: Path) -> str:

@@ -71,78 +71,45 @@ def design(
     """
     _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
     _check_loads(axes, every_axis, direction, preset, diagnosis, add)
-    import json
     import os
 
     # Matrices of six by six: threads only get into each other's way, five times as slow where the cores are shared.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    import numpy as np
 
     from compstiff.milling_poses import milling_poses
-    from identification.common.files import check_writable, write_whole
-    from identification.common.shipped import shipped
-    from identification.design.comparison import compared
-    from identification.design.discrimination import fitted_rivals, nothing_to_settle, read_diagnosis, settling_design
-    from identification.design.forecast import forecast
-    from identification.design.kept_back import kept_back
-    from identification.design.order import kinds, run_order
-    from identification.design.procedure import QUICK, Effort
-    from identification.design.procedure import design as search
-    from identification.design.program import program_text
-    from identification.design.record import Plan, comments, record, summary
-    from identification.design.request import Request, prepare
-    from identification.design.sheet import sheet, sheet_text
+    from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.design.discrimination import read_diagnosis
+    from identification.design.procedure import design_plan
+    from identification.design.request import Request
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
 
-    session.inputs += [path for path in (cell_file, toolpath, forces_file, add[1] if add else None, diagnosis) if path]
-    check_writable([path for path in (output, rapid, report) if path], overwrite=session.overwrite)
+    more, measured_file = add or (measurements, None)
+    session.inputs += [file for file in (cell_file, toolpath, forces_file, measured_file, diagnosis) if file]
+    check_writable([file for file in (output, rapid, report) if file], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    milling, said = (None, ()) if toolpath is None else milling_poses(cell, toolpath, forces_file)
-    prepared = prepare(cell, Request(
-        measurements=add[0] if add else measurements, criterion=criterion, protocol=protocol, axes=axes,
-        every_axis=every_axis, free=direction == "free", force_n=max_force, positions_mm=positions, box_mm=box,
-        phi_deg=phi, replicates=replicates, preset=preset, measured=add[1] if add else None), milling)
-    rng = np.random.default_rng(seed)
-    findings = [*said, *prepared.findings]
-    rivals = {}
-    measured = read_measurements(add[1], cell.robot) if add else None
-    if measured is not None and diagnosis:
-        told = read_diagnosis(diagnosis, cell)
-        if told.verdict == "ambiguous":
-            rivals = fitted_rivals(cell, measured, told)
-        if len(rivals) < 2:
-            findings.append(nothing_to_settle(told))
-    session.say(f"searching {len(prepared.task.demand)} runs ...")
-    effort, settled = QUICK if quick else Effort(), None
-    if len(rivals) > 1:
-        found, settled = settling_design(prepared.task, rivals, rng, effort)
-    else:
-        found = search(prepared.task, rng, effort)
-    gain = None if prepared.plainer is None else compared(found, *prepared.plainer, rng)
-    further = kept_back(prepared.task.domain, found.pool, found.runs, kept)
-    every = found.runs.joined(further)
-    order = run_order(every.theta, kinds(every), cell.robot.speed, rng)
-    rows = sheet(every, prepared.task.domain.slots, order, replicates, np.arange(len(every)) >= len(found.runs),
-                 "A" if add else "P")
-    expected = forecast(found, rows.of_purpose(validate=False), measured, rng)
-    plan = Plan(prepared, found, rows, expected, settled, gain, measured is not None)
-    content = record(plan, seed)
-    head = comments(plan)
-    files = {output: sheet_text(rows, head).encode()}
-    if rapid:
-        text, more = program_text(prepared.task.domain, rows, shipped("rapid_templates"), rapid.stem, head)
-        files[rapid] = text.encode("ascii")
-        findings += more
+    milling = milling_poses(cell, toolpath, forces_file) if toolpath else None
+    plan = design_plan(cell, Request(
+        measurements=more, criterion=criterion, protocol=protocol, axes=axes, every_axis=every_axis, free=direction == "free",
+        force_n=max_force, positions_mm=positions, box_mm=box, phi_deg=phi, replicates=replicates, preset=preset,
+        measured=read_measurements(measured_file, cell.robot) if measured_file else None,
+        diagnosis=read_diagnosis(diagnosis, cell) if diagnosis else None, kept_back=kept,
+    ), milling=milling, seed=seed, quick=quick, say=session.say)
+    program = plan.rapid(rapid.stem) if rapid else None
+    files = {output: plan.csv()}
+    if rapid and program:
+        files[rapid] = program.content
     if report:
         from identification.design.pages import design_report
 
-        files[report] = design_report(plan, findings, content).encode()
-    json.dumps(content, allow_nan=False)
+        files[report] = design_report(plan, program).encode()
+    content = plan.as_dict()
+    json_bytes(content)             # what JSON cannot say stops it before anything is written
     write_whole(files)
-    then = (f"append the rows to {add[1]}, then compstiff diagnose {cell_file} {add[1]} -o diagnosis.json" if add
-            else f"then compstiff identify {cell_file} {output} -o stiffness.json")
-    return Outcome(content, tuple(findings), summary(plan), next_step=f"measure it, fill in dx_um dy_um dz_um, {then}")
+    following = (f"append the rows to {measured_file}, then compstiff diagnose {cell_file} {measured_file} -o diagnosis.json"
+                 if measured_file else f"then compstiff identify {cell_file} {output} -o stiffness.json")
+    return Outcome(content, (*plan.findings, *(program.findings if program else ())), plan.lines(),
+                   next_step=f"measure it, fill in dx_um dy_um dz_um, {following}")
 
 
 def _check_call(

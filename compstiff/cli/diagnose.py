@@ -45,10 +45,8 @@ def diagnose(
     from identification.motion.log_file import is_motion_log
 
     if is_motion_log(measurements_file):
-        from compstiff.cli.motion import diagnose_log
-
-        return diagnose_log(session, cell_file, measurements_file, validate, output, extended=extended, alarm=alarm,
-                            replicates=replicates, report=report)
+        return _diagnose_log(session, cell_file, measurements_file, validate, output, extended=extended, alarm=alarm,
+                             replicates=replicates, report=report)
     if validate is not None:
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
@@ -83,6 +81,34 @@ def diagnose(
                  "-o PART_corrected.mod") if extended else ""
     return Outcome(content, findings, summary(cell, found), next_step=following or _next_after(found.verdict, cell_file,
                                                                                           measurements_file, output))
+
+
+def _diagnose_log(
+    session: Session, cell_file: Path, log_file: Path, validate: Path | None, output: Path, *, extended: Path | None,
+    alarm: float, replicates: int, report: Path | None,
+) -> Outcome:
+    """What the plain springs get wrong in a log, its cause, and the gain on a log that was not fitted."""
+    from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.model.cell import read_cell
+    from identification.motion.diagnosis import diagnose_joint_logs
+    from identification.motion.log_file import read_motion_log
+
+    session.inputs += [cell_file, log_file, *([validate] if validate else [])]
+    check_writable([output, *(file for file in (extended, report) if file)], overwrite=session.overwrite)
+    cell = read_cell(cell_file, geometry=False)
+    diagnosis = diagnose_joint_logs(cell, [read_motion_log(log_file)], read_motion_log(validate) if validate else None,
+                                    alarm=alarm, replicates=replicates)
+    content = diagnosis.as_dict()
+    files = {output: json_bytes(content)}
+    if extended:
+        files[extended] = json_bytes(diagnosis.extended().as_dict())
+    if report:
+        from identification.motion.pages import diagnosis_report
+
+        files[report] = diagnosis_report(diagnosis).encode()
+    write_whole(files)
+    return Outcome(content, diagnosis.findings, diagnosis.lines(),
+                   next_step=f"compstiff identify {cell_file} {log_file} -o stiffness.json")
 
 
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:

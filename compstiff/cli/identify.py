@@ -39,11 +39,9 @@ def identify(
     from identification.motion.log_file import is_motion_log
 
     if is_motion_log(measurements_file):
-        from compstiff.cli.motion import identify_logs
-
         if prior_kind != "lognormal" or gamma != 1.0 or profile:
             raise click.UsageError("--prior, --gamma and --profile are for measured TCP deflections, not for logs in motion")
-        return identify_logs(session, cell_file, [measurements_file, *also], output, report)
+        return _identify_logs(session, cell_file, [measurements_file, *also], output, report)
     if also:
         raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
 
@@ -67,6 +65,27 @@ def identify(
     return Outcome(content | {"details": fit.details()}, fit.findings, stiffness_lines(fit),
                    next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
                    "-o PART_corrected.mod")
+
+
+def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], output: Path, report: Path | None) -> Outcome:
+    """Stiffnesses of the joints with encoders on both sides, from one or more logs."""
+    from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.model.cell import read_cell
+    from identification.motion.fit import fit_joint_logs
+    from identification.motion.log_file import read_motion_log
+
+    session.inputs += [cell_file, *log_files]
+    check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
+    fit = fit_joint_logs(read_cell(cell_file, geometry=False), [read_motion_log(file) for file in log_files])
+    content = fit.as_dict()
+    files = {output: json_bytes(content)}
+    if report:
+        from identification.motion.pages import stiffness_report
+
+        files[report] = stiffness_report(fit).encode()
+    write_whole(files)
+    return Outcome(content, fit.findings, fit.lines(),
+                   next_step=f"compstiff diagnose {cell_file} {log_files[0]} -o diagnosis.json")
 
 
 def stiffness_lines(fit: Fit) -> list[str]:

@@ -1,31 +1,54 @@
-"""`compstiff`: all commands together."""
+"""`compstiff`: all commands together. A command's file is imported when it is called: `--help` shows this table alone."""
 
 from __future__ import annotations
+
+from importlib import import_module
 
 import click
 
 from compstiff.cli import console
-from compstiff.cli.cell import cell
 from compstiff.cli.console import CONTEXT
-from compstiff.cli.convert import convert
-from compstiff.cli.correct import correct
-from compstiff.cli.demo import demo
-from compstiff.cli.design import design
-from compstiff.cli.diagnose import diagnose
-from compstiff.cli.explain import explain
-from compstiff.cli.identify import identify
-from compstiff.cli.post import post
-from compstiff.cli.predict import predict
-from compstiff.cli.push import push
-from compstiff.cli.robots import robots
-from compstiff.cli.tare import tare
-from compstiff.cli.verify import verify
-from compstiff.cli.watch import watch
 
-COMMANDS = (robots, design, identify, diagnose, convert, post, tare, predict, correct, watch, verify, push, cell, demo, explain)
+# Each command, in the file of its name, and the first sentence of its help, which a test holds against the command's own.
+COMMANDS = {
+    "cell": "Serve the register map: the embedded Modbus cell, until Ctrl-C or SIGTERM.",
+    "convert": "Turn a public or a sensor's own log into columns that the other commands read.",
+    "correct": "Correct a milling program for the deflection under its logged forces.",
+    "demo": "Run identify and correct on the shipped samples, into DIR.",
+    "design": "Plan the poses and loads that tell most, and certify how good the plan is.",
+    "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
+    "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
+    "identify": "Learn the joint stiffnesses from measured loads and deflections.",
+    "post": "Post an APT or CSV toolpath as the planned RAPID program.",
+    "predict": "Predict how far the tool is pushed off its path.",
+    "push": "Send offsets to the cell over Modbus; a dry run unless --apply.",
+    "robots": "List the built-in robots.",
+    "tare": "Find what hangs on the force sensor, and its bias, from still readings.",
+    "verify": "Compare the deviation measured before and after a correction.",
+    "watch": "Correct every finished program that appears in a folder, once.",
+}
 
 
-@click.group(context_settings=CONTEXT)
+class Commands(click.Group):
+    """A group whose commands are imported when they are needed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        found: click.Command = getattr(import_module(f"compstiff.cli.{cmd_name}"), cmd_name)
+        return found
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        room = formatter.width - 6 - max(map(len, COMMANDS))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, click.Command(name, help=sentence).get_short_help_str(room))
+                                for name, sentence in COMMANDS.items()])
+
+
+@click.group(cls=Commands, context_settings=CONTEXT)
 @click.version_option(package_name="compstiff", prog_name="compstiff")
 def compstiff() -> None:
     """Make an industrial robot mill accurately.
@@ -33,10 +56,6 @@ def compstiff() -> None:
     identify learns the joint stiffnesses from load tests; correct rewrites a milling program so that the loaded tool goes
     where the CAM system meant it to go.
     """
-
-
-for _command in COMMANDS:
-    compstiff.add_command(_command)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from compensator.correction.settings import DEFAULTS, SLOPE, Estimate, Settings
-from compstiff.cli.console import READABLE, WRITABLE
+from compstiff.cli.console import READABLE, WRITABLE, option
 
 
 class TargetRange(click.ParamType[tuple[int, int]]):
@@ -87,55 +87,61 @@ STIFFNESS = click.option("--stiffness", "stiffness_file", required=True, type=RE
 FORCES = click.option("--forces", "forces_file", required=True, type=READABLE, help="The force log of this program.")
 REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 
+_log = functools.partial(option, "Force log")
+_posting = functools.partial(option, "Posting (APT, CSV)")
+_correction = functools.partial(option, "Correction")
+_feed = functools.partial(option, "Feed")
+_output = functools.partial(option, "Output")
+
 # How the force log is read and placed: `predict` and `correct`.
-FORCE_OPTIONS: tuple[Decorator, ...] = (
+LOG_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), multiple=True,
                  help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
-    click.option("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
-                 help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
-    click.option("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
-                 help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
-    click.option("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
-                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
+    _log("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
+         help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
+    _log("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
+         help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
+    _correction("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
+                help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
 )
 # How an APT or CSV toolpath becomes RAPID: `post`, `predict` and `correct`.
 POSTING_OPTIONS: tuple[Decorator, ...] = (
-    click.option("--zone-mm", type=click.FloatRange(0, 200), default=DEFAULTS.posting.zone_mm, show_default=True,
-                 help="APT, CSV: fly-by zone of the moves, 0 for stop points."),
-    click.option("--rapid-mm-s", type=click.FloatRange(1, 7000), default=DEFAULTS.posting.rapid_mm_s, show_default=True,
-                 help="APT, CSV: speed in the air."),
-    click.option("--feed-mm-s", type=click.FloatRange(0, 7000, min_open=True), default=DEFAULTS.posting.feed_mm_s,
-                 show_default=True,
-                 help="CSV: feed where the table has none."),
-    click.option("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
+    _posting("--zone-mm", type=click.FloatRange(0, 200), default=DEFAULTS.posting.zone_mm, show_default=True,
+             help="Fly-by zone of the moves, 0 for stop points."),
+    _posting("--rapid-mm-s", type=click.FloatRange(1, 7000), default=DEFAULTS.posting.rapid_mm_s, show_default=True,
+             help="Speed in the air."),
+    _posting("--feed-mm-s", type=click.FloatRange(0, 7000, min_open=True), default=DEFAULTS.posting.feed_mm_s,
+             show_default=True, help="CSV: feed where the table has none."),
+    _posting("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
 )
 # One module or several: `post` and `correct`.
 SPLITTING_OPTIONS: tuple[Decorator, ...] = (
-    click.option("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
-    click.option("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
+    _output("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
+    _output("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
 )
 # How the program is corrected: `correct` alone.
 CORRECTION_OPTIONS: tuple[Decorator, ...] = (
-    *SPLITTING_OPTIONS,
-    click.option("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.correction.confidence, show_default=True,
-                 help="Probability with which a correction must make its point better, else it is reduced or left out."),
-    click.option("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
-                 f"[um/mm]; steeper steps are reduced.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
-    click.option("--tolerance", type=Scaled(1e-6, low=0.1), default=1e6 * DEFAULTS.correction.tolerance, show_default=True,
-                 help="Along a long MoveL or a MoveC the correction may be off what its place asks for by so much [um]; "
-                      "beyond, "
-                 "intermediate targets are added."),
-    click.option("--long-move", type=Scaled(1e-3, low=1.0), default=1e3 * DEFAULTS.correction.long_move, show_default=True,
-                 help="A MoveL of this length [mm] may get intermediate targets."),
-    click.option("--keep-targets", is_flag=True, help="Add no intermediate targets."),
-    click.option("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
-    click.option("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
-    click.option("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
-    click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
-    click.option("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
-                 "give the cutting stiffness."),
-    click.option("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
-    click.option("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
+    _correction("--confidence", type=click.FloatRange(0.5, 0.999), default=DEFAULTS.correction.confidence, show_default=True,
+                help="Probability with which a correction must make its point better, else it is reduced or left out."),
+    _correction("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
+                f"[um/mm]; steeper steps are reduced.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
+    _correction("--tolerance", type=Scaled(1e-6, low=0.1), default=1e6 * DEFAULTS.correction.tolerance, show_default=True,
+                help="Along a long MoveL or a MoveC the correction may be off what its place asks for by so much [um]; "
+                "beyond, intermediate targets are added."),
+    _correction("--long-move", type=Scaled(1e-3, low=1.0), default=1e3 * DEFAULTS.correction.long_move, show_default=True,
+                help="A MoveL of this length [mm] may get intermediate targets."),
+    _correction("--keep-targets", is_flag=True, help="Add no intermediate targets."),
+    _correction("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
+    _correction("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
+    _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
+    _correction("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
+    _correction("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
+                "give the cutting stiffness."),
+)
+# Can the robot hold the feed: `correct` alone.
+FEED_OPTIONS: tuple[Decorator, ...] = (
+    _feed("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
+    _feed("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
 )
 
 
@@ -149,8 +155,8 @@ def with_settings(*options: Decorator) -> Decorator:
             return body(*positional, settings=Settings.of(**chosen), **arguments)
 
         decorated: Callable[..., Any] = run
-        for option in reversed(options):
-            decorated = option(decorated)
+        for add in reversed(options):
+            decorated = add(decorated)
         return decorated
 
     return decorate

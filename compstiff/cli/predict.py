@@ -8,7 +8,7 @@ import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import WRITABLE, command
-from compstiff.cli.options import CELL, FORCE_OPTIONS, FORCES, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
+from compstiff.cli.options import CELL, FORCES, LOG_OPTIONS, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
 from compstiff.outcome import Outcome, Session
 
 
@@ -18,7 +18,7 @@ from compstiff.outcome import Outcome, Session
 @STIFFNESS
 @FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*FORCE_OPTIONS, *POSTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *POSTING_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
@@ -29,9 +29,9 @@ def predict(
     CELL is cell.yaml, TOOLPATH a RAPID program, APT or CSV; the deviation and its standard deviation are written target by
     target.
     """
-    from compensator.correction.files import prediction_lines
-    from compensator.correction.job import Inputs, check_distinct, predict_program, rapid_suffix, summary
+    from compensator.correction.files import Inputs, check_distinct, predict_files
     from compensator.correction.offsets import deviation_csv
+    from compensator.posting.read_toolpath import rapid_suffix
     from identification.common.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
@@ -39,13 +39,13 @@ def predict(
     outputs = [output, *([report] if report else [])]
     check_distinct(inputs, outputs)
     check_writable(outputs, overwrite=session.overwrite)
-    predicted = predict_program(inputs, settings)
+    predicted = predict_files(inputs, settings)
     files = {output: deviation_csv(predicted)}
     if report:
         from compensator.correction.report import path_report
 
-        files[report] = path_report(predicted, None).encode()
+        files[report] = path_report(predicted).encode()
     write_whole(files)
-    return Outcome(summary(predicted), predicted.findings, prediction_lines(predicted),
+    return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
                    next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
                    f"{forces_file}{settings.as_options()} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")

@@ -15,7 +15,7 @@ import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import PATH, READABLE, command
-from compstiff.cli.options import CORRECTION_OPTIONS, FORCE_OPTIONS, with_settings
+from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, SPLITTING_OPTIONS, with_settings
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def show(session: Session, done: Done) -> None:
 @click.option("--cell", "cell_file", required=True, type=READABLE, help="cell.yaml.")
 @click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
 @click.option("--offsets", type=PATH, help="A folder for the offsets of each program (CSV).")
-@with_settings(*FORCE_OPTIONS, *CORRECTION_OPTIONS)
+@with_settings(*LOG_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="A folder for an HTML report of each program.")
 @click.option("--settle", type=click.FloatRange(0, 3600), default=5.0, show_default=True,
               help="A file is finished when it has not changed for so many seconds.")

@@ -44,7 +44,7 @@ def check_writable(paths: Iterable[Path], *, overwrite: bool) -> None:
 
 
 def write_whole(files: dict[Path, bytes]) -> None:
-    """Writes all files or none: each to a temporary name beside its target, then all renamed (FORMATS.md, Conventions).
+    """Writes all files or none: each to a temporary name beside its target, then all renamed (docs/formats.md#conventions).
 
     Raises CompstiffError (CS0004) when the system refuses (no space, no permission); then no target has changed.
     """

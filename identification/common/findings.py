@@ -1,7 +1,7 @@
 """What the program has to say about its input: findings as data, and the one exception that carries them.
 
 Library code never prints: it returns findings, or raises `CompstiffError` with those that stopped it.
-`identification/console.py` shows them. Every code has its page in `identification/catalogue.yaml`
+`compstiff/cli/console.py` shows them. Every code has its page in `identification/common/catalogue.yaml`
 (`compstiff explain CODE`).
 """
 
@@ -18,7 +18,7 @@ class Finding:
     """One thing worth saying, with the place it belongs to.
 
     code: "CSnnnn", a page of the catalogue. message: what was found, with the number and the limit or what was
-    expected. hint: what to do. line and column count from 1; target counts from 0 (FORMATS.md, forces.csv).
+    expected. hint: what to do. line and column count from 1; target counts from 0 (docs/formats.md#force-logs).
     count: how many places this finding stands for (`fold`); line, column and target are then the first one's.
     """
 

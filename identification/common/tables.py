@@ -1,4 +1,4 @@
-"""Tables of numbers from CSV or Parquet, every complaint with its line and column (FORMATS.md, Conventions)."""
+"""Tables of numbers from CSV or Parquet, every complaint with its line and column (docs/formats.md#conventions)."""
 
 from __future__ import annotations
 

@@ -22,16 +22,16 @@ maximum taken over a sampled pool alone would be false comfort: it certifies aga
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.design.approximate import LIGHT, maximisers, measure, solved_on_pool
-from identification.design.criteria import Criterion
-from identification.design.domain import Domain, Pool
-from identification.design.exchange import Demand
+from identification.design.approximate import ApproximateDesign, maximisers, solved_on_pool
+from identification.design.domain import Pool
+from identification.design.task import Demand, Task
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -67,7 +67,7 @@ class Certificate:
     pool: Pool
 
     @property
-    def words(self) -> str:
+    def sentence(self) -> str:
         """What is certified, with its condition."""
         return (f"at least {_percent(self.efficiency)} % efficient against every plan with as many runs and the same loads and "
                 f"place, over continuous poses (equivalence theorem, poses as fractions{self._numbers}; its maxima were "
@@ -78,6 +78,18 @@ class Certificate:
         if self.splits < 2:
             return ""
         return f", runs an axis as whole numbers; {_percent(self.value / self.relaxed)} % with fractions of these too"
+
+    def of_plan(self, value: float) -> Certificate:
+        """The certificate of another plan of the same task, whose Phi is `value`."""
+        bound, relaxed = max(self.bound, value), max(self.relaxed, value)
+        return replace(self, value=value, bound=bound, relaxed=relaxed, efficiency=value / bound,
+                       pool_efficiency=min(self.pool_efficiency * value / self.value, 1.0))
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"efficiency": self.efficiency, "words": self.sentence, "value": self.value, "bound": self.bound,
+                "gap": self.gap, "starts": self.starts, "rounds": self.rounds, "relaxed_bound": self.relaxed,
+                "splits": self.splits, "pool_only_claim": self.pool_efficiency}
 
 
 def _percent(share: float) -> str:
@@ -104,8 +116,8 @@ def splits_of(demand: Demand) -> Indices | None:
 class _Bounds:
     """The tangents at hand, and what they say of every split with the runs known so far."""
 
-    def __init__(self, splits: Indices, prior: Array, replicates: int) -> None:
-        self.splits, self.prior, self.replicates = splits, prior, replicates
+    def __init__(self, task: Task, splits: Indices) -> None:
+        self.task, self.splits = task, splits
         self.tangents: list[Array] = []
         self.constant: list[float] = []
         self.largest = np.empty((0, splits.shape[1]))
@@ -113,7 +125,7 @@ class _Bounds:
     def add(self, tangent: Array, known: Pool) -> None:
         """One more tangent, its maxima over the known runs."""
         self.tangents.append(tangent)
-        self.constant.append(float(np.sum(tangent * self.prior)))
+        self.constant.append(float(np.sum(tangent * self.task.prior)))
         self.largest = np.vstack([self.largest, np.zeros((1, self.splits.shape[1]))])
         self.see(known)
 
@@ -126,7 +138,7 @@ class _Bounds:
     @property
     def table(self) -> Array:
         """Bound (T, M) of each split by each tangent."""
-        return np.array(self.constant)[:, None] + self.replicates * self.largest @ self.splits.T
+        return np.array(self.constant)[:, None] + self.task.replicates * self.largest @ self.splits.T
 
     @property
     def of_splits(self) -> Array:
@@ -135,95 +147,113 @@ class _Bounds:
 
 
 def certify(
-    domain: Domain, criterion: Criterion, prior: Array, demand: Demand, plan: Pool, sample: Pool, rng: np.random.Generator,
-    *, replicates: int = 1, starts: int = 48, gap: float = GAP,
+    task: Task, plan: Pool, sample: Pool, rng: np.random.Generator, *, starts: int = 48, gap: float = GAP
 ) -> Certificate:
     """The certificate of a plan of admissible runs; sample: a random pool, starts: climbs of the last search."""
-    value = float(criterion.value(prior + replicates * plan.information.sum(axis=0)))
-    known = plan.joined(sample)
-    active = np.arange(len(plan), dtype=np.intp)
-    weight = 1.0 / demand.counts[demand.groups[plan.slot]]
-    criterion = criterion.smooth_with(SHARP) if criterion.kind == "E" else criterion
-    pool_bound, rounds, few = np.inf, 0, max(8, starts // 4)
-    while True:
-        rounds += 1
-        known, active, weight = solved_on_pool(known, active, weight, criterion, prior, demand, replicates)
-        information = measure(known, active, weight, prior, demand, replicates)
-        tangent = criterion.tangent(information)
-        if rounds == 1:
-            pool_bound = _bound(tangent, prior, known, demand, replicates)
-        last = rounds >= MOST_ROUNDS
-        known = known.joined(maximisers(domain, tangent, known, active, demand, rng, starts if last else few))
-        relaxed = _bound(tangent, prior, known, demand, replicates)
-        optimum = float(criterion.value(information))
-        if relaxed <= optimum * (1 + gap) and not last:
-            known = known.joined(maximisers(domain, tangent, known, active, demand, rng, starts))
-            relaxed = _bound(tangent, prior, known, demand, replicates)
-        if relaxed <= optimum * (1 + 2 * gap) or last:
-            break
-    splits = splits_of(demand)
-    bound = relaxed
+    value = task.value(plan)
+    if task.criterion.kind == "E":
+        task = replace(task, criterion=task.criterion.smooth_with(SHARP))
+    weight = 1.0 / task.demand.counts[task.group(plan)]
+    design = ApproximateDesign(plan.joined(sample), np.arange(len(plan), dtype=np.intp), weight)
+    design, pool_bound, rounds = _column_generation(task, design, rng, starts, gap)
+    bound = _bound(task, design.tangent(task), design.known)
+    splits = splits_of(task.demand)
     if splits is not None and len(splits) > 1:
-        bounds = _Bounds(splits, prior, replicates)
-        bounds.add(tangent, known)
-        known, bound = _by_split(domain, criterion, bounds, known, value, rng, starts, gap)
-        known, active, weight = solved_on_pool(known, active, weight, criterion, prior, demand, replicates)
-        information = measure(known, active, weight, prior, demand, replicates)
-        tangent, optimum = criterion.tangent(information), float(criterion.value(information))
-    kept = weight > LIGHT
-    support, weight = known.take(active[kept]), weight[kept]
-    relaxed = max(_bound(tangent, prior, known, demand, replicates), value)
+        bounds = _Bounds(task, splits)
+        bounds.add(design.tangent(task), design.known)
+        known, bound = _by_split(bounds, design.known, value, rng, starts, gap)
+        design = solved_on_pool(task, replace(design, known=known))
+    optimum = float(task.criterion.value(design.information(task)))
+    relaxed = max(_bound(task, design.tangent(task), design.known), value)
+    design = design.without_light()
     bound = max(min(bound, relaxed), value)
     return Certificate(value / bound, bound, value, optimum, relaxed, min(value / max(pool_bound, value), 1.0),
-                       starts * len(demand.counts), rounds, 0 if splits is None else len(splits), support, weight,
-                       relaxed / optimum - 1, known)
+                       starts * len(task.demand.counts), rounds, 0 if splits is None else len(splits),
+                       design.known.take(design.active), design.weight, relaxed / optimum - 1, design.known)
+
+
+def _column_generation(
+    task: Task, design: ApproximateDesign, rng: np.random.Generator, starts: int, gap: float
+) -> tuple[ApproximateDesign, float, int]:
+    """The approximate optimum over continuous poses, the bound that the first pool alone would give, and the rounds it took."""
+    pool_bound, few = np.inf, max(8, starts // 4)
+    for rounds in range(1, MOST_ROUNDS + 1):
+        design = solved_on_pool(task, design)
+        tangent, optimum = design.tangent(task), float(task.criterion.value(design.information(task)))
+        if rounds == 1:
+            pool_bound = _bound(task, tangent, design.known)
+        last = rounds == MOST_ROUNDS
+        design = _with_maximisers(task, tangent, design, rng, starts if last else few)
+        relaxed = _bound(task, tangent, design.known)
+        if relaxed <= optimum * (1 + gap) and not last:
+            design = _with_maximisers(task, tangent, design, rng, starts)
+            relaxed = _bound(task, tangent, design.known)
+        if relaxed <= optimum * (1 + 2 * gap):
+            break
+    return design, pool_bound, rounds
+
+
+def _with_maximisers(
+    task: Task, tangent: Array, design: ApproximateDesign, rng: np.random.Generator, starts: int
+) -> ApproximateDesign:
+    return replace(design, known=design.known.joined(maximisers(task, tangent, design, rng, starts)))
 
 
 def _by_split(
-    domain: Domain, criterion: Criterion, bounds: _Bounds, known: Pool, value: float, rng: np.random.Generator,
-    starts: int, gap: float,
+    bounds: _Bounds, known: Pool, value: float, rng: np.random.Generator, starts: int, gap: float
 ) -> tuple[Pool, float]:
-    """The bound with whole numbers of runs a slot, and every run known after it."""
+    """Every run known after it, and the bound with whole numbers of runs a slot."""
     closed: set[int] = set()
-    slots = bounds.splits.shape[1]
     for _ in range(MOST_SOLVED):
-        now = bounds.of_splits
-        top = int(np.argmax(now))
-        if top in closed or now[top] <= value * (1 + gap):
+        before = bounds.of_splits
+        top = int(np.argmax(before))
+        if top in closed or before[top] <= value * (1 + gap):
             break
-        numbers = bounds.splits[top]
-        demand = Demand(np.arange(slots), np.repeat(np.arange(slots), numbers).astype(np.intp))
-        tangent, active = bounds.tangents[int(bounds.table[:, top].argmin())], np.empty(0, dtype=np.intp)
-        gain = known.information.reshape(-1, 36) @ tangent.ravel()
-        for s in np.flatnonzero(numbers):
-            mine = np.flatnonzero(known.slot == s)
-            active = np.concatenate([active, mine[np.argsort(-gain[mine])[:4]]])
-        weight = np.concatenate([np.full(int((known.slot[active] == s).sum()), 1 / (known.slot[active] == s).sum())
-                                 for s in np.flatnonzero(numbers)])
+        task, design = _of_split(bounds, top, known)
         for attempt in range(MOST_ROUNDS):
-            known, active, weight = solved_on_pool(known, active, weight, criterion, bounds.prior, demand, bounds.replicates)
-            information = measure(known, active, weight, bounds.prior, demand, bounds.replicates)
-            tangent = criterion.tangent(information)
-            bounds.add(tangent, known)
-            climbed = maximisers(domain, tangent, known, active, demand, rng, max(8, starts // 6))
-            known = known.joined(climbed)
-            bounds.see(climbed)
-            reached = float(criterion.value(information))
-            lowered = bounds.of_splits[top] < now[top] * (1 - 5 * gap) and attempt > 2
-            if lowered or bounds.of_splits[top] <= reached * (1 + gap):
+            design = solved_on_pool(task, design)
+            tangent = design.tangent(task)
+            optimum = float(task.criterion.value(design.information(task)))
+            bounds.add(tangent, design.known)
+            design = _climbed(bounds, task, tangent, design, rng, max(8, starts // 6))
+            lowered = bounds.of_splits[top] < before[top] * (1 - 5 * gap) and attempt > 2
+            if lowered or bounds.of_splits[top] <= optimum * (1 + gap):
                 break
-        if bounds.of_splits[top] <= max(reached, value) * (1 + 2 * gap):
+        if bounds.of_splits[top] <= max(optimum, value) * (1 + 2 * gap):
             closed.add(top)
             if top == int(np.argmax(bounds.of_splits)):      # it decides the bound: a deeper search
-                climbed = maximisers(domain, tangent, known, active, demand, rng, starts)
-                known = known.joined(climbed)
-                bounds.see(climbed)
+                design = _climbed(bounds, task, tangent, design, rng, starts)
+        known = design.known
     return known, float(bounds.of_splits.max())
 
 
-def _bound(tangent: Array, prior: Array, known: Pool, demand: Demand, replicates: int) -> float:
+def _of_split(bounds: _Bounds, top: int, known: Pool) -> tuple[Task, ApproximateDesign]:
+    """The task with a split's numbers of runs a slot, and where to begin: the runs that its lowest tangent finds best."""
+    numbers = bounds.splits[top]
+    slots = np.arange(len(numbers))
+    demand = Demand(slots, np.repeat(slots, numbers).astype(np.intp))
+    tangent, active = bounds.tangents[int(bounds.table[:, top].argmin())], np.empty(0, dtype=np.intp)
+    gain = known.information.reshape(-1, 36) @ tangent.ravel()
+    for s in np.flatnonzero(numbers):
+        mine = np.flatnonzero(known.slot == s)
+        active = np.concatenate([active, mine[np.argsort(-gain[mine])[:4]]])
+    weight = np.concatenate([np.full(int((known.slot[active] == s).sum()), 1 / (known.slot[active] == s).sum())
+                             for s in np.flatnonzero(numbers)])
+    return replace(bounds.task, demand=demand), ApproximateDesign(known, active, weight)
+
+
+def _climbed(
+    bounds: _Bounds, task: Task, tangent: Array, design: ApproximateDesign, rng: np.random.Generator, starts: int
+) -> ApproximateDesign:
+    """The design with more runs known, which the bounds see."""
+    climbed = maximisers(task, tangent, design, rng, starts)
+    bounds.see(climbed)
+    return replace(design, known=design.known.joined(climbed))
+
+
+def _bound(task: Task, tangent: Array, known: Pool) -> float:
     """`trace(H P) + sum of each run's largest trace(H m)` over the known runs."""
     gain = known.information.reshape(-1, 36) @ tangent.ravel()
-    group = demand.groups[known.slot]
-    largest = sum(float(count * gain[group == g].max()) for g, count in enumerate(demand.counts) if count)
-    return float(np.sum(tangent * prior) + replicates * largest)
+    group = task.group(known)
+    largest = sum(float(count * gain[group == g].max()) for g, count in enumerate(task.demand.counts) if count)
+    return float(np.sum(tangent * task.prior) + task.replicates * largest)

@@ -9,7 +9,9 @@ import numpy as np
 
 from identification.design.domain import random_pool
 from identification.design.exchange import many_exchanges
-from identification.design.procedure import Design, Effort, Task, refined, total_information
+from identification.design.forecast import spread
+from identification.design.search import Design, Effort, best_refined
+from identification.design.task import Task
 
 EFFORT = Effort(poses=2000, exchanges=30, refinements=6)
 
@@ -29,12 +31,17 @@ class Comparison:
         return {"against": self.against, "criterion_ratio": self.ratio, "largest_log_std": self.largest,
                 "largest_log_std_there": self.other_largest}
 
+    def lines(self) -> list[str]:
+        """In plain words."""
+        return [f"against {self.against}: criterion {self.ratio:.2f} times as good, the least known stiffness "
+                f"known {spread(self.largest)} instead of {spread(self.other_largest)}"]
 
-def compared(found: Design, plainer: Task, against: str, rng: np.random.Generator) -> Comparison:
+
+def compared(design: Design, plainer: Task, against: str, rng: np.random.Generator) -> Comparison:
     """The plan against the best that a short search finds for a plainer task with the same criterion and prior."""
     pool = random_pool(plainer.domain, EFFORT.poses, rng)
-    plans = many_exchanges(pool, plainer.criterion, plainer.prior, plainer.demand, rng, EFFORT.exchanges, plainer.replicates)
-    best = max((refined(plainer, pool.take(rows))[0] for rows, _ in plans[: EFFORT.refinements]), key=lambda one: one.value)
-    there = np.linalg.inv(total_information(plainer, best.runs))
-    return Comparison(against, found.certificate.value / best.value, float(np.sqrt(np.diag(found.covariance).max())),
-                      float(np.sqrt(np.diag(there).max())))
+    plans = many_exchanges(plainer, pool, rng, EFFORT.exchanges)
+    best = best_refined(plainer, pool, plans[: EFFORT.refinements])
+    covariance = np.linalg.inv(plainer.information(best.runs))
+    return Comparison(against, design.certificate.value / best.value, float(np.sqrt(np.diag(design.covariance).max())),
+                      float(np.sqrt(np.diag(covariance).max())))

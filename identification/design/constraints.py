@@ -1,4 +1,4 @@
-"""The limits of a run as smooth inequalities `g <= 0` of order one, with their derivatives by angles and by the load's line.
+"""The limits of a run (paper eq. 19-21) as smooth inequalities `g <= 0` of order one, with derivatives by angles and load line.
 
     wrist, elbow   sin(margin)^2 - sin(angle)^2 <= 0, angle of axis 5, or between the arm's two links
     shoulder       1 - (distance of the wrist's centre from axis 1 / margin)^2 <= 0
@@ -48,7 +48,7 @@ def _carried(rig: Instrument, columns: Array, force: Array) -> Array:
 
 
 def inequalities(
-    rig: Instrument, margins: Margins, box: Array | None, theta: Array, seen: Stance, loads: Loads
+    rig: Instrument, margins: Margins, box: Array | None, theta: Array, arm: Stance, loads: Loads
 ) -> Array:
     """g (n, q), admissible where not positive, without the joint limits; theta (n, 6) [rad]."""
     robot = rig.cell.robot
@@ -56,21 +56,21 @@ def inequalities(
     parts = [
         np.sin(margins.wrist) ** 2 - np.sin(serial[:, 4:5]) ** 2,
         np.sin(margins.elbow) ** 2 - np.sin(elbow_angle(robot, serial)[:, None]) ** 2,
-        1 - np.sum(seen.wrist[:, :2] ** 2, axis=1, keepdims=True) / margins.shoulder**2,
+        1 - np.sum(arm.wrist[:, :2] ** 2, axis=1, keepdims=True) / margins.shoulder**2,
     ]
     if robot.window is not None:
         joint, low, high = robot.window
         angle = (theta @ robot.coupling[joint])[:, None]
         parts += [low + margins.joint - angle, angle - high + margins.joint]
     if margins.phi is not None:
-        across = _horizontal(seen.tcp) * _horizontal(seen.lever)
-        parts.append((np.cos(margins.phi) * across - np.sum(seen.tcp[:, :2] * seen.lever[:, :2], axis=1, keepdims=True))
-                     / _lengths(seen))
-    moved = _carried(rig, seen.columns, loads.peak)
+        across = _horizontal(arm.tcp) * _horizontal(arm.lever)
+        parts.append((np.cos(margins.phi) * across - np.sum(arm.tcp[:, :2] * arm.lever[:, :2], axis=1, keepdims=True))
+                     / _lengths(arm))
+    moved = _carried(rig, arm.columns, loads.peak)
     parts.append(np.abs(moved).max(axis=1) / margins.range - 1)
     parts.append(1 - np.linalg.norm(moved / rig.sensor, axis=2).min(axis=1, keepdims=True) / margins.signal)
     if box is not None:
-        parts += [box[0] - seen.tcp, seen.tcp - box[1]]
+        parts += [box[0] - arm.tcp, arm.tcp - box[1]]
     return np.concatenate(parts, axis=1)
 
 
@@ -78,13 +78,13 @@ def _horizontal(vector: Array) -> Array:
     return np.asarray(np.sqrt(np.sum(vector[:, :2] ** 2, axis=1, keepdims=True) + TINY_M**2))
 
 
-def _lengths(seen: Stance) -> Array:
-    long, short = (np.linalg.norm(vector, axis=1, keepdims=True) for vector in (seen.tcp, seen.lever))
+def _lengths(arm: Stance) -> Array:
+    long, short = (np.linalg.norm(vector, axis=1, keepdims=True) for vector in (arm.tcp, arm.lever))
     return np.asarray(long * short + 1e-12)
 
 
 def inequality_slopes(
-    rig: Instrument, margins: Margins, box: Array | None, theta: Array, seen: Stance, loads: Loads, columns_slope: Array
+    rig: Instrument, margins: Margins, box: Array | None, theta: Array, arm: Stance, loads: Loads, columns_slope: Array
 ) -> tuple[Array, Array]:
     """Derivatives of g by the angles (n, 6, q) and by the line (n, 3, q); columns_slope: of `stance.columns_slope`."""
     robot = rig.cell.robot
@@ -92,45 +92,45 @@ def inequality_slopes(
     by_elbow: Array = np.zeros((count, 6, 2))
     by_elbow[:, 4, 0] = -np.sin(2 * serial[:, 4])
     by_elbow[:, 2, 1] = -np.sin(2 * elbow_angle(robot, serial))
-    moving = wrist_slope(seen)
-    shoulder = -2 * np.einsum("nja,na->nj", moving[:, :, :2], seen.wrist[:, :2])[:, :, None] / margins.shoulder**2
+    moving = wrist_slope(arm)
+    shoulder = -2 * np.einsum("nja,na->nj", moving[:, :, :2], arm.wrist[:, :2])[:, :, None] / margins.shoulder**2
     parts = [by_angles(robot, np.concatenate([by_elbow, shoulder], axis=2))]
     if robot.window is not None:
         row = np.tile(robot.coupling[robot.window[0]], (count, 1))[:, :, None]
         parts += [-row, row]
     if margins.phi is not None:
-        parts.append(by_angles(robot, _phi_slope(margins.phi, seen)))
-    by_range, by_line = _signal_slopes(rig, margins, seen, loads, columns_slope)
+        parts.append(by_angles(robot, _phi_slope(margins.phi, arm)))
+    by_range, by_line = _signal_slopes(rig, margins, arm, loads, columns_slope)
     parts.append(by_range)
     before, after = sum(part.shape[2] for part in parts[:-1]), 0
     if box is not None:
-        tcp = by_angles(robot, seen.serial)
+        tcp = by_angles(robot, arm.serial)
         parts += [-tcp, tcp]
         after = 6
     return np.concatenate(parts, axis=2), np.pad(by_line, ((0, 0), (0, 0), (before, after)))
 
 
-def _phi_slope(phi: float, seen: Stance) -> Array:
+def _phi_slope(phi: float, arm: Stance) -> Array:
     """Derivative (n, 6, 1) by the serial angles."""
-    out, tool = _horizontal(seen.tcp), _horizontal(seen.lever)
-    scale = _lengths(seen)
-    moved, turned = seen.serial[:, :, :2], lever_slope(seen)[:, :, :2]
-    towards, lever = seen.tcp[:, :2], seen.lever[:, :2]
+    out, tool = _horizontal(arm.tcp), _horizontal(arm.lever)
+    scale = _lengths(arm)
+    moved, turned = arm.serial[:, :, :2], lever_slope(arm)[:, :, :2]
+    towards, lever = arm.tcp[:, :2], arm.lever[:, :2]
     by_tcp = np.cos(phi) * tool / out * towards - lever
     by_lever = np.cos(phi) * out / tool * lever - towards
     top = np.einsum("nja,na->nj", moved, by_tcp) + np.einsum("nja,na->nj", turned, by_lever)
     value = np.cos(phi) * out * tool - np.sum(towards * lever, axis=1, keepdims=True)
     # The flange's distance to the TCP does not change; the TCP's to the base does.
-    longer = np.einsum("nja,na->nj", seen.serial, seen.tcp) / np.sum(seen.tcp**2, axis=1, keepdims=True)
+    longer = np.einsum("nja,na->nj", arm.serial, arm.tcp) / np.sum(arm.tcp**2, axis=1, keepdims=True)
     return np.asarray((top / scale - value / scale * longer)[:, :, None])
 
 
 def _signal_slopes(
-    rig: Instrument, margins: Margins, seen: Stance, loads: Loads, columns_slope: Array
+    rig: Instrument, margins: Margins, arm: Stance, loads: Loads, columns_slope: Array
 ) -> tuple[Array, Array]:
     """Derivatives of range and signal by the angles (n, 6, 4) and the line (n, 3, 4)."""
-    runs = np.arange(len(seen.tcp))
-    moved = _carried(rig, seen.columns, loads.peak)
+    runs = np.arange(len(arm.tcp))
+    moved = _carried(rig, arm.columns, loads.peak)
     worst = np.abs(moved).argmax(axis=1)
     sign = np.sign(moved[runs[:, None], worst, np.arange(3)])
     sigmas = np.linalg.norm(moved / rig.sensor, axis=2)
@@ -142,10 +142,10 @@ def _signal_slopes(
     toward = np.zeros((len(runs), 4, 3))
     toward[:, :3] = np.eye(3) * sign[:, :, None] / margins.range
     toward[:, 3] = -moved[runs, least] / rig.sensor**2 / weakest[:, None] / margins.signal
-    softened = seen.columns * rig.compliance
+    softened = arm.columns * rig.compliance
     by_columns = toward[:, :, :, None] * (force @ softened)[:, :, None, :] + force[:, :, :, None] * (
         toward @ softened)[:, :, None, :]
     by_angle = np.einsum("nrai,nmai->nmr", by_columns, columns_slope)
-    by_force = (toward @ softened) @ np.swapaxes(seen.columns, 1, 2)
+    by_force = (toward @ softened) @ np.swapaxes(arm.columns, 1, 2)
     line = by_force * loads.peak_by_line[runs[:, None], which][:, :, None]
     return np.asarray(by_angle), np.swapaxes(line, 1, 2)

@@ -4,7 +4,7 @@ With M the posterior precision (6, 6) of ln c (paper eq. 17, C_post = M^-1), and
 deviation is the relative one of its stiffness:
 
     D    det(M)^(1/6)            volume of the confidence ellipsoid (paper eq. 16, Psi_D = det C_post)
-    L    1 / trace(W M^-1)       A in ln k with W = 1; A in raw k with W = diag(k^2), as published; I with the W of `milling.py`
+    L    1 / trace(W M^-1)       A in ln k, W = 1; A in raw k, W = diag(k^2): eq. 16's Psi_A; I with the W of `milling.py`
     E    lambda_min(M)           longest axis of the ellipsoid (paper eq. 16, Psi_E = lambda_max C_post)
 
 For such a function Phi (Pukelsheim, Optimal Design of Experiments, 2006, ch. 5) and any M and M*, concave and homogeneous,
@@ -91,7 +91,7 @@ def d_criterion() -> Criterion:
 
 
 def a_criterion(stiffness: Array | None = None) -> Criterion:
-    """A: the mean variance of ln k, or, with stiffness (6,) [N m/rad], of raw k as published (almost only the largest two)."""
+    """A: the mean variance of ln k, or, with stiffness (6,) [N m/rad], of raw k (eq. 16, 18; almost only the largest two)."""
     if stiffness is None:
         return Criterion("L", "A", np.eye(6))
     return Criterion("L", "A in raw k", np.diag((stiffness / stiffness.max()) ** 2))

@@ -1,7 +1,8 @@
-"""Runs after a diagnosis that could not decide: those under which the rivals, each fitted to what was measured, differ most.
+"""Runs after a diagnosis that could not decide (discrimination between rival models): those under which the rivals, each fitted
+to what was measured, differ most.
 
 The rivals are fitted again from the measurements, among the names that diagnosis.json lists; the choice among the admissible
-runs is diagnosis/settle.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
+runs is diagnosis/discrimination.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from numpy.typing import NDArray
 from identification.common.findings import Finding, error
 from identification.design.certificate import certify
 from identification.design.domain import Pool, random_pool
-from identification.design.exchange import Demand, many_exchanges
-from identification.design.procedure import Design, Effort, Task, refined, total_information
+from identification.design.exchange import many_exchanges
+from identification.design.search import Design, Effort, best_refined
 from identification.design.sheet import DWELL_S
+from identification.design.task import Demand, Task
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.discrimination import Separation, planned_rows, rivals_of, separation, settling
 from identification.diagnosis.procedure import converged
@@ -31,9 +33,11 @@ from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
 
 Array = NDArray[np.float64]
-# Poses that are compared, and the bound on the probability of a wrong name under which more runs settle nothing.
+# Models fitted to what was measured, with their probabilities, by label, the likeliest first.
+Rivals = dict[str, tuple[Posterior, float]]
+# Poses that are compared, and the bound on the probability of a wrong name under which more runs decide nothing.
 POSES = 150
-SETTLED = 0.02
+DECIDED = 0.02
 # Two rivals that no run separates by more sigmas than this are the same for the plan.
 ALIKE_SIGMAS = 1.0
 # Above this probability of a wrong name it is said what else may help.
@@ -52,7 +56,7 @@ class Diagnosed:
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class Discrimination:
     """What the runs are expected to decide. names, probability (R): the rivals. before, after: bound on the probability of the
     wrong name among them without and with the runs. runs: how many of the plan's were chosen for it. pairs: of rivals, with the
     sigmas by which the whole plan separates them, the least separated first."""
@@ -66,19 +70,18 @@ class Settled:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
-        told = zip(self.names, self.probability, strict=True)
-        return {"rivals": [{"name": name, "probability": float(p)} for name, p in told],
+        rivals = zip(self.names, self.probability, strict=True)
+        return {"rivals": [{"name": name, "probability": float(p)} for name, p in rivals],
                 "wrong_name_at_most": {"before": self.before, "after": self.after}, "runs": self.runs,
-                "pairs": [{"rivals": [one, other], "expected_sigmas": sigmas} for one, other, sigmas in self.pairs]}
+                "pairs": [{"rivals": [first, second], "expected_sigmas": sigmas} for first, second, sigmas in self.pairs]}
 
-    @property
     def lines(self) -> list[str]:
         """In plain words."""
-        told = ", ".join(f"{name} {p:.2f}" for name, p in zip(self.names, self.probability, strict=True))
-        lines = [f"{self.runs} of the runs were chosen to tell apart: {told}",
+        rivals = ", ".join(f"{name} {p:.2f}" for name, p in zip(self.names, self.probability, strict=True))
+        lines = [f"{self.runs} of the runs were chosen to tell apart: {rivals}",
                  f"the wrong one of these is named with a probability of {_share(self.after)} at most afterwards "
                  f"(without them {_share(self.before)}), if one of them is the truth"]
-        lines += [f"  {one} and {other} stay alike: {sigmas:.1f} sigma apart" for one, other, sigmas in self.pairs
+        lines += [f"  {first} and {second} stay alike: {sigmas:.1f} sigma apart" for first, second, sigmas in self.pairs
                   if sigmas < ALIKE_SIGMAS]
         if self.after > DOUBTFUL:
             lines.append("  more runs, more room (--box), --direction free or the checks that the diagnosis names may settle "
@@ -105,64 +108,61 @@ def read_diagnosis(path: Path, cell: Cell) -> Diagnosed:
                     file=str(path), hint="diagnose the measurements of this cell")
     known = effects()
     names = []
-    for one in content.get("alternatives", []):
-        if one["effect"] not in known:
-            raise error("CS1650", f"the diagnosis names {one['effect']}, which no effect here is called", file=str(path),
+    for cause in content.get("alternatives", []):
+        if cause["effect"] not in known:
+            raise error("CS1650", f"the diagnosis names {cause['effect']}, which no effect here is called", file=str(path),
                         hint="diagnose again with the same effects installed")
-        names.append((str(one["effect"]), one["joint"]))
+        names.append((str(cause["effect"]), cause["joint"]))
     rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
             if "single_row" in cause.get("parameters", {})]
     return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(path))
 
 
-def fitted_rivals(cell: Cell, measurements: Measurements, told: Diagnosed) -> dict[str, tuple[Posterior, float]]:
+def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -> Rivals:
     """The rivals, fitted to the rows that the diagnosis used, with their probabilities, the likeliest first."""
     rows = in_blocks(cell, measurements)[0]
-    rows = rows.select(~rows.validate & ~np.isin(rows.row, told.bad_rows))
+    rows = rows.select(~rows.validate & ~np.isin(rows.row, diagnosed.bad_rows))
     prior = PriorModel(cell.prior)
     plain = posterior(cell, rows, prior)
-    catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in told.names}
-    seen, _, fitted = converged(cell, rows, prior, plain, catalogue, 2)
-    wanted = set(told.names)
-    listed = tuple(one for one in seen.hypotheses
-                   if {(seen.words.entries[k].effect.name, seen.words.entries[k].joint) for k in one.entries} <= wanted)
-    return rivals_of(cell, rows, prior, replace(seen, hypotheses=listed), fitted.map[:6])
+    catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in diagnosed.names}
+    survey, _, fitted = converged(cell, rows, prior, plain, catalogue, 2)
+    named = set(diagnosed.names)
+    entries = survey.words.entries
+    listed = tuple(hypothesis for hypothesis in survey.hypotheses
+                   if {(entries[k].effect.name, entries[k].joint) for k in hypothesis.entries} <= named)
+    return rivals_of(cell, rows, prior, replace(survey, hypotheses=listed), fitted.map[:6])
 
 
-def settling_design(
-    task: Task, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, effort: Effort | None = None
-) -> tuple[Design, Settled]:
-    """A plan whose runs settle the diagnosis first, and what it is worth by the task's criterion. Raises CompstiffError
-    (CS1601) where no run is admissible."""
+def discriminating_design(
+    task: Task, rivals: Rivals, rng: np.random.Generator, effort: Effort | None = None
+) -> tuple[Design, Discrimination]:
+    """A plan whose runs discriminate between the rivals first, and what it is worth by the task's criterion. Raises
+    CompstiffError (CS1601) where no run is admissible."""
     effort = effort or Effort()
     pool = random_pool(task.domain, effort.poses, rng)
-    runs, settled = settling_runs(task, rivals, pool, rng)
+    runs, discrimination = discriminating_runs(task, rivals, pool, rng)
     if len(runs) < len(task.demand):
-        runs = runs.joined(_by_criterion(task, runs, pool, len(task.demand) - len(runs), rng, effort))
-    value = float(task.criterion.value(total_information(task, runs)))
-    certificate = certify(task.domain, task.criterion, task.prior, task.demand, runs, pool, rng, replicates=task.replicates,
-                          starts=effort.climbs // 2)
-    return Design(task, runs, total_information(task, runs), certificate, 0, 0, 0, value, pool), settled
+        runs = runs.joined(_by_criterion(task, runs, pool, rng, effort))
+    certificate = certify(task, runs, pool, rng, starts=effort.climbs // 2)
+    return Design(task, runs, task.information(runs), certificate, 0, 0, 0, task.value(runs), pool), discrimination
 
 
-def settling_runs(
-    task: Task, rivals: dict[str, tuple[Posterior, float]], pool: Pool, rng: np.random.Generator
-) -> tuple[Pool, Settled]:
-    """The runs of a random pool that settle the diagnosis, as many as the task asks for or as are needed. They are taken as
-    they are: what they settle does not hang on a degree."""
+def discriminating_runs(task: Task, rivals: Rivals, pool: Pool, rng: np.random.Generator) -> tuple[Pool, Discrimination]:
+    """The runs of a random pool that discriminate between the rivals, as many as the task asks for or as are needed. They are
+    taken as they are: what they decide does not hang on a degree."""
     domain = task.domain
     tried = pool.take(_spread_of(pool, len(domain.slots), rng))
     forces = np.stack([domain.slots[s].along(line) for s, line in zip(tried.slot, tried.line, strict=True)])
     rows = planned_rows(tried.theta, forces, DWELL_S)
-    found = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
+    separated = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
     _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
-    chosen = np.array(settling(found, len(task.demand), pose.ravel()), dtype=np.intp)
+    chosen = np.array(settling(separated, len(task.demand), pose.ravel()), dtype=np.intp)
     # Nobody errs more than by always naming the likeliest: the bound may say more than that.
-    most = 1.0 - float(found.probability.max())
-    doubt = [min(most, float(found.mistaken(found.of(chosen[:k])))) for k in range(len(chosen) + 1)]
-    needed = next((k for k, value in enumerate(doubt) if k and value <= SETTLED), len(chosen))
-    settled = Settled(found.names, found.probability, doubt[0], doubt[needed], needed, _pairs(found, chosen[:needed]))
-    return tried.take(chosen[:needed]), settled
+    most = 1.0 - float(separated.probability.max())
+    doubt = [min(most, float(separated.mistaken(separated.of(chosen[:k])))) for k in range(len(chosen) + 1)]
+    needed = next((k for k, value in enumerate(doubt) if k and value <= DECIDED), len(chosen))
+    return tried.take(chosen[:needed]), Discrimination(
+        separated.names, separated.probability, doubt[0], doubt[needed], needed, _pairs(separated, chosen[:needed]))
 
 
 def _spread_of(pool: Pool, slots: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -172,20 +172,22 @@ def _spread_of(pool: Pool, slots: int, rng: np.random.Generator) -> NDArray[np.i
     return np.flatnonzero(np.isin(first.ravel(), kept))
 
 
-def _by_criterion(task: Task, settled: Pool, pool: Pool, count: int, rng: np.random.Generator, effort: Effort) -> Pool:
-    """The best `count` runs by the criterion, given those that settle."""
-    rest = replace(task, prior=total_information(task, settled), demand=Demand(task.demand.groups, task.demand.wanted[:count]))
-    found = many_exchanges(pool, rest.criterion, rest.prior, rest.demand, rng, effort.exchanges // 4, rest.replicates)
-    return max((refined(rest, pool.take(rows))[0] for rows, _ in found[: effort.refinements]), key=lambda one: one.value).runs
+def _by_criterion(task: Task, chosen: Pool, pool: Pool, rng: np.random.Generator, effort: Effort) -> Pool:
+    """The runs that are still missing, the best by the criterion, given those that are chosen."""
+    missing = len(task.demand) - len(chosen)
+    rest = replace(task, prior=task.information(chosen), demand=Demand(task.demand.groups, task.demand.wanted[:missing]))
+    plans = many_exchanges(rest, pool, rng, effort.exchanges // 4)
+    return best_refined(rest, pool, plans[: effort.refinements]).runs
 
 
-def _pairs(found: Separation, chosen: NDArray[np.intp]) -> tuple[tuple[str, str, float], ...]:
-    sigmas = np.sqrt(found.squared(found.of(chosen)))
-    return tuple((found.names[found.pairs[k][0]], found.names[found.pairs[k][1]], float(sigmas[k])) for k in np.argsort(sigmas))
+def _pairs(separated: Separation, chosen: NDArray[np.intp]) -> tuple[tuple[str, str, float], ...]:
+    sigmas = np.sqrt(separated.squared(separated.of(chosen)))
+    names, pairs = separated.names, separated.pairs
+    return tuple((names[pairs[k][0]], names[pairs[k][1]], float(sigmas[k])) for k in np.argsort(sigmas))
 
 
-def nothing_to_settle(told: Diagnosed) -> Finding:
+def no_rivals(diagnosed: Diagnosed) -> Finding:
     """What to say where the diagnosis leaves no choice between names."""
-    return Finding("CS1651", "note", f"the diagnosis is '{told.verdict}': there are no rival causes to tell apart, so the runs "
-                   "are those of the criterion", file=told.source,
+    return Finding("CS1651", "note", f"the diagnosis is '{diagnosed.verdict}': there are no rival causes to tell apart, so the "
+                   "runs are those of the criterion", file=diagnosed.source,
                    hint="an ambiguous diagnosis is what further loads can settle")

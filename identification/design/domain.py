@@ -1,4 +1,4 @@
-"""Which runs are admissible (paper eq. 19-21, DESIGN.md physics 5), and a random pool of such runs.
+"""Which runs are admissible (paper eq. 19-21), and a random pool of such runs.
 
     joints    inside their limits by a margin, the parallel rod's angle inside its window by the same
     place     the TCP at one of the given positions, or anywhere in a box
@@ -12,6 +12,7 @@ As smooth inequalities they stand in constraints.py. Collisions are not among th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -51,10 +52,15 @@ class Pool:
         """Some of them."""
         return Pool(self.theta[rows], self.slot[rows], self.place[rows], self.line[rows], self.information[rows])
 
+    @staticmethod
+    def of(pools: Sequence[Pool]) -> Pool:
+        """One or more pools as one."""
+        return Pool(*(np.concatenate([getattr(pool, name) for pool in pools])
+                      for name in ("theta", "slot", "place", "line", "information")))
+
     def joined(self, other: Pool) -> Pool:
         """Both."""
-        return Pool(*(np.concatenate([getattr(self, name), getattr(other, name)])
-                      for name in ("theta", "slot", "place", "line", "information")))
+        return Pool.of([self, other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +96,9 @@ class Domain:
         """The arm at controller angles (n, 6) [rad]."""
         return stance(self.rig.cell.robot, self.rig.cell.flange_from_tcp, theta)
 
-    def equalities(self, seen: Stance, place: Indices) -> Array:
+    def equalities(self, arm: Stance, place: Indices) -> Array:
         """TCP minus its wanted position (n, 3) [m], (n, 0) in a box; place (n,): which position."""
-        return seen.tcp[:, :0] if self.positions is None else seen.tcp - self.positions[place]
+        return arm.tcp[:, :0] if self.positions is None else arm.tcp - self.positions[place]
 
     def runs(self, theta: Array, slot: Indices, place: Indices, line: Array) -> Pool:
         """Runs with these angles, slots, places and lines."""
@@ -101,11 +107,11 @@ class Domain:
 
     def excess(self, runs: Pool) -> Array:
         """Largest violation (n,) of any constraint, not positive where admissible to the last digit."""
-        seen = self.look(runs.theta)
+        arm = self.look(runs.theta)
         worst = np.maximum(self.limits[:, 0] - runs.theta, runs.theta - self.limits[:, 1]).max(axis=1)
         loads = self.table.of(runs.slot, runs.line)
-        worst = np.maximum(worst, inequalities(self.rig, self.margins, self.box, runs.theta, seen, loads).max(axis=1))
-        off = self.equalities(seen, runs.place)
+        worst = np.maximum(worst, inequalities(self.rig, self.margins, self.box, runs.theta, arm, loads).max(axis=1))
+        off = self.equalities(arm, runs.place)
         return np.asarray(np.maximum(worst, np.abs(off).max(axis=1, initial=0.0)))
 
     def centred(self, theta: Array, place: Indices) -> Array:
@@ -113,9 +119,9 @@ class Domain:
         if self.positions is None:
             return theta
         for _ in range(3):
-            seen = self.look(theta)
-            slope = np.swapaxes(seen.serial, 1, 2) @ self.rig.cell.robot.coupling
-            theta = theta - np.einsum("nij,nj->ni", np.linalg.pinv(slope), self.equalities(seen, place))
+            arm = self.look(theta)
+            slope = np.swapaxes(arm.serial, 1, 2) @ self.rig.cell.robot.coupling
+            theta = theta - np.einsum("nij,nj->ni", np.linalg.pinv(slope), self.equalities(arm, place))
         return theta
 
 
@@ -123,7 +129,7 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
     """Random admissible runs: about `poses` poses, tool orientations uniform over all rotations, every branch of the inverse
     kinematics, each with every slot, a free one along a random line. Raises CompstiffError (CS1601) where none fits."""
     theta, place, drawn = _poses_in_place(domain, poses, rng)
-    seen = domain.look(theta)
+    arm = domain.look(theta)
     pools = []
     for number in range(len(domain.slots)):
         line = np.tile([1.0, 0.0, 0.0], (len(theta), 1))
@@ -133,7 +139,7 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
         loads: Loads = domain.table.of(np.full(len(theta), number), line)
         good = np.zeros(0, dtype=bool)
         if len(theta):
-            good = inequalities(domain.rig, domain.margins, domain.box, theta, seen, loads).max(axis=1) <= 0
+            good = inequalities(domain.rig, domain.margins, domain.box, theta, arm, loads).max(axis=1) <= 0
         pools.append(domain.runs(theta[good], np.full(int(good.sum()), number, dtype=np.intp), place[good], line[good]))
     if not all(map(len, pools)):
         empty = next(domain.slots[i].name for i, pool in enumerate(pools) if not len(pool))
@@ -141,16 +147,13 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
                     f"{empty}: {len(theta)} are in reach and inside the joint limits, none also inside the orientation window, "
                     "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
                     hint="move the place with --position, widen --phi, or check the tool in cell.yaml")
-    result = pools[0]
-    for pool in pools[1:]:
-        result = result.joined(pool)
-    return result
+    return Pool.of(pools)
 
 
 def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tuple[Array, Indices, int]:
     """Angles (n, 6) [rad] inside the joint limits with the TCP in place, which place (n,), and how many were drawn."""
     robot, tool = domain.rig.cell.robot, domain.rig.cell.flange_from_tcp
-    found: list[tuple[Array, Indices]] = []
+    drawn_poses: list[tuple[Array, Indices]] = []
     count = drawn = 0
     for _ in range(MOST_DRAWS):
         draws = max(poses, 200)
@@ -168,9 +171,9 @@ def _poses_in_place(domain: Domain, poses: int, rng: np.random.Generator) -> tup
         fits = solved.reachable.reshape(-1) & inside.all(axis=1)
         theta, spot = theta[fits], np.repeat(place, solved.theta.shape[1])[fits]
         drawn += draws
-        found.append((theta, spot.astype(np.intp)))
+        drawn_poses.append((theta, spot.astype(np.intp)))
         count += len(theta)
         if count >= poses:
             break
-    theta, place = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    theta, place = (np.concatenate(parts) for parts in zip(*drawn_poses, strict=True))
     return theta[:poses], place[:poses], drawn

@@ -6,13 +6,11 @@ looked at exactly, which is exact as long as the best found beats the next bound
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.design.criteria import Criterion
 from identification.design.domain import Pool
+from identification.design.task import Task
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -20,42 +18,18 @@ EXACT = 250
 MOST_SWEEPS = 30
 
 
-@dataclass(frozen=True, eq=False)
-class Demand:
-    """What a plan must hold: for each of its N runs the group it comes from. groups (S,): the group of each slot; wanted (N,):
-    the group of each run. With one group any run may have any slot; the paper's plan has a group a slot."""
+def exchange(task: Task, pool: Pool, rng: np.random.Generator, start: Indices | None = None) -> tuple[Indices, float]:
+    """Rows (N,) of the pool that make a plan which no single replacement improves, and its value of the smooth criterion.
 
-    groups: Indices
-    wanted: Indices
-
-    @property
-    def counts(self) -> Indices:
-        """Runs a group (groups,)."""
-        return np.bincount(self.wanted, minlength=int(self.groups.max()) + 1)
-
-    def __len__(self) -> int:
-        return len(self.wanted)
-
-
-def free_demand(slots: int, runs: int) -> Demand:
-    """`runs` runs, each with any of the slots."""
-    return Demand(np.zeros(slots, dtype=np.intp), np.zeros(runs, dtype=np.intp))
-
-
-def exchange(
-    pool: Pool, criterion: Criterion, prior: Array, demand: Demand, rng: np.random.Generator, start: Indices | None = None,
-    replicates: int = 1,
-) -> tuple[Indices, float]:
-    """Indices (N,) of a plan that no single replacement improves, and its value of the smooth criterion.
-
-    start: where to begin, random where None. prior (6, 6): precision before the runs. replicates: visits a run.
+    start (N,): where to begin, random where None.
     """
-    group = demand.groups[pool.slot]
+    criterion, demand, replicates = task.criterion, task.demand, task.replicates
+    group = task.group(pool)
     members = [np.flatnonzero(group == g) for g in range(int(demand.groups.max()) + 1)]
     pieces = [replicates * pool.information[rows] for rows in members]
     flat = [piece.reshape(len(piece), 36) for piece in pieces]
     chosen = np.array([rng.choice(members[g]) for g in demand.wanted]) if start is None else start.copy()
-    total = prior + replicates * pool.information[chosen].sum(axis=0)
+    total = task.information(pool.take(chosen))
     best = float(criterion.smooth(total))
     for _ in range(MOST_SWEEPS):
         before = best
@@ -78,18 +52,16 @@ def exchange(
     return chosen, best
 
 
-def many_exchanges(
-    pool: Pool, criterion: Criterion, prior: Array, demand: Demand, rng: np.random.Generator, starts: int, replicates: int = 1,
-) -> list[tuple[Indices, float]]:
-    """Plans from `starts` random starts, different ones only, best first."""
-    found: dict[tuple[int, ...], float] = {}
+def many_exchanges(task: Task, pool: Pool, rng: np.random.Generator, starts: int) -> list[tuple[Indices, float]]:
+    """Plans (rows of the pool, value) from `starts` random starts, different ones only, best first."""
+    wanted = task.demand.wanted
+    values: dict[tuple[int, ...], float] = {}
     for _ in range(starts):
-        chosen, value = exchange(pool, criterion, prior, demand, rng, replicates=replicates)
-        order = np.lexsort((chosen, demand.wanted))
-        found[tuple(chosen[order].tolist())] = value
-    ranked = sorted(found.items(), key=lambda item: -item[1])
-    wanted = np.sort(demand.wanted)
+        chosen, value = exchange(task, pool, rng)
+        order = np.lexsort((chosen, wanted))
+        values[tuple(chosen[order].tolist())] = value
+    ranked = sorted(values.items(), key=lambda item: -item[1])
     # Back in the demand's order: the groups of a sorted plan stand in ascending order.
-    place = np.argsort(np.argsort(demand.wanted, kind="stable"), kind="stable")
-    assert np.array_equal(wanted[place], demand.wanted)
+    place = np.argsort(np.argsort(wanted, kind="stable"), kind="stable")
+    assert np.array_equal(np.sort(wanted)[place], wanted)
     return [(np.array(plan)[place], value) for plan, value in ranked]

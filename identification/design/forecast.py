@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.design.exchange import Demand, exchange
-from identification.design.procedure import Design
+from identification.design.domain import Pool
+from identification.design.exchange import exchange
+from identification.design.search import Design
 from identification.design.sheet import Sheet, as_measurements
-from identification.diagnosis.plan import Outlook, outlook
+from identification.design.task import Demand
+from identification.diagnosis.plan import Outlook, not_told_apart, outlook
 from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
+
+
+def spread(log_std: float) -> str:
+    """1 sigma of ln k in words: a percentage while that is one."""
+    return f"to {100 * log_std:.2g} %" if log_std < 0.3 else f"within a factor {np.exp(log_std):.2g}"
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,11 @@ class JointForecast:
     grade: str
     partner: int
     correlation: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"name": f"k{self.joint}", "log_std_before": self.before, "log_std_after": self.after, "grade": self.grade,
+                "trades_off_with": f"k{self.partner}" if self.partner else None, "correlation": self.correlation}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,41 +57,66 @@ class Forecast:
     @property
     def counts(self) -> dict[str, int]:
         """How many causes are identifiable, detectable, invisible at their typical size."""
-        return {grade: sum(one.grade == grade for one in self.causes) for grade in ("identifiable", "detectable", "invisible")}
+        return {grade: sum(cause.grade == grade for cause in self.causes)
+                for grade in ("identifiable", "detectable", "invisible")}
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
         return {
-            "joints": [{"name": f"k{one.joint}", "log_std_before": one.before, "log_std_after": one.after, "grade": one.grade,
-                        "trades_off_with": f"k{one.partner}" if one.partner else None, "correlation": one.correlation}
-                       for one in self.joints],
-            "causes": {"counts": self.counts, "effects": [one.as_dict() for one in self.causes], "not_offered": self.left_out},
+            "joints": [joint.as_dict() for joint in self.joints],
+            "causes": {"counts": self.counts, "effects": [cause.as_dict() for cause in self.causes],
+                       "not_offered": self.left_out},
             "by_measurements": [{"measurements": n, "criterion": value, "largest_log_std": std}
                                 for n, value, std in zip(self.runs, self.values, self.stds, strict=True)],
         }
 
+    def joint_lines(self) -> list[str]:
+        """How well each stiffness will be known."""
+        lines = []
+        for joint in self.joints:
+            trade = f", trades off with k{joint.partner} ({joint.correlation:+.2f})" if joint.partner else ""
+            lines.append(f"k{joint.joint}  known {spread(joint.after)} (1 sigma; before {spread(joint.before)}), "
+                         f"{joint.grade}{trade}")
+        return lines
 
-def forecast(found: Design, rows: Sheet, measured: Measurements | None, rng: np.random.Generator) -> Forecast:
-    """The forecast of a plan whose rows are `rows`, taken after those that are measured already, if any."""
-    planned = as_measurements(rows)
+    def cause_lines(self, before: str = "") -> list[str]:
+        """Which causes will be named; before: what else is looked at with the plan, in words."""
+        counts, alike = self.counts, not_told_apart(self.causes)
+        lines = [f"of {len(self.causes)} possible causes at their typical size this plan{before} names "
+                 f"{counts['identifiable']}, only notices {counts['detectable']} and misses {counts['invisible']} "
+                 "(sizes: compstiff diagnose --plan)"]
+        return lines + (["noticed at their typical size but not told apart: " + "; ".join(alike)] if alike else [])
+
+    def length_lines(self) -> list[str]:
+        """What plans of other lengths would tell; empty where that is not known."""
+        if not self.runs:
+            return []
+        return ["largest uncertainty of a stiffness by number of runs, each planned for the criterion: " + ", ".join(
+            f"{n}: {spread(std).removeprefix('to ').removeprefix('within ')}"
+            for n, std in zip(self.runs, self.stds, strict=True))]
+
+
+def forecast(design: Design, sheet: Sheet, measured: Measurements | None, rng: np.random.Generator) -> Forecast:
+    """The forecast of a plan with these rows, taken after those that are measured already, if any."""
+    planned = as_measurements(sheet)
     if measured is not None:
         planned = measured.select(~measured.validate).followed_by(planned)
-    causes, left_out = outlook(found.task.domain.rig.cell, planned)
-    count = len(found.task.demand)
-    free = len(found.task.demand.counts) == 1
+    causes, left_out = outlook(design.task.domain.rig.cell, planned)
+    count = len(design.task.demand)
+    free = len(design.task.demand.counts) == 1
     runs = tuple(sorted({*range(1, min(count, 4) + 1), count, *(round(count * share) for share in (0.5, 1.5, 2.0))} - {0}))
-    curve = [_length(found, n, rng) for n in runs] if free else []
-    return Forecast(joint_forecasts(found), tuple(causes), left_out, runs if free else (),
+    curve = [_of_length(design, n, rng) for n in runs] if free else []
+    return Forecast(joint_forecasts(design), tuple(causes), left_out, runs if free else (),
                     tuple(value for value, _ in curve), tuple(std for _, std in curve))
 
 
-def joint_forecasts(found: Design) -> tuple[JointForecast, ...]:
+def joint_forecasts(design: Design) -> tuple[JointForecast, ...]:
     """Grades as `identify` gives them, from the precision before and after."""
-    covariance = found.covariance
-    before = np.sqrt(np.diag(np.linalg.inv(found.task.prior)))
+    covariance = design.covariance
+    before = np.sqrt(np.diag(np.linalg.inv(design.task.prior)))
     after = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(after, after) - np.eye(6)
-    prior_std = found.task.domain.rig.cell.prior.log_std
+    prior_std = design.task.domain.rig.cell.prior.log_std
     result = []
     for i in range(6):
         grade = "reliable" if after[i] <= RELIABLE_LOG_STD else "tentative"
@@ -92,15 +129,12 @@ def joint_forecasts(found: Design) -> tuple[JointForecast, ...]:
     return tuple(result)
 
 
-def _length(found: Design, count: int, rng: np.random.Generator) -> tuple[float, float]:
+def _of_length(design: Design, count: int, rng: np.random.Generator) -> tuple[float, float]:
     """Criterion and largest std of ln k of the best of a few exchanges with `count` runs; for its own length the plan."""
-    task = found.task
-    if count == len(task.demand):
-        information = found.information
-    else:
-        demand = Demand(task.demand.groups, np.zeros(count, dtype=np.intp))
-        pool = found.pool.joined(found.runs).joined(found.certificate.support)
-        best = max((exchange(pool, task.criterion, task.prior, demand, rng, replicates=task.replicates) for _ in range(4)),
-                   key=lambda one: one[1])
-        information = task.prior + task.replicates * pool.take(best[0]).information.sum(axis=0)
-    return (float(task.criterion.value(information)), float(np.sqrt(np.diag(np.linalg.inv(information)).max())))
+    task, information = design.task, design.information
+    if count != len(task.demand):
+        task = replace(task, demand=Demand(task.demand.groups, np.zeros(count, dtype=np.intp)))
+        pool = Pool.of([design.pool, design.runs, design.certificate.support])
+        best, _ = max((exchange(task, pool, rng) for _ in range(4)), key=lambda plan: plan[1])
+        information = task.information(pool.take(best))
+    return float(task.criterion.value(information)), float(np.sqrt(np.diag(np.linalg.inv(information)).max()))

@@ -1,6 +1,6 @@
-"""What one run tells: its share of the posterior precision of ln c, and how that changes with the pose.
+"""What one run tells: its share of the posterior precision of ln c (paper eq. 17), and how that changes with the pose.
 
-A run is a pose and a list of loads f_l. To first order (DESIGN.md, physics 3) the deflection under f_l is `D_l 1` with
+A run is a pose and a list of loads f_l. To first order (model/compliance.py) the deflection under f_l is `D_l 1` with
 
     D_l = J diag(J^T f_l) diag(c)          (3, 6), the derivative by ln c; J the position rows of the springs' Jacobian
 
@@ -10,7 +10,7 @@ variance O. With B = sum N_l^-1 D_l, T = sum N_l^-1 and R = O^1/2, Woodbury's id
 
     m(run) = sum D_l^T N_l^-1 D_l - B^T R (1 + R T R)^-1 R B     (6, 6).
 
-It is the same noise as in `noise.py`, in which a part that the cell file leaves out has its usual size.
+It is the same noise as in fit/noise.py, in which a part that the cell file leaves out has its usual size.
 """
 
 from __future__ import annotations
@@ -96,11 +96,11 @@ def information_slope(rig: Instrument, columns: Array, loads: Loads, weight: Arr
     rows, surplus = loads.rows[:, :, None, None], loads.surplus[:, :, None, None]
     across = (parts.inner @ parts.shared)[:, None]
     mixed = across @ weight
-    told = parts.design @ weight
+    weighed = parts.design @ weight
     one_way = mixed @ np.swapaxes(parts.design, 2, 3)
-    by_precision = rows * (told @ np.swapaxes(parts.design, 2, 3) + mixed @ np.swapaxes(across, 2, 3)) - surplus * (
+    by_precision = rows * (weighed @ np.swapaxes(parts.design, 2, 3) + mixed @ np.swapaxes(across, 2, 3)) - surplus * (
         one_way + np.swapaxes(one_way, 2, 3))
-    by_design = 2 * parts.precision @ (rows * told - surplus * mixed)
+    by_design = 2 * parts.precision @ (rows * weighed - surplus * mixed)
     by_noise = -parts.precision @ by_precision @ parts.precision
     # N = S + G F G: by G, and by the force through F.
     half = by_noise @ parts.carried[:, None] * parts.variance[:, :, None, :]

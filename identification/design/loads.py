@@ -41,15 +41,15 @@ class Slot:
     @cached_property
     def grouped(self) -> list[tuple[Array, Array]]:
         """Distinct forces up to their sign (3,) [N], and the signs of the rows that have them."""
-        found: list[tuple[Array, list[float]]] = []
+        groups: list[tuple[Array, list[float]]] = []
         for force in self.forces:
-            for first, signs in found:
+            for first, signs in groups:
                 if np.array_equal(first, force) or np.array_equal(first, -force):
                     signs.append(1.0 if np.array_equal(first, force) else -1.0)
                     break
             else:
-                found.append((force, [1.0]))
-        return [(force, np.array(signs)) for force, signs in found]
+                groups.append((force, [1.0]))
+        return [(force, np.array(signs)) for force, signs in groups]
 
     @cached_property
     def peaks(self) -> Array:
@@ -82,21 +82,21 @@ class LoadTable:
 
     @cached_property
     def _stacked(self) -> Loads:
-        most = max(len(one.grouped) for one in self.slots)
-        peaks = max(len(one.peaks) for one in self.slots)
+        most = max(len(slot.grouped) for slot in self.slots)
+        peaks = max(len(slot.peaks) for slot in self.slots)
         force, peak = np.zeros((len(self.slots), most, 3)), np.zeros((len(self.slots), peaks, 3))
         rows, surplus = np.zeros((2, len(self.slots), most))
-        for s, one in enumerate(self.slots):
-            for k, (magnitude, signs) in enumerate(one.grouped):
+        for s, slot in enumerate(self.slots):
+            for k, (magnitude, signs) in enumerate(slot.grouped):
                 force[s, k], rows[s, k], surplus[s, k] = magnitude, signs.size, signs.sum()
-            peak[s] = one.peaks[np.minimum(np.arange(peaks), len(one.peaks) - 1)]
-        free = np.array([one.free for one in self.slots])[:, None]
+            peak[s] = slot.peaks[np.minimum(np.arange(peaks), len(slot.peaks) - 1)]
+        free = np.array([slot.free for slot in self.slots])[:, None]
         return Loads(force, rows, surplus, peak, np.where(free, force[:, :, 0], 0.0), np.where(free, peak[:, :, 0], 0.0))
 
     @property
     def free(self) -> bool:
         """Whether a run may have a line of its own."""
-        return any(one.free for one in self.slots)
+        return any(slot.free for slot in self.slots)
 
     def of(self, slot: Indices, line: Array) -> Loads:
         """The loads of runs with these slots (n,); line (n, 3): the lines of those that have one."""
@@ -104,7 +104,7 @@ class LoadTable:
         force, peak = table.force[slot], table.peak[slot]
         by_line, peak_by_line = table.by_line[slot], table.peak_by_line[slot]
         if self.free:
-            own = np.array([one.free for one in self.slots])[slot][:, None, None]
+            own = np.array([each.free for each in self.slots])[slot][:, None, None]
             force = np.where(own, by_line[:, :, None] * line[:, None], force)
             peak = np.where(own, peak_by_line[:, :, None] * line[:, None], peak)
         return Loads(force, table.rows[slot], table.surplus[slot], peak, by_line, peak_by_line)
@@ -119,6 +119,6 @@ def slot(axes: str, protocol: str, force: float) -> Slot:
     return Slot(axes, np.concatenate([np.outer(steps, np.eye(3)[AXES.index(axis)]) for axis in axes]))
 
 
-def loads_of(one: Slot, line: Sequence[float] = (1.0, 0.0, 0.0)) -> Loads:
+def loads_of(slot: Slot, line: Sequence[float] = (1.0, 0.0, 0.0)) -> Loads:
     """The loads of one slot, for any number of runs."""
-    return LoadTable((one,)).of(np.zeros(1, dtype=np.intp), np.array([line], dtype=float))
+    return LoadTable((slot,)).of(np.zeros(1, dtype=np.intp), np.array([line], dtype=float))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import Finding
 from identification.design.information import Instrument
 from identification.model.kinematics import forward, jacobian
 from identification.model.rotations import Frame
@@ -28,7 +29,7 @@ USUAL_FORCE_N = 100.0
 class MillingPoses:
     """The targets a job is milled at: theta (n, 6) [rad], flange_from_tcp (n) of their tools, tcp (n, 3) [m] in the base frame,
     source: the program's name. targets: how many the program has. force (3, 3) or (n, 3, 3) [N^2]: second moment of the
-    cutting force in the base frame, assumed where no log was given."""
+    cutting force in the base frame, assumed where no log was given. findings: of the program and its log."""
 
     theta: Array
     flange_from_tcp: Frame
@@ -36,6 +37,7 @@ class MillingPoses:
     source: str
     targets: int
     force: Array
+    findings: tuple[Finding, ...] = ()
 
 
 def assumed_force() -> Array:

@@ -20,7 +20,7 @@ STARTS = 60
 BALANCE_S = 30.0
 
 
-def kinds(runs: Pool) -> Indices:
+def load_axes(runs: Pool) -> Indices:
     """What the order balances (n,): the slots, or the base axis nearest to the line where each run has one of its own."""
     return runs.slot if len(np.unique(runs.slot)) > 1 else np.abs(runs.line).argmax(axis=1).astype(np.intp)
 

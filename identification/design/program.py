@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
+from identification.common.shipped import shipped
 from identification.design.domain import Domain
 from identification.design.sheet import Sheet
 from identification.model.cell import Cell
@@ -22,6 +23,14 @@ TEMPLATE = "design_program.mod.j2"
 RETREATS_M = ((0.0, 0.15), (-0.1, 0.1), (-0.15, 0.0), (0.0, 0.05), (-0.05, 0.0))
 # No joint turns farther than this on the last stretch: the retreat is in the same configuration.
 LARGEST_TURN = np.radians(45.0)
+
+
+@dataclass(frozen=True)
+class RapidProgram:
+    """content: the module's file."""
+
+    content: bytes
+    findings: tuple[Finding, ...]
 
 
 def approaches(domain: Domain, theta: Array) -> Array:
@@ -41,13 +50,14 @@ def approaches(domain: Domain, theta: Array) -> Array:
     return result
 
 
-def program_text(domain: Domain, rows: Sheet, templates: Path, name: str, comments: list[str]) -> tuple[str, list[Finding]]:
-    """The module as text, and what there is to say about it; templates: the folder of the RAPID templates."""
+def rapid_program(domain: Domain, sheet: Sheet, name: str, comments: list[str]) -> RapidProgram:
+    """The module that visits the sheet's poses; name: of the module, made an identifier; comments: at its head."""
     import jinja2
 
     cell = domain.rig.cell
-    behind = approaches(domain, rows.theta)
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(templates), trim_blocks=True, lstrip_blocks=True,
+    behind = approaches(domain, sheet.theta)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(shipped("rapid_templates")), trim_blocks=True,
+                                     lstrip_blocks=True,
                                      undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     findings = []
     tool = _tool(cell)
@@ -56,27 +66,27 @@ def program_text(domain: Domain, rows: Sheet, templates: Path, name: str, commen
             "CS1603", "note", "the program moves with tool0: cell.yaml states no mass and centre of mass of the tool",
             file=str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or put your own tooldata in the "
             "program: the controller needs the load to move and stand well"))
-    lost = [rows.label[i] for i in np.flatnonzero(np.isnan(behind[:, 0]))]
+    lost = [sheet.label[i] for i in np.flatnonzero(np.isnan(behind[:, 0]))]
     if lost:
         findings.append(Finding(
             "CS1604", "warning", f"no retreat within the joint limits for {', '.join(lost)}: the robot drives there and away "
             "by a direct joint move", hint="check the way in manual mode"))
     text = environment.get_template(TEMPLATE).render(
         module=_identifier(name), header=True, comments=[_ascii(line) for line in comments], tool=tool, fast="v200", slow="v20",
-        visits=[_visit(rows, number, behind[number]) for number in range(len(rows.label))])
-    return text, findings
+        visits=[_visit(sheet, number, behind[number]) for number in range(len(sheet.label))])
+    return RapidProgram(text.encode("ascii"), tuple(findings))
 
 
-def _visit(rows: Sheet, number: int, behind: Array) -> dict[str, Any]:
-    label = rows.label[number]
+def _visit(sheet: Sheet, number: int, behind: Array) -> dict[str, Any]:
+    label = sheet.label[number]
     prompts = []
-    for row in np.flatnonzero(rows.visit == number):
-        force = rows.force[row]
-        held = f"{rows.dwell[row]:g}"
-        prompts.append({"ask": f"{label}: {_load(force, 1)}. Then hold {held} s", "wait_s": held,
+    for row in np.flatnonzero(sheet.visit == number):
+        force = sheet.force[row]
+        dwell = f"{sheet.dwell[row]:g}"
+        prompts.append({"ask": f"{label}: {_load(force, 1)}. Then hold {dwell} s", "wait_s": dwell,
                         "then": f"{label}, row {row + 1}, {_load(force, 0)}: write down dx dy dz and the time"})
-    visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(rows.label),
-                             "joints": np.degrees(rows.theta[number]).tolist(), "prompts": prompts}
+    visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(sheet.label),
+                             "joints": np.degrees(sheet.theta[number]).tolist(), "prompts": prompts}
     if np.isfinite(behind).all():
         visit["approach"] = np.degrees(behind).tolist()
     return visit

@@ -21,6 +21,7 @@ from identification.design.domain import TOLERANCE, Domain, Pool
 from identification.design.information import information_slope, run_information
 from identification.design.loads import Loads
 from identification.design.stance import Stance, by_angles, columns_slope
+from identification.design.task import Task
 from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
@@ -50,18 +51,19 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """The runs at one point of the search."""
+    """The runs at one point x of the search."""
 
+    x: Array
     robot: RobotModel
     theta: Array
-    seen: Stance
+    arm: Stance
     loads: Loads
     information: Array
 
     @cached_property
     def columns_slope(self) -> Array:
         """Derivative (N, 6, 3, 6) of the springs' columns by the angles."""
-        return columns_slope(self.robot, self.seen)
+        return columns_slope(self.robot, self.arm)
 
 
 class _Problem:
@@ -71,8 +73,7 @@ class _Problem:
         self.domain, self.start, self.objective = domain, start, objective
         self.free = domain.table.free
         self.width = 9 if self.free else 6
-        self._key = b""
-        self._point: _Point | None = None
+        self._last: _Point | None = None
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """Angles (N, 6) [rad] and lines (N, 3)."""
@@ -81,14 +82,12 @@ class _Problem:
 
     def at(self, x: Array) -> _Point:
         """The runs at x."""
-        key = x.tobytes()
-        if self._point is None or key != self._key:
+        if self._last is None or not np.array_equal(self._last.x, x):
             theta, line = self.split(x)
-            seen, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
-            information = run_information(self.domain.rig, seen.columns, loads)
-            self._point = _Point(self.domain.rig.cell.robot, theta, seen, loads, information)
-            self._key = key
-        return self._point
+            arm, loads = self.domain.look(theta), self.domain.table.of(self.start.slot, line)
+            information = run_information(self.domain.rig, arm.columns, loads)
+            self._last = _Point(x.copy(), self.domain.rig.cell.robot, theta, arm, loads, information)
+        return self._last
 
     def value(self, x: Array) -> float:
         """The objective."""
@@ -97,7 +96,7 @@ class _Problem:
     def gradient(self, x: Array) -> Array:
         """Its derivative (N width,)."""
         point, rig = self.at(x), self.domain.rig
-        by_columns, by_force = information_slope(rig, point.seen.columns, point.loads, self.objective.slope(point.information))
+        by_columns, by_force = information_slope(rig, point.arm.columns, point.loads, self.objective.slope(point.information))
         by_theta = np.einsum("nai,nmai->nm", by_columns, point.columns_slope)
         by_line = np.einsum("nk,nka->na", point.loads.by_line, by_force)
         return self._joined(by_theta[:, :, None], by_line[:, :, None]).ravel()
@@ -105,17 +104,17 @@ class _Problem:
     def inequality(self, x: Array) -> Array:
         """-g (N q,), not negative where admissible."""
         point, domain = self.at(x), self.domain
-        return -inequalities(domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads).ravel()
+        return -inequalities(domain.rig, domain.margins, domain.box, point.theta, point.arm, point.loads).ravel()
 
     def inequality_slope(self, x: Array) -> Array:
         """Its derivative (N q, N width)."""
         point, domain = self.at(x), self.domain
         return -_block_rows(self._joined(*inequality_slopes(
-            domain.rig, domain.margins, domain.box, point.theta, point.seen, point.loads, point.columns_slope)))
+            domain.rig, domain.margins, domain.box, point.theta, point.arm, point.loads, point.columns_slope)))
 
     def equality(self, x: Array) -> Array:
         """TCP in place, and lines of length one; (N e,)."""
-        off = self.domain.equalities(self.at(x).seen, self.start.place)
+        off = self.domain.equalities(self.at(x).arm, self.start.place)
         if self.free:
             off = np.concatenate([off, np.sum(self.split(x)[1] ** 2, axis=1, keepdims=True) - 1], axis=1)
         return off.ravel()
@@ -125,7 +124,7 @@ class _Problem:
         point, count = self.at(x), len(self.start)
         by_theta: Array = np.zeros((count, 6, 0))
         if self.domain.positions is not None:
-            by_theta = by_angles(self.domain.rig.cell.robot, point.seen.serial)
+            by_theta = by_angles(self.domain.rig.cell.robot, point.arm.serial)
         by_line = np.zeros((count, 3, by_theta.shape[2]))
         if self.free:
             by_theta = np.concatenate([by_theta, np.zeros((count, 6, 1))], axis=2)
@@ -143,13 +142,13 @@ class _Problem:
         constraints: list[Any] = [{"type": "ineq", "fun": self.inequality, "jac": self.inequality_slope}]
         if self.free or self.domain.positions is not None:
             constraints.append({"type": "eq", "fun": self.equality, "jac": self.equality_slope})
-        one = np.concatenate([self.domain.limits, np.tile([-1.0, 1.0], (3, 1))])[: self.width]
-        limits: Any = np.tile(one, (len(self.start), 1))
+        of_a_run = np.concatenate([self.domain.limits, np.tile([-1.0, 1.0], (3, 1))])[: self.width]
+        limits: Any = np.tile(of_a_run, (len(self.start), 1))
         solver: Any = minimize
-        found = solver(self.value, begin, jac=self.gradient, method="SLSQP", bounds=limits, constraints=constraints,
-                       options={"maxiter": iterations, "ftol": accuracy})
-        theta, line = self.split(np.where(np.isfinite(found.x), found.x, begin))
-        return Pool(theta, self.start.slot, self.start.place, line, self.start.information), int(found.nit)
+        answer = solver(self.value, begin, jac=self.gradient, method="SLSQP", bounds=limits, constraints=constraints,
+                        options={"maxiter": iterations, "ftol": accuracy})
+        theta, line = self.split(np.where(np.isfinite(answer.x), answer.x, begin))
+        return Pool(theta, self.start.slot, self.start.place, line, self.start.information), int(answer.nit)
 
 
 def _block_rows(slope: Array) -> Array:
@@ -165,30 +164,31 @@ def _finished(domain: Domain, runs: Pool) -> tuple[Pool, bool]:
     """The runs with the TCP exactly in place and lines of length one, and whether they are admissible."""
     theta = np.clip(domain.centred(runs.theta, runs.place), domain.limits[:, 0], domain.limits[:, 1])
     line = runs.line / np.linalg.norm(runs.line, axis=1, keepdims=True)
-    found = domain.runs(theta, runs.slot, runs.place, line)
-    return found, bool(domain.excess(found).max() <= TOLERANCE)
+    finished = domain.runs(theta, runs.slot, runs.place, line)
+    return finished, bool(domain.excess(finished).max() <= TOLERANCE)
 
 
-def refine(
-    domain: Domain, criterion: Criterion, prior: Array, start: Pool, replicates: int = 1, accuracy: float = ACCURACY,
-) -> Refined:
-    """The plan `start` improved over continuous angles. prior (6, 6): precision before the runs."""
-    runs, total = start, 0
-    for power in criterion.powers:
-        stage = criterion.smooth_with(power)
+def refine(task: Task, start: Pool, accuracy: float = ACCURACY) -> Refined:
+    """The plan `start` improved over continuous angles."""
+    runs, iterations = start, 0
+    for power in task.criterion.powers:
+        enough = accuracy if power == task.criterion.powers[-1] else max(accuracy, ON_THE_WAY)
+        objective = _of_criterion(task, task.criterion.smooth_with(power))
+        runs, used = _Problem(task.domain, runs, objective).solved(MOST_ITERATIONS, enough)
+        iterations += used
+    runs, feasible = _finished(task.domain, runs)
+    return Refined(runs, task.value(runs), feasible, iterations)
 
-        def height(information: Array, stage: Criterion = stage) -> float:
-            return -float(np.log(stage.smooth(prior + replicates * information.sum(axis=0))))
 
-        def slope(information: Array, stage: Criterion = stage) -> Array:
-            return -replicates * stage.slope(prior + replicates * information.sum(axis=0))
+def _of_criterion(task: Task, criterion: Criterion) -> Objective:
+    """-ln of the smooth criterion."""
+    def height(information: Array) -> float:
+        return -float(np.log(criterion.smooth(task.prior + task.replicates * information.sum(axis=0))))
 
-        enough = accuracy if power == criterion.powers[-1] else max(accuracy, ON_THE_WAY)
-        runs, used = _Problem(domain, runs, Objective(height, slope)).solved(MOST_ITERATIONS, enough)
-        total += used
-    runs, feasible = _finished(domain, runs)
-    value = float(criterion.value(prior + replicates * runs.information.sum(axis=0)))
-    return Refined(runs, value, feasible, total)
+    def slope(information: Array) -> Array:
+        return -task.replicates * criterion.slope(task.prior + task.replicates * information.sum(axis=0))
+
+    return Objective(height, slope)
 
 
 def climb(domain: Domain, weight: Array, start: Pool, iterations: int = 60) -> Refined:

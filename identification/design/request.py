@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +10,14 @@ from numpy.typing import NDArray
 from identification.common.findings import Finding, error
 from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
+from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
-from identification.design.exchange import Demand, free_demand
 from identification.design.information import Instrument, instrument
 from identification.design.loads import FREE, Slot, slot
 from identification.design.milling import MillingPoses, prediction_weight
-from identification.design.procedure import Task
+from identification.design.task import Demand, Task, free_demand
 from identification.fit.priors import PriorModel
-from identification.measurements import read_measurements
+from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
@@ -29,9 +28,17 @@ DEFAULT_RUNS = 8
 ONE_PLACE_M = 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Request:
-    """What the command line says, lengths in millimetres and angles in degrees as it says them; None where it says nothing."""
+    """What a user asks for, named as the command's options are, lengths in millimetres, angles in degrees; None: not said.
+
+    measurements: runs, poses with their loads (8). criterion: D, A, E or I (I with milling poses, else D). protocol: "cycle" or
+    "single". axes: base axes the cylinder can push along, every_axis: all of them at each pose in turn; free: along a line of
+    its own at each pose. force_n: largest force. positions_mm: where the TCP may stand, or box_mm: two corners (6 numbers) it
+    stays between. phi_deg: window of the tool's orientation, 180 for none. replicates: visits to each pose. preset: "paper" or
+    "outlook". measured: rows after which the runs come; diagnosis: what a diagnosis of them says, whose rivals the runs shall
+    tell apart. kept_back: further poses that are never fitted. Raises ValueError for what excludes each other.
+    """
 
     measurements: int | None = None
     criterion: str | None = None
@@ -45,7 +52,22 @@ class Request:
     phi_deg: float = 80.0
     replicates: int = 1
     preset: str | None = None
-    measured: Path | None = None
+    measured: Measurements | None = None
+    diagnosis: Diagnosed | None = None
+    kept_back: int = 0
+
+    def __post_init__(self) -> None:
+        for wrong, reason in (
+            (self.positions_mm and self.box_mm is not None, "positions_mm and box_mm exclude each other"),
+            (self.measured is not None and self.preset, "preset is a whole plan: it takes nothing that was measured before"),
+            (self.preset == "paper" and self.measurements, "preset paper has five measurements; leave measurements out"),
+            (self.free and (self.preset or self.every_axis or self.axes != "xyz"),
+             "free loads each pose along a line of its own; it takes no axes, every_axis or preset"),
+            (self.diagnosis is not None and self.measured is None, "diagnosis belongs to measured: its rivals are fitted to "
+             "that"),
+        ):
+            if wrong:
+                raise ValueError(reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,49 +90,49 @@ def default_position(robot: RobotModel) -> Array:
     return np.array([robot.a[1] + 0.65 * reach, 0.0, robot.d[0]])
 
 
-def prepare(cell: Cell, wanted: Request, milling: MillingPoses | None) -> Prepared:
+def prepare(cell: Cell, request: Request, milling: MillingPoses | None) -> Prepared:
     """The task. Raises CompstiffError (CS1602) for the criterion I without a toolpath."""
-    rig, precision, before, findings = _known(cell, wanted)
+    rig, precision, before, findings = _known(cell, request)
     weight = None if milling is None else prediction_weight(rig, milling)
-    positions, box, place = _place(cell, wanted, milling)
-    slots, demand = _runs(wanted)
-    margins = Margins(phi=None if wanted.phi_deg >= 180 else float(np.radians(wanted.phi_deg)))
+    positions, box, place = _place(cell, request, milling)
+    slots, demand = _runs(request)
+    margins = Margins(phi=None if request.phi_deg >= 180 else float(np.radians(request.phi_deg)))
     domain = Domain(rig, slots, positions, box, margins)
-    task = Task(domain, _criterion(cell, wanted, weight, rig), precision, demand, wanted.replicates)
+    task = Task(domain, _criterion(cell, request, weight, rig), precision, demand, request.replicates)
     plainer = None
-    if wanted.free or wanted.preset == "outlook":
-        other = replace(wanted, free=False, preset="paper" if wanted.preset else None)
+    if request.free or request.preset == "outlook":
+        other = replace(request, free=False, preset="paper" if request.preset else None)
         slots, demand = _runs(other)
-        words = "the paper's plan" if wanted.preset else "as many runs with loads along base axes"
+        words = "the paper's plan" if request.preset else "as many runs with loads along base axes"
         plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words
     return Prepared(task, rig, before, place, weight, findings, plainer)
 
 
-def _known(cell: Cell, wanted: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:
+def _known(cell: Cell, request: Request) -> tuple[Instrument, Array, str, tuple[Finding, ...]]:
     """Instrument, precision (6, 6) of ln c before the runs, and in words where it comes from."""
-    if wanted.measured is not None:
+    if request.measured is not None:
         from identification.fit.fit import fit_stiffness
 
-        fit = fit_stiffness(cell, read_measurements(wanted.measured, cell.robot))
+        fit = fit_stiffness(cell, request.measured)
         model = fit.model
         return (instrument(cell, model.compliance), np.asarray(np.linalg.inv(model.covariance[:6, :6]), dtype=float),
-                f"what {wanted.measured} says already", fit.findings)
+                f"what {request.measured.source} says already", fit.findings)
     rig = instrument(cell)
-    prior = PriorModel(cell.prior, "gaussian" if wanted.preset == "paper" else "lognormal")
+    prior = PriorModel(cell.prior, "gaussian" if request.preset == "paper" else "lognormal")
     std = cell.prior.relative_std
-    words = f"{std[0]:g}" if np.all(std == std[0]) else ", ".join(f"{one:g}" for one in std)
+    words = f"{std[0]:g}" if np.all(std == std[0]) else ", ".join(f"{value:g}" for value in std)
     return rig, prior.precision(np.log(rig.compliance)), f"the prior (relative std {words})", ()
 
 
-def _criterion(cell: Cell, wanted: Request, weight: Array | None, rig: Instrument) -> Criterion:
-    kind = wanted.criterion or ("I" if weight is not None else "A" if wanted.preset else "D")
+def _criterion(cell: Cell, request: Request, weight: Array | None, rig: Instrument) -> Criterion:
+    kind = request.criterion or ("I" if weight is not None else "A" if request.preset else "D")
     if kind == "I":
         if weight is None:
             raise error("CS1602", "the criterion I is the mean variance over a milling program, and there is none",
                         file=str(cell.source), hint="name it with --toolpath")
         return i_criterion(weight)
     if kind == "A":
-        return a_criterion(1 / rig.compliance if wanted.preset else None)
+        return a_criterion(1 / rig.compliance if request.preset else None)
     return d_criterion() if kind == "D" else e_criterion()
 
 
@@ -123,21 +145,20 @@ def measured_place(tcp: Array) -> tuple[Array | None, Array | None]:
     return None, box
 
 
-def _place(cell: Cell, wanted: Request, milling: MillingPoses | None) -> tuple[Array | None, Array | None, str]:
+def _place(cell: Cell, request: Request, milling: MillingPoses | None) -> tuple[Array | None, Array | None, str]:
     """Positions (K, 3) [m] or box (2, 3) [m], and in words."""
-    if wanted.measured is not None and not wanted.positions_mm and wanted.box_mm is None and milling is None:
-        theta = read_measurements(wanted.measured, cell.robot).theta
-        positions, box = measured_place(forward(cell.robot, theta, cell.flange_from_tcp).position)
+    if request.measured is not None and not request.positions_mm and request.box_mm is None and milling is None:
+        positions, box = measured_place(forward(cell.robot, request.measured.theta, cell.flange_from_tcp).position)
         if box is not None:
             return None, box, _box_words(box) + ", about the measured poses"
         assert positions is not None
         return positions, None, "TCP at ({:g}, {:g}, {:g}) mm in the base frame, as measured".format(*1e3 * positions[0])
-    if wanted.box_mm is not None:
-        corners = 1e-3 * np.array(wanted.box_mm).reshape(2, 3)
+    if request.box_mm is not None:
+        corners = 1e-3 * np.array(request.box_mm).reshape(2, 3)
         box = np.stack([corners.min(axis=0), corners.max(axis=0)])
         return None, box, _box_words(box)
-    if wanted.positions_mm:
-        positions, origin = 1e-3 * np.array(wanted.positions_mm), ""
+    if request.positions_mm:
+        positions, origin = 1e-3 * np.array(request.positions_mm), ""
     elif milling is not None:
         positions, origin = np.round(milling.tcp.mean(axis=0, keepdims=True), 3), ", the middle of the program"
     else:
@@ -151,17 +172,17 @@ def _box_words(box: Array) -> str:
     return "TCP anywhere in the box " + " to ".join("({:g}, {:g}, {:g})".format(*np.round(1e3 * c, 1)) for c in box) + " mm"
 
 
-def _runs(wanted: Request) -> tuple[tuple[Slot, ...], Demand]:
+def _runs(request: Request) -> tuple[tuple[Slot, ...], Demand]:
     """The slots, and how many runs of which. The paper's plan: four orientations, three loads along y and two along x, so that
     one orientation is loaded along both."""
-    if wanted.preset == "paper":
-        slots = tuple(slot(axes, "single", wanted.force_n) for axes in ("yx", "y", "x"))
+    if request.preset == "paper":
+        slots = tuple(slot(axes, "single", request.force_n) for axes in ("yx", "y", "x"))
         return slots, Demand(np.arange(3), np.array([0, 1, 1, 2]))
-    count = wanted.measurements or (4 if wanted.preset else DEFAULT_RUNS)
-    if wanted.preset == "outlook":
-        return (slot("xyz", "single", wanted.force_n),), free_demand(1, count)
-    if wanted.free:
-        return (slot(FREE, wanted.protocol, wanted.force_n),), free_demand(1, count)
-    slots = (slot(wanted.axes, wanted.protocol, wanted.force_n),) if wanted.every_axis else tuple(
-        slot(axis, wanted.protocol, wanted.force_n) for axis in wanted.axes)
+    count = request.measurements or (4 if request.preset else DEFAULT_RUNS)
+    if request.preset == "outlook":
+        return (slot("xyz", "single", request.force_n),), free_demand(1, count)
+    if request.free:
+        return (slot(FREE, request.protocol, request.force_n),), free_demand(1, count)
+    slots = (slot(request.axes, request.protocol, request.force_n),) if request.every_axis else tuple(
+        slot(axis, request.protocol, request.force_n) for axis in request.axes)
     return slots, free_demand(len(slots), count)

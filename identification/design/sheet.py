@@ -1,4 +1,4 @@
-"""design.csv: the plan as a measurement file whose deflection columns are still empty (FORMATS.md, measurements.csv).
+"""design.csv: the plan as a measurement file whose deflection columns are still empty (docs/formats.md#measurementscsv).
 
 The sensors are set to zero anew at each pose, so each visit has its own `reference`; `time_s` runs on from the first.
 """
@@ -6,13 +6,15 @@ The sensors are set to zero anew at each pose, so each visit has its own `refere
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import read_only
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS
 from identification.design.domain import Pool
-from identification.design.loads import Slot
+from identification.design.loads import FREE, Slot
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
@@ -38,6 +40,33 @@ class Sheet:
     validate: NDArray[np.bool_]
     run: Indices
 
+    def __post_init__(self) -> None:
+        read_only(self.theta, self.visit, self.force, self.time, self.dwell, self.validate, self.run)
+
+    def along(self, visit: int) -> str:
+        """What a visit is loaded along: its base axes, or the direction of its own."""
+        if self.axes[visit] != FREE:
+            return self.axes[visit]
+        forces = self.force[self.visit == visit]
+        largest = forces[np.argmax(np.linalg.norm(forces, axis=1))]
+        return "({:+.2f} {:+.2f} {:+.2f})".format(*(largest / np.linalg.norm(largest)))
+
+    def purpose(self, visit: int) -> str:
+        """As measurements.csv names it."""
+        return "validate" if self.validate[visit] else "identify"
+
+    def visits_as_dicts(self) -> list[dict[str, Any]]:
+        """The visits as JSON values."""
+        return [{"pose": label, "loads_along": self.axes[i], "q_deg": np.degrees(self.theta[i]).tolist(),
+                 "purpose": self.purpose(i)} for i, label in enumerate(self.label)]
+
+    def lines(self) -> list[str]:
+        """The visits as a table for the terminal."""
+        lines = [f"{'pose':<7}{'loads':<22}{'joints [deg]'}"]
+        for number, (label, theta) in enumerate(zip(self.label, np.degrees(self.theta), strict=True)):
+            lines.append(f"{label:<7}{self.along(number):<22}" + " ".join(f"{angle:8.2f}" for angle in theta))
+        return lines
+
     def of_purpose(self, validate: bool) -> Sheet:
         """The visits that are fitted, or those that are kept back."""
         visits = np.flatnonzero(self.validate == validate)
@@ -47,62 +76,59 @@ class Sheet:
                      self.validate[visits], self.run[visits])
 
 
-def sheet(
-    runs: Pool, slots: tuple[Slot, ...], order: Indices, replicates: int = 1, kept_back: NDArray[np.bool_] | None = None,
-    letter: str = "P",
+def sheet_of(
+    runs: Pool, slots: tuple[Slot, ...], order: Indices, replicates: int, held: NDArray[np.bool_], letter: str
 ) -> Sheet:
     """The plan's rows: visits in `order`, later passes backwards (without what is kept back), each axis' load cycles with
-    alternating sign. kept_back (N,): runs that are not fitted, named V01 ...; letter: of the others' names."""
-    held = np.zeros(len(runs), dtype=bool) if kept_back is None else kept_back
+    alternating sign. held (N,): runs that are kept back, named V01 ...; letter: of the others' names."""
     passes = [order if k == 0 else order[~held[order]][:: -1 if k % 2 else 1] for k in range(replicates)]
-    seen: dict[int, int] = {}
+    visited: dict[int, int] = {}
     visits, forces, times, dwells, labels = [], [], [], [], []
     clock, number = 0, 0
-    name = {int(run): f"{first}{i + 1:02d}" for first, kind in ((letter, False), ("V", True))
-            for i, run in enumerate(order[held[order] == kind])}
+    name = {int(run): f"{first}{i + 1:02d}" for first, which in ((letter, False), ("V", True))
+            for i, run in enumerate(order[held[order] == which])}
     for k, sequence in enumerate(passes):
         for run in sequence:
-            kind = int(runs.slot[run])
-            sign = -1.0 if seen.get(kind, 0) % 2 else 1.0
-            seen[kind] = seen.get(kind, 0) + 1
+            slot = int(runs.slot[run])
+            sign = -1.0 if visited.get(slot, 0) % 2 else 1.0
+            visited[slot] = visited.get(slot, 0) + 1
             clock += POSE_CHANGE_S if number else 0
-            for i, force in enumerate(np.round(slots[kind].along(runs.line[run]), 2)):
-                pause = DWELL_S[i % len(DWELL_S)]
-                clock += LOAD_CHANGE_S + pause
+            for i, force in enumerate(np.round(slots[slot].along(runs.line[run]), 2)):
+                dwell = DWELL_S[i % len(DWELL_S)]
+                clock += LOAD_CHANGE_S + dwell
                 visits.append(number)
                 forces.append(sign * force + 0.0)
                 times.append(clock)
-                dwells.append(pause)
+                dwells.append(dwell)
             labels.append(name[int(run)] + (f"/{k + 1}" if k else ""))
             number += 1
-    runs_in_order = np.concatenate(passes)
-    theta = np.radians(np.round(np.degrees(runs.theta[runs_in_order]), 6))
-    axes = tuple(slots[int(s)].name for s in runs.slot[runs_in_order])
+    run = np.concatenate(passes)
+    theta = np.radians(np.round(np.degrees(runs.theta[run]), 6))
+    axes = tuple(slots[int(s)].name for s in runs.slot[run])
     return Sheet(theta, tuple(labels), axes, np.array(visits, dtype=np.intp), np.array(forces), np.array(times, dtype=float),
-                 np.array(dwells, dtype=float), held[runs_in_order], runs_in_order)
+                 np.array(dwells, dtype=float), held[run], run)
 
 
-def sheet_text(rows: Sheet, comments: list[str]) -> str:
+def sheet_text(sheet: Sheet, comments: list[str]) -> str:
     """The CSV file."""
     lines = [*(f"# {line}" for line in comments),
              ",".join([*JOINTS, *FORCES, *DEFLECTIONS, "time_s", "dwell_s", "reference", "pose", "purpose"])]
-    angles = np.degrees(rows.theta)
-    for visit, force, time, dwell in zip(rows.visit, rows.force, rows.time, rows.dwell, strict=True):
+    angles = np.degrees(sheet.theta)
+    for visit, force, time, dwell in zip(sheet.visit, sheet.force, sheet.time, sheet.dwell, strict=True):
         numbers = [f"{angle + 0.0:.6f}" for angle in np.round(angles[visit], 6)] + [f"{component:g}" for component in force]
-        label = rows.label[visit]
-        purpose = "validate" if rows.validate[visit] else "identify"
-        lines.append(",".join([*numbers, "", "", "", f"{time:g}", f"{dwell:g}", label, label, purpose]))
+        label = sheet.label[visit]
+        lines.append(",".join([*numbers, "", "", "", f"{time:g}", f"{dwell:g}", label, label, sheet.purpose(visit)]))
     return "\n".join(lines) + "\n"
 
 
-def as_measurements(rows: Sheet) -> Measurements:
+def as_measurements(sheet: Sheet) -> Measurements:
     """The rows as planned measurements, deflections not yet measured."""
-    count = len(rows.visit)
-    label = np.array(rows.label, dtype=object)[rows.visit]
+    count = len(sheet.visit)
+    label = np.array(sheet.label, dtype=object)[sheet.visit]
     nothing = np.full((count, 3), np.nan)
     return Measurements(
-        source="design", theta=rows.theta[rows.visit], wrench=np.column_stack([rows.force, np.zeros((count, 3))]),
-        deflection=nothing, sigma=nothing.copy(), time=rows.time, dwell=rows.dwell, visit=rows.visit,
-        reference=rows.visit, validate=rows.validate[rows.visit],
+        source="design", theta=sheet.theta[sheet.visit], wrench=np.column_stack([sheet.force, np.zeros((count, 3))]),
+        deflection=nothing, sigma=nothing.copy(), time=sheet.time, dwell=sheet.dwell, visit=sheet.visit,
+        reference=sheet.visit, validate=sheet.validate[sheet.visit],
         machined_pass=np.full(count, "", dtype=object), pose=label, row=np.arange(1, count + 1), line=np.arange(2, count + 2),
         findings=())

@@ -56,7 +56,7 @@ def cross(left: Array, right: Array) -> Array:
 def stance(robot: RobotModel, flange_from_tcp: Frame, theta: Array) -> Stance:
     """The arm at controller angles (n, 6) [rad]."""
     count = len(theta)
-    found = Stance(np.empty((count, 3, 6)), np.empty((count, 6, 3)), np.empty((count, 6, 3)), np.empty((count, 3)),
+    result = Stance(np.empty((count, 3, 6)), np.empty((count, 6, 3)), np.empty((count, 6, 3)), np.empty((count, 3)),
                    np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 6, 3)))
     for part in chunks(count):
         frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta[part]).T))
@@ -64,11 +64,11 @@ def stance(robot: RobotModel, flange_from_tcp: Frame, theta: Array) -> Stance:
         lever = np.moveaxis(frames.rotation, 2, 0) @ flange_from_tcp.position
         tcp = origins[:, 5] + lever
         serial = cross(axes, tcp[:, None] - origins)
-        found.serial[part], found.axes[part], found.tcp[part], found.lever[part] = serial, axes, tcp, lever
-        found.columns[part] = np.swapaxes(serial, 1, 2) @ robot.load_matrix
-        found.wrist[part] = origins[:, 3]
-        found.before_wrist[part] = origins[:, 3:4] - origins
-    return found
+        result.serial[part], result.axes[part], result.tcp[part], result.lever[part] = serial, axes, tcp, lever
+        result.columns[part] = np.swapaxes(serial, 1, 2) @ robot.load_matrix
+        result.wrist[part] = origins[:, 3]
+        result.before_wrist[part] = origins[:, 3:4] - origins
+    return result
 
 
 def by_angles(robot: RobotModel, by_serial: Array) -> Array:
@@ -76,20 +76,20 @@ def by_angles(robot: RobotModel, by_serial: Array) -> Array:
     return np.asarray(np.einsum("jm,nj...->nm...", robot.coupling, by_serial))
 
 
-def columns_slope(robot: RobotModel, seen: Stance) -> Array:
+def columns_slope(robot: RobotModel, arm: Stance) -> Array:
     """Derivative (n, 6, 3, 6) of the springs' columns by the controller's angles, second index the angle."""
-    moved = cross(seen.axes[:, NEARER_BASE], seen.serial[:, NEARER_TOOL])
+    moved = cross(arm.axes[:, NEARER_BASE], arm.serial[:, NEARER_TOOL])
     return np.asarray(np.einsum("nija,is,jm->nmas", moved, robot.load_matrix, robot.coupling, optimize=TWO_STEPS))
 
 
-def lever_slope(seen: Stance) -> Array:
+def lever_slope(arm: Stance) -> Array:
     """Derivative (n, 6, 3) of the lever by the serial angles."""
-    return np.asarray(cross(seen.axes, seen.lever[:, None]))
+    return np.asarray(cross(arm.axes, arm.lever[:, None]))
 
 
-def wrist_slope(seen: Stance) -> Array:
+def wrist_slope(arm: Stance) -> Array:
     """Derivative (n, 6, 3) of the wrist's centre by the serial angles; it lies on axes 4 to 6."""
-    slope = cross(seen.axes, seen.before_wrist)
+    slope = cross(arm.axes, arm.before_wrist)
     slope[:, 3:] = 0.0
     return np.asarray(slope)
 

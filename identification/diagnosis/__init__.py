@@ -1,1 +1,1 @@
-"""Misfit -> cause -> extension -> gain (EFFECTS.md)."""
+"""Misfit -> cause -> extension -> gain (docs/effects.md)."""

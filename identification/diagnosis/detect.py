@@ -1,5 +1,5 @@
 """Is there anything wrong at all? The largest score over the dictionary and over patterns no cause is needed for, with its
-probability by parametric bootstrap under the fitted noise (EFFECTS.md, procedure 4 and 6).
+probability by parametric bootstrap under the fitted noise (docs/effects.md, steps 2 and 4).
 
 Replicates are drawn from the fitted three-part noise, its sizes drawn from their own posterior, and scored with the same
 weights; each is divided by its own residual variance, as the data's is.

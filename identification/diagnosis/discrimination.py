@@ -1,4 +1,4 @@
-"""What to measure next: the loads that separate what is left, and the checks that are no loads (EFFECTS.md, procedure 8).
+"""What to measure next: the loads that separate what is left, and the checks that are no loads (docs/effects.md, step 6).
 
 Rivals are models fitted to the same data, with probabilities p_a. Under rival a the readings of further runs are expected to
 be normal with mean m_a and covariance `K_a C_a K_a^T + N`, K_a their derivative by its parameters, C_a its posterior, N the

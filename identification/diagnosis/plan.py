@@ -1,4 +1,4 @@
-"""What a plan could and could not tell, before anything is measured (EFFECTS.md, procedure 1).
+"""What a plan could and could not tell, before anything is measured (docs/effects.md, `--plan`).
 
 With the stated noise and the prior's stiffnesses, an effect of size a (in typical sizes) gives a noncentrality `a sqrt(G)` once
 the stiffnesses are free. It is found with a probability of 80 % where that is the family-wise critical value plus 0.84, and

@@ -1,4 +1,4 @@
-"""The procedure of EFFECTS.md: fit, detect, name, extend, test again, measure the gain."""
+"""The procedure of docs/effects.md: fit, detect, name, extend, test again, measure the gain."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ class Cause(EffectInForce):
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What is wrong. rows: those that were fitted. plain: the fit without effects; extended: with the likeliest ones (the plain
-    fit where none was found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: FORMATS.md,
-    diagnosis.json. rivals: fitted models of the alternatives. scatter: parts of the noise that outgrow what was stated.
+    fit where none was found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: as in
+    docs/formats.md#diagnose. rivals: fitted models of the alternatives. scatter: parts of the noise beyond what was stated.
     patterns: what is seen of an unknown cause. matters: by how much [m, RMS] the rivals differ in what the robot does under the
     largest load, None where nothing is ambiguous. left_out: effects these rows cannot show, and why. law_differs: the causes
     explain nearly all of the misfit, and what is left is still more than noise. bad_rows: not among `rows`.
@@ -110,7 +110,7 @@ def diagnose(
 
     Rows of machined passes are averaged over blocks first (blocks.py). Where single rows are bad, they are named and the rest
     is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms.
-    Raises what `inference.posterior` raises.
+    Raises what `fit_stiffness` raises.
     """
     catalogue = effects() if catalogue is None else catalogue
     measurements, thinning = in_blocks(cell, measurements)

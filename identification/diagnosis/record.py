@@ -1,4 +1,4 @@
-"""diagnosis.json and the findings of a diagnosis (FORMATS.md)."""
+"""diagnosis.json and the findings of a diagnosis (docs/formats.md#diagnose)."""
 
 from __future__ import annotations
 

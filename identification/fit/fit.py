@@ -74,7 +74,7 @@ def fit_stiffness(
 ) -> Fit:
     """Identifies the stiffnesses from the rows with purpose `identify`.
 
-    prior_kind "gaussian" is the paper's prior in k with weight gamma (eq. 11). Raises what `inference.posterior` raises.
+    prior_kind "gaussian" is the paper's prior in k with weight gamma (eq. 11). Raises what `posterior` raises.
     """
     rows = measurements.select(~measurements.validate)
     prior = PriorModel(cell.prior, prior_kind, gamma)

@@ -98,7 +98,7 @@ def predicted_deflection(cell: Cell, rows: Measurements, x: Array, terms: tuple[
 
 
 def response(cell: Cell, rows: Measurements, x: Array, terms: tuple[Term, ...] = ()) -> tuple[Array, Array]:
-    """Readings (n, 3) [m] and their derivative (n, 3, 6 + P) by x: exact for the springs, differences for the terms."""
+    """Readings (n, 3) [m] and their derivative (n, 3, 6 + P) by x: exact for the springs (eq. 14), differences for terms."""
     compliance = np.exp(x[:6])
     here = situation_of(cell, rows, compliance)
     position, slope = sensitivity(cell.robot, here.theta, cell.flange_from_tcp, rows.wrench, compliance)

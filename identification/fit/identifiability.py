@@ -111,7 +111,7 @@ def _helpful(cell: Cell, found: Posterior, joint: int) -> str:
 
 
 def ellipsoid(found: Posterior) -> Ellipsoid:
-    """The 95 % ellipsoid of ln k, its axes in words."""
+    """The 95 % ellipsoid of ln k (paper eq. 15), its axes in words."""
     eigenvalues, vectors = np.linalg.eigh(found.covariance)
     order = np.argsort(eigenvalues)[::-1]
     semi_axes = np.sqrt(found.draws.radius(0.95, 6) * eigenvalues[order])

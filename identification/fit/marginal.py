@@ -1,4 +1,4 @@
-"""The posterior beyond Laplace: weighted draws of x, the noise sizes integrated out (inference.py)."""
+"""The posterior beyond Laplace: weighted draws of x, the noise sizes integrated out (posterior.py)."""
 
 from __future__ import annotations
 

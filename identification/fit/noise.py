@@ -1,6 +1,6 @@
 """The measurement noise: its three parts, their sizes estimated from the data, and the weight of every row.
 
-The covariance of the deflections of one row and of rows that share a pose visit (EFFECTS.md, procedure 2) is
+The covariance of the deflections of one row and of rows that share a pose visit (docs/effects.md, step 1) is
 
     cov(row n) = (s^2 S + f^2 G F G^T) / w_n ,    cov(row n, row m of one visit) = o^2 O
 

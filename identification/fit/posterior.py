@@ -1,13 +1,13 @@
 """Posterior of the joint compliances in x = ln c (paper eq. 11-14, in logarithms of compliances), and of effects in force.
 
-    -2 ln posterior(x) = |z - eta(x)|^2 (Sigma^-1) + prior(x)
+    -2 ln posterior(x) = |z - eta(x)|^2 (Sigma^-1) + prior(x)          (paper eq. 11)
 
-eta is the finite model at equilibrium (with the effects of extension.py where there are any, whose parameters follow in x),
+eta is the finite model at equilibrium (with the effects of fitted_model.py where there are any, whose parameters follow in x),
 Sigma the noise of `noise.py` with its sizes estimated. The prior is log-normal by default; the paper's Gaussian in k with the
 weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
-2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior (sizes.py), and every draw
+2. The noise sizes are not known exactly: several hundred are tried, each weighted by its posterior, and every draw
    of x has one of them. This widens the posterior where a few rows must tell both, and gives it heavier tails than normal.
 3. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
    barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals
@@ -141,7 +141,7 @@ def _maximise(
     cell: Cell, rows: Measurements, z: Array, noise: NoiseModel, weights: Weights, prior: PriorModel, x: Array,
     terms: tuple[Term, ...], step_limit: Array,
 ) -> tuple[Array, Array, Array]:
-    """MAP of x for one noise by damped Gauss-Newton, with design and residual there. Raises CS1011."""
+    """MAP of x for one noise (paper eq. 12) by damped Gauss-Newton, with design and residual there. Raises CS1011."""
     design, residual = _linearised(cell, rows, z, noise, x, terms)
 
     def cost(x: Array, residual: Array) -> float:
@@ -175,7 +175,7 @@ def _maximise(
 
 
 def _start(cell: Cell, rows: Measurements, z: Array, prior: PriorModel) -> Array:
-    """MAP of the linear model z = A c with the stated noise: damped Gauss-Newton in ln c from the prior's median."""
+    """MAP (eq. 12) of the linear model z = A c with the stated noise: damped Gauss-Newton in ln c from the prior's median."""
     x = -np.log(prior.prior.stiffness)
     noise = noise_model(cell, rows, np.exp(x))
     weights = noise.weights(NoiseSize())

@@ -33,7 +33,7 @@ class PriorModel:
     term_high: Array = field(default_factory=_none)
 
     def value(self, x: Array) -> float:
-        """-ln prior, without its constant."""
+        """-ln prior, without its constant (paper eq. 11; log-normal: docs/architecture.md, Inference)."""
         terms = 0.5 * float(np.sum(((x[6:] - self.term_mean) / self.term_std) ** 2))
         if self.kind == "lognormal":
             return terms + float(0.5 * np.sum(((x[:6] + np.log(self.prior.stiffness)) / self.prior.log_std) ** 2))

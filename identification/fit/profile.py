@@ -1,6 +1,6 @@
 """Profile likelihood of each stiffness: what the data alone say, whatever the prior.
 
-The likelihood is Gaussian in the compliances (linear model about the MAP, DESIGN physics 3), so the profile of one of them is
+The likelihood is Gaussian in the compliances (linear model about the MAP), so the profile of one of them is
 a bounded least-squares problem in the five others: they must stay positive.
 """
 

@@ -1,4 +1,4 @@
-"""`convert`: a public log, or a sensor's own, as the columns of FORMATS.md."""
+"""`convert`: a public log, or a sensor's own, as the columns of docs/formats.md."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
+from identification.formats.force_logs import read_force_samples
 
 Array = NDArray[np.float64]
-CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Converted:
 
 
 def convert_log(
-    log: Path, form: str, *, rate: float | None = None, channels: tuple[str, ...] = CHANNELS,
+    log: Path, form: str, *, rate: float | None = None, channels: tuple[str, ...] | None = None,
     counts: tuple[float, float] = (1e6, 1e6),
 ) -> Converted:
     """Reads a log in its form (`kuka-kr300`, `metallicadour`, `lvm`, `net-ft`).
@@ -59,26 +59,9 @@ def convert_log(
     rate: samples a second (metallicadour, net-ft); channels: names of the force, then the moment channels (lvm); counts: per
     newton and per newton metre (net-ft). Raises what the form's reader raises.
     """
-    return Converted(*_read(log, form, rate, channels, counts))
-
-
-def _read(
-    log: Path, form: str, rate: float | None, channels: tuple[str, ...], counts: tuple[float, float]
-) -> tuple[dict[str, Array], dict[str, float], tuple[Finding, ...]]:
     if form == "kuka-kr300":
-        from identification.formats.kuka_kr300 import read_record
+        from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        return read_record(log), {}, ()
-    if form == "lvm":
-        from identification.formats.lvm import read_lvm
-
-        samples = read_lvm(log, channels)
-    elif form == "net-ft":
-        from identification.formats import net_ft
-
-        samples = net_ft.read_net_ft(log, counts_per_force=counts[0], counts_per_torque=counts[1], rate=rate or net_ft.RATE)
-    else:
-        from identification.formats import metallicadour
-
-        samples = metallicadour.read_metallicadour(log, rate=rate or metallicadour.RATE)
-    return samples.columns(), samples.conditions, samples.findings
+        return Converted(read_kuka_kr300(log), {}, ())
+    samples = read_force_samples(log, form, rate_hz=rate, channels=channels, counts_per_n=counts[0], counts_per_nm=counts[1])
+    return Converted(samples.columns(), samples.conditions, samples.findings)

@@ -1,4 +1,4 @@
-"""ForceSamples: forces over time, as public logs and sensors give them, and their form as forces.csv (FORMATS.md)."""
+"""ForceSamples: forces over time, as public logs and sensors give them, and their form as forces.csv (docs/formats.md)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.columns import FORCES, MOMENTS
 from identification.common.findings import Finding
 
 Array = NDArray[np.float64]
@@ -29,7 +30,5 @@ class ForceSamples:
 
     def columns(self) -> dict[str, Array]:
         """time_s, fx_n fy_n fz_n and, where there are moments, mx_nm my_nm mz_nm."""
-        found = {"time_s": self.time} | {f"f{axis}_n": self.force[:, k] for k, axis in enumerate("xyz")}
-        if self.moment is not None:
-            found |= {f"m{axis}_nm": self.moment[:, k] for k, axis in enumerate("xyz")}
-        return found
+        columns = {"time_s": self.time} | dict(zip(FORCES, self.force.T, strict=True))
+        return columns if self.moment is None else columns | dict(zip(MOMENTS, self.moment.T, strict=True))

@@ -21,39 +21,39 @@ NEEDED = (("rec", "time_cont"), ("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_
           ("rec", "act_torque_abs_nm"), ("para", "u"))
 
 
-def read_record(path: str | Path) -> dict[str, Array]:
-    """The record as columns of a joint deflection log (FORMATS.md): the torque on the gear side.
+def read_kuka_kr300(file: str | Path) -> dict[str, Array]:
+    """The record as columns of a joint deflection log (docs/formats.md): the torque on the gear side.
 
     Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
-    name = str(path)
+    name = str(file)
     try:
         content: dict[str, Any] = loadmat(name, squeeze_me=True, struct_as_record=False)
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
     except (MatReadError, ValueError, TypeError, NotImplementedError, KeyError) as reason:
         raise error("CS0201", f"is not a MATLAB file that can be read: {reason}", file=name) from reason
-    found = {}
+    fields = {}
     for struct, field in NEEDED:
         value = getattr(content.get(struct), field, None)
         if value is None:
             raise error("CS0201", f"has no {struct}.{field}", file=name,
                         hint="among .mat files only the public KUKA KR300 records are read; write others as CSV")
-        found[field] = np.asarray(value, dtype=float)
-    time = found["time_cont"]
+        fields[field] = np.asarray(value, dtype=float)
+    time = fields["time_cont"]
     columns = {"time_s": time}
     for field in ("act_pos_mot_deg", "act_pos_se_deg", "act_vel_mot_deg_per_s", "act_torque_abs_nm"):
-        if found[field].shape != (6, len(time)):
-            raise error("CS0201", f"rec.{field} has shape {found[field].shape}, expected (6, {len(time)})", file=name)
+        if fields[field].shape != (6, len(time)):
+            raise error("CS0201", f"rec.{field} has shape {fields[field].shape}, expected (6, {len(time)})", file=name)
     for k in range(6):
-        link = found["act_pos_se_deg"][k]
+        link = fields["act_pos_se_deg"][k]
         if not np.all(np.isfinite(link)) or np.ptp(link) == 0:
             continue
-        columns[f"q{k + 1}_motor_deg"] = found["act_pos_mot_deg"][k]
+        columns[f"q{k + 1}_motor_deg"] = fields["act_pos_mot_deg"][k]
         columns[f"q{k + 1}_link_deg"] = link
-        columns[f"q{k + 1}_torque_nm"] = found["act_torque_abs_nm"][k] * found["u"][k]
-        columns[f"q{k + 1}_speed_deg_s"] = found["act_vel_mot_deg_per_s"][k]
+        columns[f"q{k + 1}_torque_nm"] = fields["act_torque_abs_nm"][k] * fields["u"][k]
+        columns[f"q{k + 1}_speed_deg_s"] = fields["act_vel_mot_deg_per_s"][k]
     return columns

@@ -21,6 +21,7 @@ from identification.common.findings import CompstiffError, Finding, error
 from identification.formats.force_samples import ForceSamples
 
 Array = NDArray[np.float64]
+CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 END = "***End_of_Header***"
 # A step between blocks that is longer than this many samples is a gap.
 GAP = 1.5
@@ -35,22 +36,23 @@ class Segment:
     values: Array
 
 
-def read_lvm(path: str | Path, channels: Sequence[str] = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")) -> ForceSamples:
+def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSamples:
     """Reads a force log; channels: names of the three force channels and, or not, three moment channels.
 
     Raises CompstiffError: CS0005 cannot be read, CS0201 no such file, CS0202 a channel is missing, CS0203 not a number.
     """
-    name = str(path)
-    segments = read_segments(path)
-    wanted = [one for one in channels if one in segments[0].names]
-    if len(wanted) not in (3, 6) or list(channels[:3]) != wanted[:3]:
-        raise error("CS0202", f"channels missing: {', '.join(one for one in channels[:3] if one not in wanted) or 'a moment'}; "
-                    f"found {', '.join(segments[0].names)}", file=name, hint="name the force channels as the file does")
+    name = str(file)
+    segments = read_segments(file)
+    present = [channel for channel in channels if channel in segments[0].names]
+    if len(present) not in (3, 6) or list(channels[:3]) != present[:3]:
+        missing = ", ".join(channel for channel in channels[:3] if channel not in present)
+        raise error("CS0202", f"channels missing: {missing or 'a moment'}; found {', '.join(segments[0].names)}", file=name,
+                    hint="name the force channels as the file does")
     for segment in segments:
         if segment.names != segments[0].names:
             raise error("CS0202", f"a block has channels {', '.join(segment.names)}, the first has "
                         f"{', '.join(segments[0].names)}", file=name)
-    place = [segments[0].names.index(one) for one in wanted]
+    place = [segments[0].names.index(channel) for channel in present]
     time = np.concatenate([segment.time[:, place[0]] for segment in segments])
     values = np.concatenate([segment.values[:, place] for segment in segments])
     findings = []
@@ -60,15 +62,15 @@ def read_lvm(path: str | Path, channels: Sequence[str] = ("Fx", "Fy", "Fz", "Mx"
         if gaps or back:
             findings.append(Finding("CS0205", "warning", f"{gaps} gaps between blocks, {back} steps back in time", file=name,
                                     hint="blocks were not acquired without a break"))
-    return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(wanted) == 6 else None,
+    return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(present) == 6 else None,
                         findings=tuple(findings))
 
 
-def read_segments(path: str | Path) -> list[Segment]:
+def read_segments(file: str | Path) -> list[Segment]:
     """All blocks of the file in their order."""
-    name = str(path)
+    name = str(file)
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig", errors="replace").splitlines()
+        lines = Path(file).read_text(encoding="utf-8-sig", errors="replace").splitlines()
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     if not lines or not lines[0].startswith("LabVIEW Measurement"):
@@ -78,15 +80,15 @@ def read_segments(path: str | Path) -> list[Segment]:
         raise error("CS0201", f"has no {END}", file=name, line=len(lines))
     tags = _tags(lines[: ends[0]], "\t")
     separator = {"Comma": ",", "Tab": "\t"}.get(tags.get("Separator", ["Tab"])[0], "\t")
-    found = []
+    segments = []
     start = ends[0] + 1
     for k, end in enumerate(ends[1:], start=1):
         stop = len(lines) if k + 1 == len(ends) else _next_header(lines, end, ends[k + 1])
-        found.append(_segment(lines, start, end, stop, separator, tags, name))
+        segments.append(_segment(lines, start, end, stop, separator, tags, name))
         start = stop
-    if not found:
+    if not segments:
         raise error("CS0201", "has a header and no block of data", file=name, line=ends[0] + 1)
-    return found
+    return segments
 
 
 def _next_header(lines: list[str], end: int, following: int) -> int:

@@ -16,37 +16,37 @@ import pandas as pd
 from identification.common.findings import error
 from identification.formats.force_samples import ForceSamples
 
-RATE = 25600.0
+RATE_HZ = 25600.0
 CHANNELS = 12
 FOLDER = re.compile(r"(?P<depth_mm>[\d.]+)mm_(?P<feed_mm_min>[\d.]+)mm_mn_(?P<spindle_rpm>[\d.]+)rpm", re.IGNORECASE)
 
 
-def read_metallicadour(path: str | Path, *, rate: float = RATE) -> ForceSamples:
+def read_metallicadour(file: str | Path, *, rate_hz: float = RATE_HZ) -> ForceSamples:
     """Reads one file. Raises CompstiffError: CS0005 cannot be read, CS0201 not 12 channels, CS0203 not a number."""
-    path = Path(path)
+    file = Path(file)
     try:
-        with open(path, encoding="utf-8-sig") as stream:
+        with open(file, encoding="utf-8-sig") as stream:
             first = next((line for line in stream if line.strip()), "")
     except (OSError, UnicodeDecodeError) as reason:
-        raise error("CS0005", f"cannot be read: {reason}", file=str(path)) from reason
+        raise error("CS0005", f"cannot be read: {reason}", file=str(file)) from reason
     separator = ";" if ";" in first else "," if "," in first else r"\s+"
     try:
-        frame = pd.read_csv(path, sep=separator, header=None, decimal="," if separator == ";" and "," in first else ".",
+        frame = pd.read_csv(file, sep=separator, header=None, decimal="," if separator == ";" and "," in first else ".",
                             skip_blank_lines=True, skipinitialspace=True)
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
-        raise error("CS0201", f"is not a table: {reason}", file=str(path)) from reason
+        raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
     if frame.shape[1] == CHANNELS + 1 and frame.iloc[:, -1].isna().all():
         frame = frame.iloc[:, :-1]
     if frame.shape[1] != CHANNELS:
         raise error("CS0201", f"has {frame.shape[1]} channels, expected {CHANNELS}: 3 currents, 3 forces, 3 torques, "
-                    "3 vibrations", file=str(path), line=1)
+                    "3 vibrations", file=str(file), line=1)
     values = frame.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
         row, column = (int(k) for k in bad[0])
         raise error("CS0203", f"channel {column + 1}: found '{frame.iat[row, column]!s}', expected a finite number",
-                    file=str(path), line=row + 1, column=column + 1)
-    told = FOLDER.search(str(path.resolve().parent))
-    conditions = {name: float(value) for name, value in told.groupdict().items()} if told else {}
+                    file=str(file), line=row + 1, column=column + 1)
+    cut = FOLDER.search(str(file.resolve().parent))
+    conditions = {name: float(value) for name, value in cut.groupdict().items()} if cut else {}
     others = {f"{kind}_{k + 1}": values[:, start + k] for kind, start in (("current", 0), ("vibration", 9)) for k in range(3)}
-    return ForceSamples(str(path), np.arange(len(values)) / rate, values[:, 3:6], values[:, 6:9], conditions, others)
+    return ForceSamples(str(file), np.arange(len(values)) / rate_hz, values[:, 3:6], values[:, 6:9], conditions, others)

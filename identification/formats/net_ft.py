@@ -17,19 +17,19 @@ from identification.formats.force_samples import ForceSamples
 RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("force", ">i4", 3), ("moment", ">i4", 3)])
 COUNTS = 1e6
 # Samples a second inside the sensor: the largest RDT rate of the Net F/T box. State your own where it is set lower.
-RATE = 7000.0
+RATE_HZ = 7000.0
 
 
 def read_net_ft(
-    path: str | Path, *, counts_per_force: float = COUNTS, counts_per_torque: float = COUNTS, rate: float = RATE
+    file: str | Path, *, counts_per_n: float = COUNTS, counts_per_nm: float = COUNTS, rate_hz: float = RATE_HZ
 ) -> ForceSamples:
-    """Reads RDT records; rate: of the F/T sequence [Hz].
+    """Reads RDT records; rate_hz: of the F/T sequence.
 
     Records out of order are put in order. Raises CompstiffError: CS0005 cannot be read, CS0201 not whole records.
     """
-    name = str(path)
+    name = str(file)
     try:
-        content = Path(path).read_bytes()
+        content = Path(file).read_bytes()
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     if not content or len(content) % RECORD.itemsize:
@@ -51,8 +51,8 @@ def read_net_ft(
     if faulty:
         findings.append(Finding("CS0205", "warning", f"{counted(faulty, 'sample')} with a sensor status that is not zero",
                                 file=name, hint="saturation or a gauge fault: see the sensor's status codes"))
-    return ForceSamples(name, (inside - inside[0]) / rate, records["force"] / counts_per_force,
-                        records["moment"] / counts_per_torque, findings=tuple(findings))
+    return ForceSamples(name, (inside - inside[0]) / rate_hz, records["force"] / counts_per_n,
+                        records["moment"] / counts_per_nm, findings=tuple(findings))
 
 
 def _unwrapped(sequence: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Cell: the one file that describes robot, tool, sensors, limits and connection (FORMATS.md, cell.yaml)."""
+"""Cell: the one file that describes robot, tool, sensors, limits and connection (docs/formats.md#cellyaml)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Wrench -> joint torque -> joint deflection -> TCP deviation, and its derivatives.
 
-The plain model (DESIGN.md, physics 1 and 2; paper eq. 2-6): six linear torsion springs with compliances `c` [rad/(N m)].
+The plain model (docs/architecture.md, Springs; paper eq. 2-6): six linear torsion springs with compliances `c` [rad/(N m)].
 With L the robot's load matrix (the coupling where the springs sit at the drives) the springs yield by `dq`,
 
     tau = L^T J~(theta~ + L dq)^T w ,    dq = c * tau ,    deviation = FK(theta~ + L dq) - FK(theta~) ,
@@ -157,7 +157,7 @@ class Equilibrium:
 def equilibrium(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array, rounds: int | None = None
 ) -> Equilibrium:
-    """Deflection and TCP deviation under load, torque at equilibrium.
+    """Deflection and TCP deviation under load (paper eq. 2-6), torque at equilibrium (docs/architecture.md, Springs).
 
     theta (N, 6) [rad], wrench (N, 6) [N, N m], compliance (6,) [rad/(N m)]. rounds: stop after so many torque
     evaluations (1: the published one-step form, up to 3e-3 off); None: iterate until a round changes less than 1e-12 rad.
@@ -197,7 +197,7 @@ def equilibrium(
 def loaded_pose(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
 ) -> Frame:
-    """base_from_tcp (N) of the robot that is commanded to `theta` and yields under `wrench`; arguments as `equilibrium`."""
+    """base_from_tcp (N) of the robot commanded to `theta`, yielding under `wrench` (eq. 2); arguments as `equilibrium`."""
     state = equilibrium(robot, theta, flange_from_tcp, wrench, compliance)
     return forward(robot, loaded_angles(robot, theta, state.deflection), flange_from_tcp)
 
@@ -210,18 +210,18 @@ def loaded_angles(robot: RobotModel, theta: Array, deflection: Array) -> Array:
 def deviation(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
 ) -> tuple[Array, Array]:
-    """TCP deviation in the base frame: position (N, 3) [m] and rotation vector (N, 3) [rad], finite, at equilibrium."""
+    """TCP deviation in the base frame: position (N, 3) [m] and rotation vector (N, 3) [rad], finite, at equilibrium (eq. 6)."""
     loaded = loaded_pose(robot, theta, flange_from_tcp, wrench, compliance)
     return displacement(loaded, forward(robot, theta, flange_from_tcp))
 
 
 def displacement(loaded: Frame, planned: Frame) -> tuple[Array, Array]:
-    """From planned to loaded poses (N): position (N, 3) [m] and rotation vector (N, 3) [rad] in the base frame."""
+    """From planned to loaded poses (N): position (N, 3) [m] and rotation vector (N, 3) [rad] in the base frame (eq. 6)."""
     return loaded.position - planned.position, rotation_vector(loaded.rotation @ np.swapaxes(planned.rotation, 1, 2))
 
 
 def signature(robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array) -> Array:
-    """A (N, 6, 6) of the first-order model `deviation = A c` (DESIGN.md, physics 3): column i is `J_i tau_i`.
+    """A (N, 6, 6) of the first-order model `deviation = A c` (paper eq. 3-6 linearised): column i is `J_i tau_i`.
 
     Rows: position [m per rad/(N m)], then rotation [rad per rad/(N m)].
     """
@@ -238,7 +238,7 @@ def compliance_matrix(robot: RobotModel, theta: Array, flange_from_tcp: Frame, c
 def sensitivity(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
 ) -> tuple[Array, Array]:
-    """Deviation of the TCP's position (N, 3) [m] and its exact derivative by `c` (N, 3, 6) [m per rad/(N m)].
+    """Deviation of the TCP's position (N, 3) [m] and its exact derivative by `c` (N, 3, 6) [m per rad/(N m)] (eq. 14).
 
     Differentiating `dq = c * tau(dq)` gives `d dq / d c_i = (1 - diag(c) H)^-1 e_i tau_i` with the geometric stiffness
     `H = d tau / d q = L^T (d J~^T w / d theta~) L`, all at the loaded pose; then `d x / d c = J d dq / d c`.

@@ -1,4 +1,4 @@
-"""Effects in force beyond the six springs: what they add to the deviation, and how that changes with what was identified.
+"""Effects in force beyond the six springs: what they add to the deviation, and its derivatives (docs/architecture.md).
 
 The plain robot comes to rest at `theta~ + L dq` (compliance.py). There each effect in force contributes a displacement e of the
 TCP (load_state.py), and the tool stands at `p = p_plain + e_p`, `R = Rot(e_r) R_plain`. What was identified is

@@ -62,5 +62,5 @@ def link_rotations(robot: RobotModel, theta: Array) -> list[Array]:
 
 
 def fall_in_base(world_from_base: Frame) -> Array:
-    """Acceleration of free fall (3,) [m/s^2] in the base frame: world -z (FORMATS.md, cell.yaml)."""
+    """Acceleration of free fall (3,) [m/s^2] in the base frame: world -z (docs/formats.md#cellyaml)."""
     return np.asarray(world_from_base.rotation.T @ DOWN)

@@ -66,7 +66,7 @@ def inverse(robot: RobotModel, base_from_flange: Frame, reference: Array | None 
     count = len(base_from_flange.position)
     theta, reachable = np.empty((count, BRANCHES, 6)), np.empty((count, BRANCHES), dtype=bool)
     for part in chunks(count):
-        pose = Frame(base_from_flange.rotation[part], base_from_flange.position[part])
+        pose = base_from_flange[part]
         theta[part], reachable[part] = _branches(robot, pose, None if reference is None else reference[part])
     return Solutions(theta, reachable)
 
@@ -185,7 +185,7 @@ def nearest_angles(robot: RobotModel, base_from_flange: Frame, reference: Array)
     that not all branches of all poses are held at once. Raises as `inverse`."""
     theta = np.empty_like(reference)
     for part in chunks(len(reference)):
-        pose = Frame(base_from_flange.rotation[part], base_from_flange.position[part])
+        pose = base_from_flange[part]
         theta[part], _ = nearest_solution(robot, inverse(robot, pose, reference[part]), reference[part])
     return theta
 

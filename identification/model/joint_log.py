@@ -1,4 +1,4 @@
-"""JointLog: one joint of a log taken in motion, with encoders on both sides of the gear (FORMATS.md)."""
+"""JointLog: one joint of a log taken in motion, with encoders on both sides of the gear (docs/formats.md)."""
 
 from __future__ import annotations
 

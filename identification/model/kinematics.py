@@ -77,7 +77,7 @@ def chain(robot: RobotModel, serial: Array) -> Chain:
 
 
 def forward(robot: RobotModel, theta: Array, flange_from_tcp: Frame) -> Frame:
-    """base_from_tcp (N) at controller angles `theta` (N, 6) [rad]."""
+    """base_from_tcp (N) at controller angles `theta` (N, 6) [rad] (paper eq. 1 and 7)."""
     count = len(theta)
     rotation, position = np.empty((count, 3, 3)), np.empty((count, 3))
     for part in chunks(count):
@@ -94,7 +94,7 @@ def jacobian(
     """Geometric Jacobian of the TCP in the base frame (N, 6, 6): rows m/rad and rad/rad, one column an axis.
 
     theta (N, 6) controller angles [rad]. axes: "serial" for J~; "drive" for J = J~ C; "springs" for J~ L, the axes the
-    robot's springs sit at (DESIGN.md, physics 1 and 2).
+    robot's springs sit at (docs/architecture.md, Springs).
     """
     matrix = {"springs": robot.load_matrix, "drive": robot.coupling, "serial": np.eye(6)}[axes]
     result = np.empty((len(theta), 6, 6))

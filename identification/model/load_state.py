@@ -120,7 +120,7 @@ class LoadState:
 
     @cached_property
     def torque(self) -> Array:
-        """Torques of the wrench at the springs (n, 6) [N m], at equilibrium."""
+        """Torques of the wrench at the springs (n, 6) [N m], at equilibrium (paper eq. 5)."""
         return np.asarray(np.einsum("nri,nr->ni", self.jacobian, self.wrench))
 
     @cached_property
@@ -130,7 +130,7 @@ class LoadState:
 
     @cached_property
     def elastic(self) -> Array:
-        """The plain model's deviation (n, 6): position [m], rotation [rad]."""
+        """The plain model's deviation (n, 6): position [m], rotation [rad] (paper eq. 2-6)."""
         rotation = np.einsum("nri,ni->nr", self.jacobian[:, 3:], self.compliance * self.torque)
         if self.at_load:
             position = np.einsum("nri,ni->nr", self.jacobian[:, :3], self.compliance * self.torque)
@@ -139,7 +139,7 @@ class LoadState:
         return np.concatenate([position, rotation], axis=1)
 
     def compliant(self, wrench: Array) -> Array:
-        """Deviation (n, 6) that an additional wrench (n, 6) causes through the springs, first order."""
+        """Deviation (n, 6) that an additional wrench (n, 6) causes through the springs, first order (paper eq. 3)."""
         torque = np.einsum("nri,nr->ni", self.jacobian, wrench)
         return np.asarray(np.einsum("nri,ni->nr", self.jacobian, self.compliance * torque))
 
@@ -148,7 +148,7 @@ class LoadState:
         return np.concatenate([np.cross(rotation, self.tcp - pivot), rotation], axis=1)
 
     def moment_about(self, point: Array) -> Array:
-        """Moment (n, 3) [N m] of the wrench about points (n, 3) [m]."""
+        """Moment (n, 3) [N m] of the wrench about points (n, 3) [m] (paper eq. 5)."""
         return np.asarray(np.cross(self.tcp - point, self.wrench[:, :3]) + self.wrench[:, 3:])
 
     @cached_property

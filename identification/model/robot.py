@@ -66,7 +66,7 @@ class _Link(Strict):
 
 
 class RobotFile(Strict):
-    """robot.yaml (FORMATS.md)."""
+    """robot.yaml (docs/formats.md#robotyaml)."""
 
     name: str
     manufacturer: str = ""
@@ -155,7 +155,7 @@ class RobotModel:
         return np.asarray(theta @ self.coupling.T + self.offset)
 
     def controller_angles(self, serial: Array) -> Array:
-        """Controller angles (N, 6) [rad] of serial angles (N, 6) [rad]."""
+        """Controller angles (N, 6) [rad] of serial angles (N, 6) [rad] (paper eq. 7)."""
         return np.asarray((serial - self.offset) @ self.uncoupling.T)
 
     def limit_excess(self, theta: Array) -> Array:

@@ -95,6 +95,10 @@ class Frame:
         """Unit quaternion (..., 4) w x y z, w >= 0."""
         return matrix_to_quaternion(self.rotation)
 
+    def __getitem__(self, rows: int | slice | NDArray[np.intp] | NDArray[np.bool_]) -> Frame:
+        """Those of N transforms at these rows."""
+        return Frame(self.rotation[rows], self.position[rows])
+
     def __matmul__(self, other: Frame) -> Frame:
         return Frame(self.rotation @ other.rotation, self.apply(other.position))
 

@@ -1,8 +1,9 @@
-"""IdentifiedModel: joint stiffnesses and the effects in force, with their covariance; writes stiffness.json (FORMATS.md)."""
+"""IdentifiedModel: joint stiffnesses and effects in force, with their covariance; writes stiffness.json (docs/formats.md)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ class IdentifiedModel:
     interval (6 + P, 2): 95 % intervals of x where the posterior's own are known (its tails are heavier than a normal
     distribution's where few readings must tell the noise too), None: those of N(mean, covariance).
     fall (3,) acceleration of free fall in the base frame [m/s^2], tool_mass [kg] and tool_centre (3,) [m] in the flange frame:
-    for effects that gravity torques enter.
+    for effects that gravity torques enter. source: the file it was read from, None: none.
     """
 
     robot: RobotModel
@@ -46,6 +47,7 @@ class IdentifiedModel:
     tool_mass: float | None = None
     tool_centre: Array | None = None
     interval: Array | None = None
+    source: Path | None = None
 
     @property
     def compliance(self) -> Array:

@@ -1,4 +1,4 @@
-"""Reads stiffness.json for a cell (FORMATS.md)."""
+"""Reads stiffness.json for a cell (docs/formats.md#stiffnessjson)."""
 
 from __future__ import annotations
 
@@ -82,7 +82,8 @@ def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
     mean, covariance = _posterior(file, in_force, name)
     return IdentifiedModel(
         cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in file.parameters[:6]),
-        file.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre)
+        file.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
+        source=Path(path))
 
 
 def same_tool(one: Frame, other: Frame) -> bool:

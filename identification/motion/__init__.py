@@ -1,1 +1,1 @@
-"""Joint deflection logs: encoders on both sides of the gear, read in motion (FORMATS.md)."""
+"""Joint deflection logs: encoders on both sides of the gear, read in motion (docs/formats.md)."""

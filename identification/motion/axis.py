@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.joint_log import JointLog
-from identification.motion.autoregression import Memory, memory_of
+from identification.motion.autoregression import Autoregression, noise_beside
 from identification.motion.band import BAND, low_pass, thinned
 from identification.motion.dictionary import Shape, catalogue, shapes
 from identification.motion.log_file import MotionLog
@@ -48,23 +48,27 @@ class Axis:
         return np.column_stack([offsets, self.torque])
 
     @cached_property
-    def memory(self) -> Memory:
-        """The memory of the noise: what is left beside the whole dictionary, one shape of each effect."""
-        wide = np.column_stack([self.plain, *(group[len(group) // 2].columns for group in self.dictionary)])
-        scale = np.linalg.norm(wide, axis=0)
-        return memory_of(self.parts(wide / scale), self.parts(self.deflection))
+    def widest(self) -> Array:
+        """Columns (n, p) of the plain spring and the whole dictionary, one shape of each effect: the one in the middle."""
+        return np.column_stack([self.plain, *(group[len(group) // 2].columns for group in self.dictionary)])
+
+    @cached_property
+    def noise(self) -> Autoregression:
+        """The noise: what is left beside the whole dictionary."""
+        scale = np.linalg.norm(self.widest, axis=0)
+        return noise_beside(self.parts(self.widest / scale), self.parts(self.deflection))
 
     def parts(self, values: Array) -> list[Array]:
         """The records' parts of rows that stand below one another."""
         return np.split(values, np.cumsum(self.lengths)[:-1])
 
     def whiten(self, columns: Array) -> Array:
-        """Columns (n, p) without the noise's memory, records below one another, each a few rows shorter."""
-        return np.concatenate([self.memory.whiten(part) for part in self.parts(columns)])
+        """Columns (n, p) whitened by the noise's autoregression, records below one another, each a few rows shorter."""
+        return np.concatenate([self.noise.whiten(part) for part in self.parts(columns)])
 
     @cached_property
     def white_deflection(self) -> Array:
-        """The deflection without the noise's memory."""
+        """The deflection whitened likewise."""
         return self.whiten(self.deflection[:, None])[:, 0]
 
 
@@ -73,17 +77,17 @@ def axis_of(joint: int, records: list[MotionLog], band: float = BAND) -> Axis:
     having = [record for record in records if joint in record.joints]
     logs = [record.joints[joint] for record in having]
     angles, rates = [record.angle[joint] for record in having], [record.rate for record in having]
-    parts = [low_pass(np.column_stack([log.deflection, log.torque, angle]), rate, band)
-             for log, angle, rate in zip(logs, angles, rates, strict=True)]
-    together = np.concatenate(parts)
+    parts = [low_pass(np.column_stack([log.deflection, log.torque, motor]), rate, band)
+             for log, motor, rate in zip(logs, angles, rates, strict=True)]
+    deflection, torque, angle = np.concatenate(parts).T
     time = np.concatenate([thinned(record.time, rate, band) for record, rate in zip(having, rates, strict=True)])
-    return Axis(joint, logs, angles, rates, band, together[:, 0], together[:, 1], together[:, 2], time,
+    return Axis(joint, logs, angles, rates, band, deflection, torque, angle, time,
                 tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue()))
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A linear model's answer. coefficients (p,), covariance (p, p) with the noise's memory, chi2: whitened sum of squares,
+    """A linear model's answer. coefficients (p,), covariance (p, p) under autocorrelated noise, chi2: whitened sum of squares,
     count: whitened rows."""
 
     coefficients: Array
@@ -97,12 +101,11 @@ def solve(axis: Axis, columns: Array) -> Solved:
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     white = axis.whiten(columns / scale)
-    seen = axis.white_deflection
-    gram = white.T @ white
-    inverse = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
-    found = inverse @ (white.T @ seen)
-    left = seen - white @ found
+    deflection = axis.white_deflection
+    inverse = np.linalg.pinv(white.T @ white, rcond=1e-12, hermitian=True)
+    coefficients = inverse @ (white.T @ deflection)
+    left = deflection - white @ coefficients
     chi2 = float(left @ left)
-    freedom = max(1, len(seen) - columns.shape[1] - len(axis.memory.phi))
+    freedom = max(1, len(deflection) - columns.shape[1] - len(axis.noise.phi))
     covariance = inverse * chi2 / freedom / np.outer(scale, scale)
-    return Solved(found / scale, covariance, chi2, len(seen))
+    return Solved(coefficients / scale, covariance, chi2, len(deflection))

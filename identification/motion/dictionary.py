@@ -50,9 +50,9 @@ class Shape:
 
     def values(self, coefficients: Array, compliance: float) -> Array:
         """Parameter values (P,) of coefficients (p,)."""
-        found = self.fixed.copy()
-        found[list(self.free)] = coefficients / compliance if self.through_spring else coefficients
-        return found
+        values = self.fixed.copy()
+        values[list(self.free)] = coefficients / compliance if self.through_spring else coefficients
+        return values
 
 
 def catalogue() -> list[Effect]:
@@ -64,13 +64,13 @@ def catalogue() -> list[Effect]:
 
 def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:
     """The shapes of each effect, most effects have one; columns are the records' below one another, low-passed."""
-    found = []
+    groups = []
     for effect in offered:
         group = [shape for fixed in _grid(effect, logs) for smear in (SMEARED if effect.name == "backlash" else (0.0,))
                  if (shape := _shape(effect, fixed, logs, rates, band, smear)) is not None]
         if group:
-            found.append(group)
-    return found
+            groups.append(group)
+    return groups
 
 
 def _grid(effect: Effect, logs: list[JointLog]) -> list[Array]:

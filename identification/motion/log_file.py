@@ -1,4 +1,4 @@
-"""MotionLog: reads a joint deflection log (FORMATS.md), CSV, Parquet or a public KUKA record."""
+"""MotionLog: reads a joint deflection log (docs/formats.md), CSV, Parquet or a public KUKA record."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class MotionLog:
         part = slice(start, stop)
         joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.compliance)
                   for k, log in self.joints.items()}
-        return MotionLog(self.source, self.time[part], joints, {k: one[part] for k, one in self.angle.items()}, ())
+        return MotionLog(self.source, self.time[part], joints, {k: angle[part] for k, angle in self.angle.items()}, ())
 
 
 def is_motion_log(path: str | Path) -> bool:
@@ -76,9 +76,9 @@ def read_motion_log(path: str | Path) -> MotionLog:
     line: NDArray[np.intp] | None = None
     findings: list[Finding] = []
     if path.suffix.lower() == ".mat":
-        from identification.formats.kuka_kr300 import read_record
+        from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        columns = read_record(path)
+        columns = read_kuka_kr300(path)
     else:
         columns, line, findings = _table(path)
     name, time = str(path), columns["time_s"]

@@ -7,39 +7,38 @@ from typing import Any
 
 import numpy as np
 
-from identification.common.findings import Finding
 from identification.common.report import Figure, ReportTable, render
-from identification.motion.procedure import AxisDiagnosis, LogDiagnosis
-from identification.motion.record import MICRO, sentence
+from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis
+from identification.motion.diagnosis import JointLogDiagnosis
+from identification.motion.fit import JointLogFit
 from identification.motion.stiffness import AxisStiffness
-from identification.motion.words import values
 
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
 BEFORE, AFTER = "#c0392b", "#2b6ca3"
 MOST_POINTS = 1500
 
 
-def diagnosis_report(found: LogDiagnosis, lines: Sequence[str], findings: Sequence[Finding], content: dict[str, Any]) -> str:
+def diagnosis_report(diagnosis: JointLogDiagnosis) -> str:
     """The report of `diagnose` on a log."""
-    rows = [[f"joint {one.joint}", cause.shape.name, sentence(cause), values(cause), f"{cause.probability:.3f}"]
-            for one in found.axes for cause in (*one.causes, *one.alternatives)]
+    rows = [[f"joint {axis.joint}", cause.shape.name, cause.sentence, cause.estimates, f"{cause.probability:.3f}"]
+            for axis in diagnosis.axes for cause in (*axis.causes, *axis.alternatives)]
     tables = [ReportTable("Causes by probability", ["where", "effect", "in words", "parameters", "probability"], rows, (4,)),
-              stiffness_rows([one.stiffness for one in found.axes])]
-    figures = [figure for one in found.axes for figure in (_torque(one), _time(one), _spectrum(one))]
-    return render(f"Diagnosis: {found.records[0].source}", lines, tables, figures, findings, content)
+              _stiffnesses([axis.stiffness for axis in diagnosis.axes])]
+    figures = [figure for axis in diagnosis.axes for figure in (_torque(axis), _time(axis), _spectrum(axis))]
+    return render(f"Diagnosis: {diagnosis.logs[0].source}", diagnosis.lines(), tables, figures, diagnosis.findings,
+                  diagnosis.as_dict())
 
 
-def stiffness_report(
-    lines: Sequence[str], findings: Sequence[Finding], content: dict[str, Any], joints: list[AxisStiffness]
-) -> str:
+def stiffness_report(fit: JointLogFit) -> str:
     """The report of `identify` on logs."""
-    return render("Stiffness from joint deflection logs", lines, [stiffness_rows(joints)], [], findings, content)
+    return render("Stiffness from joint deflection logs", fit.lines(), [_stiffnesses(fit.joints)], [], fit.findings,
+                  fit.as_dict())
 
 
-def stiffness_rows(joints: list[AxisStiffness]) -> ReportTable:
+def _stiffnesses(joints: Sequence[AxisStiffness]) -> ReportTable:
     """Stiffness of each joint, refused or not."""
-    rows = [[f"k{one.joint}", f"{1 / one.compliance:.3g}", f"{one.interval_95[0]:.3g} ... {one.interval_95[1]:.3g}", one.grade,
-             one.reason] for one in joints]
+    rows = [[f"k{joint.joint}", f"{1 / joint.compliance:.3g}",
+             f"{joint.interval_95[0]:.3g} ... {joint.interval_95[1]:.3g}", joint.grade, joint.reason] for joint in joints]
     return ReportTable("Stiffness", ["joint", "k [N m/rad]", "95 % interval", "grade", "why"], rows, (1,))
 
 
@@ -53,27 +52,30 @@ def _points(x: Any, y: Any, name: str, colour: str) -> dict[str, Any]:
             "marker": {"size": 4, "color": colour}}
 
 
-def _torque(one: AxisDiagnosis) -> Figure:
-    torque = np.concatenate([log.torque for log in one.axis.logs])
-    spring = one.stiffness.compliance * (torque - torque.mean())
-    data = [_points(torque, MICRO * (one.deflection - one.deflection.mean()), "as measured", BEFORE),
-            _points(torque, MICRO * (spring + one.residuals[:, 1]), "without the named causes", AFTER)]
-    return Figure(f"Joint {one.joint}: deflection against torque", "A spring is a line; a cloud is not the spring alone.",
-                  data, {"xaxis": {"title": {"text": "gear-side torque [N m]"}, **GRID},
-                         "yaxis": {"title": {"text": "motor minus link [urad]"}, **GRID}})
+def _torque(diagnosis: AxisDiagnosis) -> Figure:
+    torque = np.concatenate([log.torque for log in diagnosis.axis.logs])
+    spring = diagnosis.stiffness.compliance * (torque - torque.mean())
+    data = [_points(torque, MICRO * (diagnosis.deflection - diagnosis.deflection.mean()), "as measured", BEFORE),
+            _points(torque, MICRO * (spring + diagnosis.residuals[:, 1]), "without the named causes", AFTER)]
+    return Figure(f"Joint {diagnosis.joint}: deflection against torque",
+                  "A spring is a line; a cloud is not the spring alone.", data, {
+        "xaxis": {"title": {"text": "gear-side torque [N m]"}, **GRID},
+        "yaxis": {"title": {"text": "motor minus link [urad]"}, **GRID}})
 
 
-def _time(one: AxisDiagnosis) -> Figure:
-    time = np.concatenate([log.time for log in one.axis.logs])
-    data = [_points(time, MICRO * one.residuals[:, k], name, colour) for k, (name, colour) in enumerate(
+def _time(diagnosis: AxisDiagnosis) -> Figure:
+    time = np.concatenate([log.time for log in diagnosis.axis.logs])
+    data = [_points(time, MICRO * diagnosis.residuals[:, k], name, colour) for k, (name, colour) in enumerate(
         (("plain spring", BEFORE), ("extended model", AFTER)))]
-    return Figure(f"Joint {one.joint}: what is left, over time", "", data, {
+    return Figure(f"Joint {diagnosis.joint}: what is left, over time", "", data, {
         "xaxis": {"title": {"text": "time [s]"}, **GRID}, "yaxis": {"title": {"text": "residual [urad]"}, **GRID}})
 
 
-def _spectrum(one: AxisDiagnosis) -> Figure:
-    names = [f"{low:g}-{high:g} Hz" for low, high, _ in one.left.spectrum]
-    data = [{"type": "bar", "x": names, "y": [100 * share for _, _, share in one.left.spectrum], "marker": {"color": AFTER}}]
-    return Figure(f"Joint {one.joint}: spectrum of what is left", f"Strongest narrow line: {one.left.line[0]:.1f} Hz with "
-                  f"{100 * one.left.line[1]:.0f} % of the variance.", data,
+def _spectrum(diagnosis: AxisDiagnosis) -> Figure:
+    names = [f"{low:g}-{high:g} Hz" for low, high, _ in diagnosis.left.spectrum]
+    shares = [100 * share for _, _, share in diagnosis.left.spectrum]
+    frequency, share = diagnosis.left.line
+    data = [{"type": "bar", "x": names, "y": shares, "marker": {"color": AFTER}}]
+    return Figure(f"Joint {diagnosis.joint}: spectrum of what is left",
+                  f"Strongest narrow line: {frequency:.1f} Hz with {100 * share:.0f} % of the variance.", data,
                   {"yaxis": {"title": {"text": "share of the variance [%]"}, **GRID}}, height=300)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.motion.axis import Axis, axis_of, solve
 from identification.motion.dictionary import Shape
 from identification.motion.log_file import MotionLog
@@ -44,10 +45,10 @@ class Gain:
                 "variance_explained_after": self.explained[1], "held_out": self.held_out}
 
 
-def model_columns(axis: Axis, one: Hypothesis, without: int | None = None) -> Array:
+def model_columns(axis: Axis, hypothesis: Hypothesis, without: int | None = None) -> Array:
     """Columns (n, p) of a hypothesis on another axis object (another record or band): its shapes are found again there."""
     parts = [axis.plain]
-    for k, (shape, kept) in enumerate(zip(one.shapes, one.kept, strict=True)):
+    for k, (shape, kept) in enumerate(zip(hypothesis.shapes, hypothesis.kept, strict=True)):
         if k != without:
             parts.append(_again(axis, shape)[:, [shape.free[column] for column in kept]])
     return np.column_stack(parts)
@@ -55,12 +56,12 @@ def model_columns(axis: Axis, one: Hypothesis, without: int | None = None) -> Ar
 
 def _again(axis: Axis, shape: Shape) -> Array:
     """The shape's columns (n, P) on this axis, by parameter; those it does not show are zero."""
-    found = np.zeros((len(axis.torque), len(shape.fixed)))
+    columns = np.zeros((len(axis.torque), len(shape.fixed)))
     for group in axis.dictionary:
         for other in group:
             if other.name == shape.name and other.smear == shape.smear and np.array_equal(other.fixed, shape.fixed):
-                found[:, list(other.free)] = other.columns
-    return found
+                columns[:, list(other.free)] = other.columns
+    return columns
 
 
 def straight_line(axis: Axis) -> Array:
@@ -76,50 +77,54 @@ def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Arra
 
 
 def held_out(
-    axis: Axis, one: Hypothesis, records: list[MotionLog], validate: MotionLog | None
+    axis: Axis, hypothesis: Hypothesis, records: list[MotionLog], validate: MotionLog | None
 ) -> tuple[Gain, tuple[bool, ...]]:
     """The gain of a hypothesis where it was not fitted, and of each of its causes whether it helps there."""
-    joint = axis.joint
-    if validate is not None:
-        splits = [(axis, validate)]
-        how = f"validate: {validate.source}"
-    else:
-        having = [record for record in records if joint in record.joints]
-        splits = [(axis_of(joint, train, axis.band), test) for record in having
-                  for train, test in _folds(record, [other for other in having if other is not record])]
-        how = f"cross-validation by {FOLDS} blocks of time"
+    splits, how = _splits(axis, records, validate)
     plain_left, left, measured = [], [], []
-    smooth = [np.zeros(0)] * (len(one.shapes) + 1)
+    # Under the band: what is left with all causes, then without each of them.
+    models = (None, *range(len(hypothesis.shapes)))
+    smooth: list[list[Array]] = [[] for _ in models]
     for train, test in splits:
-        raw, low = axis_of(joint, [test], np.inf), axis_of(joint, [test], axis.band)
+        raw, low = axis_of(axis.joint, [test], np.inf), axis_of(axis.joint, [test], axis.band)
         offsets = len(train.lengths)
-        plain = straight_line(train)
-        plain_left.append(residual_on(plain, offsets, raw, raw.plain))
-        full = solve(train, model_columns(train, one)).coefficients
-        left.append(residual_on(full, offsets, raw, model_columns(raw, one)))
+        plain_left.append(residual_on(straight_line(train), offsets, raw, raw.plain))
         measured.append(raw.deflection)
-        for k in range(len(one.shapes) + 1):
-            without = k - 1 if k else None
-            answer = solve(train, model_columns(train, one, without)).coefficients
-            smooth[k] = np.concatenate([smooth[k], residual_on(answer, offsets, low, model_columns(low, one, without))])
-    helps = tuple(float(np.mean(smooth[k] ** 2)) > float(np.mean(smooth[0] ** 2)) for k in range(1, len(smooth)))
-    before, after, seen = np.concatenate(plain_left), np.concatenate(left), np.concatenate(measured)
-    total = float(np.sum((seen - seen.mean()) ** 2))
+        for without, parts in zip(models, smooth, strict=True):
+            fitted = solve(train, model_columns(train, hypothesis, without)).coefficients
+            parts.append(residual_on(fitted, offsets, low, model_columns(low, hypothesis, without)))
+            if without is None:
+                left.append(residual_on(fitted, offsets, raw, model_columns(raw, hypothesis)))
+    squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in smooth]
+    helps = tuple(square > squares[0] for square in squares[1:])
+    before, after, deflection = np.concatenate(plain_left), np.concatenate(left), np.concatenate(measured)
+    total = float(np.sum((deflection - deflection.mean()) ** 2))
     explained = (1 - float(before @ before) / total, 1 - float(after @ after) / total)
-    rate = axis.rates[0]
-    return Gain(_rms(before), _rms(after), _interval(before, after, max(1, int(BLOCK * rate))), explained, how,
+    return Gain(rms(before), rms(after), _interval(before, after, max(1, int(BLOCK * axis.rates[0]))), explained, how,
                 np.column_stack([before, after])), helps
+
+
+def _splits(
+    axis: Axis, records: list[MotionLog], validate: MotionLog | None
+) -> tuple[list[tuple[Axis, MotionLog]], str]:
+    """What is fitted and what is predicted with it, and how it was held out in words."""
+    if validate is not None:
+        return [(axis, validate)], f"validate: {validate.source}"
+    having = [record for record in records if axis.joint in record.joints]
+    splits = [(axis_of(axis.joint, train, axis.band), test) for record in having
+              for train, test in _folds(record, [other for other in having if other is not record])]
+    return splits, f"cross-validation by {FOLDS} blocks of time"
 
 
 def _folds(record: MotionLog, others: list[MotionLog]) -> list[tuple[list[MotionLog], MotionLog]]:
     count = len(record.time)
     edges = np.linspace(0, count, FOLDS + 1).astype(int)
-    found = []
+    folds = []
     for k in range(FOLDS):
         ends = ((0, edges[k]), (edges[k + 1], count))
         pieces = [record.cut(start, stop) for start, stop in ends if stop - start > count // 6]
-        found.append((pieces + others, record.cut(edges[k], edges[k + 1])))
-    return found
+        folds.append((pieces + others, record.cut(edges[k], edges[k + 1])))
+    return folds
 
 
 def _interval(before: Array, after: Array, block: int) -> tuple[float, float]:
@@ -131,7 +136,3 @@ def _interval(before: Array, after: Array, block: int) -> tuple[float, float]:
     drawn = rng.integers(0, count, (REDRAWN, count))
     low, high = np.quantile(np.sqrt(first[drawn].sum(axis=1) / second[drawn].sum(axis=1)), [0.025, 0.975])
     return float(low), float(high)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -1,15 +1,15 @@
 """Which causes, alone or together, a joint's log speaks for: all sets of up to four effects, each with its best shape.
 
-The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's memory is that of the
-whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with a known
-sign has the other, or the compliance is negative, is judged without that coefficient. Free play and a soft zone are never in
-one set: a real gear's bend is neither exactly, and the two together would be a law, not two causes.
+The evidence of a set is the Bayesian information criterion of generalised least squares; the noise's autoregression is that
+beside the whole dictionary, the same for all sets, so no set gains by calling a misfit noise. A set in which a coefficient with
+a known sign has the other, or the compliance is negative, is judged without that coefficient. Free play and a soft zone are
+never in one set: a real gear's compliance is neither exactly, and the two together would be a law, not two causes.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,30 +51,28 @@ class Hypothesis:
 def survey(axis: Axis, most: int = MOST_CAUSES) -> tuple[Hypothesis, ...]:
     """All sets of effects, the likeliest first; the plain spring is among them."""
     groups = axis.dictionary
-    best_shape = _shortlists(axis, groups)
+    shortlists = _shortlists(axis, groups)
     plain = solve(axis, axis.plain)
-    found = [Hypothesis((), (), (), plain, 0.0)]
+    hypotheses = [Hypothesis((), (), (), plain, 0.0)]
     for size in range(1, min(most, len(groups)) + 1):
         for entries in itertools.combinations(range(len(groups)), size):
-            if any(_one_bend(groups[a][0], groups[b][0]) for a, b in itertools.combinations(entries, 2)):
+            if any(_same_compliance_law(groups[a][0], groups[b][0]) for a, b in itertools.combinations(entries, 2)):
                 continue
             options = [_fitted(axis, entries, chosen, plain)
-                       for chosen in itertools.product(*(best_shape[entry] for entry in entries))]
-            likely = [one for one in options if one is not None]
-            if likely:
-                found.append(max(likely, key=lambda one: one.log_evidence))
-    prior = np.array([len(one.entries) * np.log(AT_WORK / (1 - AT_WORK)) for one in found])
-    logs = np.array([one.log_evidence for one in found]) + prior
+                       for chosen in itertools.product(*(shortlists[entry] for entry in entries))]
+            possible = [option for option in options if option is not None]
+            if possible:
+                hypotheses.append(max(possible, key=lambda option: option.log_evidence))
+    prior = np.array([len(hypothesis.entries) * np.log(AT_WORK / (1 - AT_WORK)) for hypothesis in hypotheses])
+    logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses]) + prior
     weight = np.exp(logs - logs.max())
     weight /= weight.sum()
-    return tuple(Hypothesis(found[k].entries, found[k].shapes, found[k].kept, found[k].solved, found[k].log_evidence,
-                            float(weight[k])) for k in np.argsort(-logs))
+    return tuple(replace(hypotheses[k], probability=float(weight[k])) for k in np.argsort(-logs))
 
 
-def _one_bend(one: Shape, other: Shape) -> bool:
-    """Whether two effects describe the same bend of a gear, so that both together only mend each other's law."""
-    pair = {one.effect.name, other.effect.name}
-    return pair == {"backlash", "soft_zone"}
+def _same_compliance_law(first: Shape, second: Shape) -> bool:
+    """Whether two effects describe the same law of a gear's compliance, so that both together only mend each other's."""
+    return {first.effect.name, second.effect.name} == {"backlash", "soft_zone"}
 
 
 def _shortlists(axis: Axis, groups: list[list[Shape]]) -> list[list[Shape]]:

@@ -3,15 +3,16 @@
     deflection = offset + c (torque - F_c sign(speed) - F_v speed - J acceleration) + delay speed
 
 The motor's inertia, its friction and the encoders' delay are there in any motion, so they are always in the model; viscous
-friction and the delay share one column and are not told apart. Where the data speak for a bend of the gear or friction inside
-it, c is averaged over both readings by their evidence. What is left of the torque beside these tells c. The interval
-has two parts: the noise, by generalised least squares, and the law: how far c moves when the band is changed, a deviation that
-follows the joint's angle is allowed, or the gear is straight or not.
+friction and the delay share one column and are not told apart. Where the data speak for a gear that is not linear, or for
+friction inside it, c is averaged over both readings by their evidence. What is left of the torque beside these tells c. The
+interval has two parts: the noise, by generalised least squares, and the law: how far c moves when the band is changed, a
+deviation that follows the joint's angle is allowed, or the gear is linear or not.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND
 from identification.motion.dictionary import Shape
 from identification.motion.log_file import MotionLog
+from identification.motion.remainder import angle_columns
 
 Array = NDArray[np.float64]
 # Bands [Hz] between which the stiffness must hold.
@@ -28,7 +30,7 @@ BANDS = (4.0, BAND, 9.0)
 NUISANCE = ("channel_delay (link)", "joint_friction", "motor_inertia")
 ANGLE_DEGREE = 4
 # Laws of the gear that change what is taken for its stiffness, where the data speak for them.
-BENDING = ("hysteresis", "soft_zone", "backlash")
+GEAR_LAWS = ("hysteresis", "soft_zone", "backlash")
 # Share of the torque's variance that must be left beside speed, its sign and acceleration.
 LEAST_SHARE = 0.02
 # c over its standard deviation: below the first no stiffness is stated, from the second on it is reliable.
@@ -74,6 +76,38 @@ class AxisStiffness:
         low, high = self.compliance - 1.96 * self.std, self.compliance + 1.96 * self.std
         return (1 / high if high > 0 else np.inf, 1 / low if low > 0 else np.inf)
 
+    @property
+    def sentence(self) -> str:
+        """In plain words."""
+        if self.refused:
+            return f"k{self.joint} refused: {self.reason}"
+        low, high = self.interval_95
+        return f"k{self.joint} = {1 / self.compliance:.3g} N m/rad ({low:.3g} ... {high:.3g}), {self.grade}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values, whatever its grade."""
+        low, high = self.interval_95
+        return {
+            "joint": self.joint, "grade": self.grade, "reason": self.reason, "compliance_rad_per_nm": self.compliance,
+            "noise_std": self.noise_std, "law_std": self.law_std, "stiffness_nm_per_rad": finite_or_none(1 / self.compliance),
+            "interval_95": [finite_or_none(low), finite_or_none(high)],
+            "straight_line_nm_per_rad": finite_or_none(1 / self.straight),
+            "torque_share_of_its_own": self.share, "samples": self.samples, "worth_independent": self.worth,
+            "link_delay_s": {"estimate": self.delay[0], "std": self.delay[1]},
+            "records": [{"record": name, "compliance_rad_per_nm": c, "std": std} for name, c, std in self.records],
+            "records_apart_sigmas": self.apart if self.records else None,
+        }
+
+    def lines(self) -> list[str]:
+        """How it was found, and what each record says by itself."""
+        return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones",
+                *(f"  {name}: k = {1 / c:.3g} N m/rad (c = {c:.2e} +- {std:.1e})" for name, c, std in self.records)]
+
+
+def finite_or_none(value: float) -> float | None:
+    """As JSON has it."""
+    return float(value) if np.isfinite(value) else None
+
 
 def axis_stiffness(joint: int, records: list[MotionLog]) -> AxisStiffness:
     """The joint's stiffness from all records that have it, and from each alone."""
@@ -82,11 +116,10 @@ def axis_stiffness(joint: int, records: list[MotionLog]) -> AxisStiffness:
     if len(having) == 1:
         return together
     alone = [_from(joint, [record]) for record in having]
-    listed = tuple((record.source, one.compliance, one.std) for record, one in zip(having, alone, strict=True))
+    listed = tuple((record.source, own.compliance, own.std) for record, own in zip(having, alone, strict=True))
     apart = max(abs(a[1] - b[1]) / np.hypot(a[2], b[2]) for k, a in enumerate(listed) for b in listed[k + 1:])
-    spread = float(np.std([one[1] for one in listed], ddof=1) / np.sqrt(len(listed)))
-    law = max(together.law_std, spread)
-    return _judged(AxisStiffness(**{**vars(together), "law_std": law, "records": listed, "apart": float(apart)}))
+    spread = float(np.std([compliance for _, compliance, _ in listed], ddof=1) / np.sqrt(len(listed)))
+    return _judged(replace(together, law_std=max(together.law_std, spread), records=listed, apart=float(apart)))
 
 
 def _from(joint: int, records: list[MotionLog]) -> AxisStiffness:
@@ -97,15 +130,15 @@ def _from(joint: int, records: list[MotionLog]) -> AxisStiffness:
         axis = axis_of(joint, records, band)
         base = np.column_stack([axis.plain, *(shape.columns[:, :1] for shape in _always(axis))])
         place = len(axis.lengths)
-        straightened = [solve(axis, np.column_stack([base, *extra])) for extra in _variants(axis, base)]
-        followed = solve(axis, np.column_stack([base, _angle_columns(axis)]))
-        values += [float(one.coefficients[place]) for one in (*straightened, followed)]
+        by_law = [solve(axis, np.column_stack([base, *extra])) for extra in _laws(axis, base)]
+        with_angle = solve(axis, np.column_stack([base, angle_columns(axis.angle, degree=ANGLE_DEGREE)]))
+        values += [float(solved.coefficients[place]) for solved in (*by_law, with_angle)]
         if band == BAND:
-            central, noise = _averaged(straightened, place)
-            delay = _averaged(straightened, place + 1)
-            share, samples = _left(base, place), sum(len(log.time) for log in axis.logs)
+            central, noise = _averaged(by_law, place)
+            delay = _averaged(by_law, place + 1)
+            share, samples = _own_share(base, place), sum(len(log.time) for log in axis.logs)
             straight = float(np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0][-1])
-            worth = axis.memory.worth(len(axis.torque))
+            worth = axis.noise.worth(len(axis.torque))
     law = float(np.sqrt(np.mean((np.array(values) - central) ** 2)))
     return _judged(AxisStiffness(joint, central, noise, law, share, straight, delay, "", "", samples, worth))
 
@@ -114,67 +147,63 @@ def _always(axis: Axis) -> list[Shape]:
     return [group[0] for group in axis.dictionary if group[0].name in NUISANCE]
 
 
-def _variants(axis: Axis, base: Array) -> list[list[Array]]:
-    """Columns more than the base: none, and those of each bend that the data speak for."""
-    found: list[list[Array]] = [[]]
+def _laws(axis: Axis, base: Array) -> list[list[Array]]:
+    """Columns more than the base: none, and those of each law of the gear that the data speak for."""
+    laws: list[list[Array]] = [[]]
     alone = solve(axis, base)
     for group in axis.dictionary:
-        if group[0].name not in BENDING:
+        if group[0].name not in GEAR_LAWS:
             continue
         tried = [(solve(axis, np.column_stack([base, shape.columns])), shape) for shape in group]
-        best, shape = min(tried, key=lambda one: one[0].chi2)
+        best, shape = min(tried, key=lambda fit: fit[0].chi2)
         supported = best.count * np.log(alone.chi2 / best.chi2) > np.log(best.count)
         if supported and (not shape.positive[0] or best.coefficients[-1] > 0):
-            found.append([shape.columns])
-    return found
-
-
-def _angle_columns(axis: Axis) -> Array:
-    span = np.ptp(axis.angle)
-    place = 2 * (axis.angle - axis.angle.min()) / (span if span > 0 else 1.0) - 1
-    return np.asarray(np.polynomial.chebyshev.chebvander(place, ANGLE_DEGREE)[:, 1:], dtype=float)
+            laws.append([shape.columns])
+    return laws
 
 
 def _averaged(answers: list[Solved], place: int) -> tuple[float, float]:
     """A coefficient and its standard deviation, averaged over answers by their evidence (BIC)."""
-    logs = np.array([-0.5 * one.count * np.log(one.chi2) - 0.5 * len(one.coefficients) * np.log(one.count) for one in answers])
+    logs = np.array([-0.5 * answer.count * np.log(answer.chi2) - 0.5 * len(answer.coefficients) * np.log(answer.count)
+                     for answer in answers])
     weight = np.exp(logs - logs.max())
     weight /= weight.sum()
-    value = np.array([one.coefficients[place] for one in answers])
-    variance = np.array([one.covariance[place, place] for one in answers])
+    value = np.array([answer.coefficients[place] for answer in answers])
+    variance = np.array([answer.covariance[place, place] for answer in answers])
     mean = float(weight @ value)
     return mean, float(np.sqrt(weight @ (variance + (value - mean) ** 2)))
 
 
-def _left(columns: Array, place: int) -> float:
+def _own_share(columns: Array, place: int) -> float:
     """Share of the variance of a column that the others do not explain."""
     others = np.delete(columns, place, axis=1)
     left = columns[:, place] - others @ np.linalg.lstsq(others, columns[:, place], rcond=None)[0]
     return float(np.var(left) / np.var(columns[:, place]))
 
 
-def _judged(one: AxisStiffness) -> AxisStiffness:
-    ratio = one.compliance / one.std
-    spread = (f"c = {one.compliance:.2e} rad/(N m), {one.noise_std:.1e} by the noise and {one.law_std:.1e} by how the log is "
-              f"read; {100 * one.share:.1f} % of the torque's variance is not that of speed and acceleration")
-    if one.share < LEAST_SHARE:
+def _judged(estimate: AxisStiffness) -> AxisStiffness:
+    ratio = estimate.compliance / estimate.std
+    share = f"{100 * estimate.share:.1f} %"
+    spread = (f"c = {estimate.compliance:.2e} rad/(N m), {estimate.noise_std:.1e} by the noise and {estimate.law_std:.1e} by "
+              f"how the log is read; {share} of the torque's variance is not that of speed and acceleration")
+    if estimate.share < LEAST_SHARE:
         grade, reason = "not identifiable", ("torque follows speed and acceleration too closely: "
-                                             f"{100 * one.share:.1f} % of its variance is its own, {100 * LEAST_SHARE:g} % "
-                                             "are needed")
+                                             f"{share} of its variance is its own, {100 * LEAST_SHARE:g} % are needed")
     elif ratio < STATED:
         grade, reason = "not identifiable", f"the log does not fix it: {spread}"
     else:
-        grade, reason = ("reliable" if ratio >= RELIABLE and one.apart <= DISAGREE else "tentative"), spread
-    return AxisStiffness(**{**vars(one), "grade": grade, "reason": reason})
+        grade, reason = ("reliable" if ratio >= RELIABLE and estimate.apart <= DISAGREE else "tentative"), spread
+    return replace(estimate, grade=grade, reason=reason)
 
 
-def log_posterior(one: AxisStiffness | None, prior: Prior, joint: int) -> tuple[float, float]:
+def log_posterior(stiffness: AxisStiffness | None, prior: Prior, joint: int) -> tuple[float, float]:
     """Mean and variance of ln c with the prior of ln c; the prior itself where there is no estimate or it is refused."""
     mean, std = -float(np.log(prior.stiffness[joint - 1])), float(prior.log_std[joint - 1])
-    if one is None or one.refused:
+    if stiffness is None or stiffness.refused:
         return mean, std**2
-    grid = np.linspace(min(mean - 5 * std, np.log(one.compliance) - 3), max(mean + 5 * std, np.log(one.compliance) + 3), 20001)
-    log = -0.5 * ((grid - mean) / std) ** 2 - 0.5 * ((np.exp(grid) - one.compliance) / one.std) ** 2
+    likeliest = np.log(stiffness.compliance)
+    grid = np.linspace(min(mean - 5 * std, likeliest - 3), max(mean + 5 * std, likeliest + 3), 20001)
+    log = -0.5 * ((grid - mean) / std) ** 2 - 0.5 * ((np.exp(grid) - stiffness.compliance) / stiffness.std) ** 2
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     centre = float(weight @ grid)

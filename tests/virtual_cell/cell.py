@@ -27,7 +27,7 @@ from tests.virtual_cell.plant import Plant
 
 __all__ = ["DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
 
-# EFFECTS.md's table, without the three entries for logs taken in motion; and the effects that are in no dictionary.
+# The dictionary (docs/effects.md) but for the three of logs taken in motion; and the effects that are in no dictionary.
 DICTIONARY = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ != effects_outside.__name__)
 OUTSIDE = tuple(name for name, entry in EFFECTS.items()
                 if entry.build.__module__ == effects_outside.__name__ and entry.known_as == name)
@@ -109,7 +109,7 @@ class Case:
         return self.clean_um - self.plain_um
 
     def write(self, folder: Path | str) -> tuple[Path, Path]:
-        """Writes cell.yaml, robot.yaml and measurements.csv (FORMATS.md); returns the first's and the last's path."""
+        """Writes cell.yaml, robot.yaml and measurements.csv (docs/formats.md); returns the first's and the last's path."""
         return files.write(self, Path(folder))
 
 

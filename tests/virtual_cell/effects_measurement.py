@@ -1,6 +1,6 @@
 """The dictionary's effects of the measurement: what falsifies the force or the deflection, as finite geometry.
 
-Typical sizes are EFFECTS.md's; where that gives a range, the geometric mean of its ends.
+Typical sizes are the dictionary's (docs/effects.md); where that gives a range, the geometric mean of its ends.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The dictionary's effects of the robot: gears, structure, base, tool and load path, as physics of the virtual cell.
 
-Typical sizes are EFFECTS.md's; where that gives a range, the geometric mean of its ends.
+Typical sizes are the dictionary's (docs/effects.md); where that gives a range, the geometric mean of its ends.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Writes a case as the files of the contract (FORMATS.md): cell.yaml, robot.yaml, measurements.csv."""
+"""Writes a case as the files of the contract (docs/formats.md): cell.yaml, robot.yaml, measurements.csv."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tests.virtual_cell.cell import Case
 
 PRIOR = (2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6)    # [N m/rad] the paper's Table 1
-# alpha [deg], a [mm], d [mm], offset [deg]: FORMATS.md, robot.yaml
+# alpha [deg], a [mm], d [mm], offset [deg]: identification/model/robots/irb6660-205-1.90.yaml
 GEOMETRY = ((0, 0, 814.5, 0), (-90, 300, 0, -90), (0, 700, 0, 0), (-90, 280, 893, 0), (90, 0, 0, 0), (-90, 0, 200, 180))
 
 
@@ -23,7 +23,7 @@ def _numbers(values: np.ndarray | tuple[float, ...]) -> str:
 
 
 def robot_yaml() -> str:
-    """The IRB 6660 of this cell: FORMATS.md's, with the masses of arm_model.py."""
+    """The IRB 6660 of this cell: the built-in file's, with the masses of arm_model.py."""
     lines = ["# The IRB 6660 of tests/virtual_cell. Geometry as the built-in robot; masses and centres made up for tests.",
              "name: irb6660-virtual", "manufacturer: ABB", "load_path: drive", "joints:"]
     for (alpha, a, d, offset), limits in zip(GEOMETRY, LIMITS, strict=True):

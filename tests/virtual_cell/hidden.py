@@ -1,7 +1,7 @@
 """What can be hidden in a virtual cell: the dictionary of causes and, beyond it, plausible effects that it does not know.
 
 An effect is two functions: one draws its parameters, at a multiple of the typical size, and one builds it into the plant.
-Parameter names, meaning and signs are the dictionary's (EFFECTS.md); the law is physics, near the dictionary's but not it.
+Parameter names, meaning and signs are the dictionary's (docs/effects.md); the law is physics, near the dictionary's but not it.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.virtual_cell.arm_model import ELBOW, FLANGE, FOREARM, HEIGHT, LOWER_ARM, SHOULDER, ZERO_FLANGE, Tool
 
-# The controller's limits [deg] and the window of theta3 - theta2 (FORMATS.md, robot.yaml).
+# The controller's limits [deg] and the window of theta3 - theta2 (identification/model/robots/irb6660-205-1.90.yaml).
 LIMITS = np.array([[-180, 180], [-42, 85], [-20, 120.5], [-300, 300], [-120, 120], [-360, 360]])
 WINDOW = np.array([-70.0, 70.0])
 

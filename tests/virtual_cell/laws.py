@@ -93,8 +93,8 @@ class Stiffening(Law):
 class Hysteresis(Law):
     """An Iwan model: slipping elements of different strength in parallel, driven by the torque since the pose began.
 
-    A positive amplitude is EFFECTS.md's law `+ h q`: the twist runs ahead of the torque (after a positive load it comes back
-    past zero), which round a cycle gives work instead of taking it. A negative amplitude is friction beside the spring,
+    A positive amplitude is the dictionary's law `+ h q`: the twist runs ahead of the torque (after a positive load it comes
+    back past zero), which round a cycle gives work instead of taking it. A negative amplitude is friction beside the spring,
     `tau = k x + tau_f q`: the twist lags, and something of it stays when the load has gone.
     """
 

@@ -1,6 +1,6 @@
 """The virtual cell obeys mechanics, and its effects are the contract's: to first order where they are linear, near otherwise.
 
-The formulas are EFFECTS.md's, worked out here from the drawing of the arm, not with MuJoCo.
+The formulas are the dictionary's (identification/model/effects/), worked out here from the drawing of the arm, not with MuJoCo.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def columns(arm: Drawing) -> np.ndarray:
 
 
 def expected(hidden: Hidden, size: float, arm: Drawing, force: np.ndarray) -> np.ndarray:
-    """What the effect adds to the deflection (3,) [m], by EFFECTS.md."""
+    """What the effect adds to the deflection (3,) [m], by the dictionary's formula."""
     def turned(axes: np.ndarray, pivot: np.ndarray) -> np.ndarray:
         motion = np.cross(axes, arm.tcp - pivot)
         return motion.T @ (motion @ force)

@@ -1,4 +1,4 @@
-"""The dictionary of causes: one file an effect, found through a registry (EFFECTS.md).
+"""The dictionary of causes: one file an effect, found through a registry (docs/effects.md).
 
 A user's own package adds effects through the entry point group `compstiff.effects` (docs/effects.md).
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
+from inspect import isabstract
 from pkgutil import iter_modules
 
 from identification.common.findings import error
@@ -23,19 +24,19 @@ def effects() -> dict[str, Effect]:
 
     Raises CompstiffError (CS1301) where a package's entry is no effect, or takes a name that is taken.
     """
-    found: dict[str, Effect] = {}
-    for module in sorted(info.name for info in iter_modules(__path__) if info.name != "base"):
-        members = vars(import_module(f"{__name__}.{module}")).values()
-        kinds = [kind for kind in members if isinstance(kind, type) and issubclass(kind, Effect) and kind is not Effect]
-        found |= {kind.name: kind() for kind in kinds}
+    dictionary: dict[str, Effect] = {}
+    for module in sorted(f"{__name__}.{info.name}" for info in iter_modules(__path__)):
+        own = [kind for kind in vars(import_module(module)).values() if getattr(kind, "__module__", "") == module]
+        kinds = [kind for kind in own if isinstance(kind, type) and issubclass(kind, Effect) and not isabstract(kind)]
+        dictionary |= {kind.name: kind() for kind in kinds}
     for entry in entry_points(group=ENTRY_POINTS):
         loaded = entry.load()
         effect = loaded() if isinstance(loaded, type) else loaded
         if not isinstance(effect, Effect):
             raise error("CS1301", f"the entry point '{entry.name}' of {ENTRY_POINTS} gives {type(effect).__name__}, "
                         "expected an Effect", hint="docs/effects.md has a worked example")
-        if effect.name in found:
+        if effect.name in dictionary:
             raise error("CS1301", f"the entry point '{entry.name}' brings an effect '{effect.name}', which exists already",
                         hint="give it another name")
-        found[effect.name] = effect
-    return found
+        dictionary[effect.name] = effect
+    return dictionary

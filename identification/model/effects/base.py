@@ -1,4 +1,4 @@
-"""What an effect is: its contribution, its parameters, and how it shows in the data (EFFECTS.md).
+"""What an effect is: its contribution, its parameters, and how it shows in the data (docs/effects.md).
 
 A user's own package adds one by subclassing Effect and naming an instance in the entry point group `compstiff.effects`;
 docs/effects.md has a worked example.
@@ -15,11 +15,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
-ONLY_IN_MOTION = "it shows only in logs taken in motion"
 Family = Literal["gear", "structure", "base", "tool", "load path", "force measurement", "deflection measurement"]
 
 
@@ -27,7 +26,8 @@ Family = Literal["gear", "structure", "base", "tool", "load path", "force measur
 class Parameter:
     """One parameter. typical: the size met in practice, low and high: physical bounds, all in `unit`. A lower bound of zero
     or more means that the effect has one sign only. grid: values to try where it does not enter linearly, else empty.
-    shape: it says how the effect looks, not how large it is."""
+    shape: it says how the effect looks, not how large it is. source, bounds_source: the document the typical size and the
+    bounds come from, or "engineering judgement" with its reason."""
 
     name: str
     unit: str
@@ -36,6 +36,8 @@ class Parameter:
     high: float
     grid: tuple[float, ...] = ()
     shape: bool = False
+    source: str = ""
+    bounds_source: str = ""
 
     @property
     def positive(self) -> bool:
@@ -66,7 +68,8 @@ class Effect(ABC):
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
     the data. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint
     whose shapes a real one of this kind may mix in. sentence: the cause as a shop-floor engineer says it ({joint} is filled
-    in). settles: what would separate it from its look-alikes, and is no load.
+    in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law comes from,
+    or "engineering judgement" with its reason.
     """
 
     name: ClassVar[str]
@@ -81,6 +84,7 @@ class Effect(ABC):
     sentence: ClassVar[str]
     settles: ClassVar[str]
     turning: ClassVar[str] = ""
+    formula_source: ClassVar[str] = ""
 
     @property
     def where(self) -> dict[str, int | str]:
@@ -130,12 +134,12 @@ class Effect(ABC):
         linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
         scale = self.typical(rows, joint)[linear]
         positive = all(self.parameters[k].positive for k in linear)
-        found = []
+        signatures = []
         for choice in itertools.product(*grids):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
-            found.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return found
+            signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
+        return signatures
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""
@@ -159,8 +163,3 @@ def _placed(fixed: Array, linear: list[int]) -> Callable[[Array], Array]:
 def saturated(x: Array) -> Array:
     """x between -1 and 1."""
     return np.clip(x, -1.0, 1.0)
-
-
-def polar(coefficients: Array) -> Array:
-    """(a cos phi, a sin phi) of `a cos(x + phi) = (a cos phi) cos x + (a sin phi) cos(x + pi/2)`, as (a, phi)."""
-    return np.array([np.hypot(*coefficients), np.arctan2(coefficients[1], coefficients[0])])

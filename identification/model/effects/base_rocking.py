@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
 class BaseRocking(Effect):
@@ -17,7 +15,13 @@ class BaseRocking(Effect):
     name = "base_rocking"
     family = "base"
     of_robot = True
-    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6),)
+    formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about base x and y"
+    parameters = (
+        Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6,
+                  source="engineering judgement: 2e7 N m/rad, ten times joint 1 (the paper, Table 1)",
+                  bounds_source="engineering judgement: rigid, to 5e5 N m/rad, a quarter of joint 1: a pedestal that is "
+                                "loose"),
+    )
     sentence = "the robot rocks on its base: floor, anchors or pedestal give way"
     settles = "a dial gauge on the base while the tool is loaded"
 

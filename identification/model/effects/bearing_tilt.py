@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.kinds import AtJoint
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class BearingTilt(Effect):
+class BearingTilt(AtJoint):
     """Sum over both axes across joint i of `J_t (J_t^T w) c_t`, pivot at the origin of the joint's frame. Tilt 4 keeps only its
     x axis, because its y axis is joint 5's own."""
 
     name = "bearing_tilt"
     family = "structure"
-    of_robot = True
     joints = (1, 2, 3, 4, 5)
-    parameters = (Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6),)
+    formula_source = ("the paper, sect. 1: models that take in the tilting rigidity too; its eq. 3 and 5 about the two axes "
+                      "across the joint")
+    parameters = (
+        Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6,
+                  source="engineering judgement: 1.1e7 N m/rad, two to five times joints 1 to 3 about their own axes (the "
+                         "paper, Table 1)",
+                  bounds_source="engineering judgement: rigid, to 5e5 N m/rad, softer than joints 1 to 3 about their own "
+                                "axes"),
+    )
     sentence = "the bearing of joint {joint} tilts under load across its axis"
     settles = "a dial gauge across the bearing while the tool is loaded"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        i = (joint or 1) - 1
+        i = self.index(joint)
         axis, pivot = rows.axes[:, i], rows.origins[:, i]
         moment = rows.moment_about(pivot)
         across = moment - axis * np.sum(axis * moment, axis=1, keepdims=True)

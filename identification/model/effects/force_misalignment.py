@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.kinds import OfWrench, along_axes
 from identification.model.load_state import LoadState
 from identification.model.rotations import rotation_matrix
 
-Array = NDArray[np.float64]
 
-
-class ForceMisalignment(Effect):
+class ForceMisalignment(OfWrench):
     """The springs' answer to `(Rot(r) - 1) w`."""
 
     name = "force_misalignment"
     family = "force measurement"
-    of_robot = False
-    parameters = (Parameter("rx_rad", "rad", 0.021, -0.2, 0.2),
-                  Parameter("ry_rad", "rad", 0.021, -0.2, 0.2),
-                  Parameter("rz_rad", "rad", 0.021, -0.2, 0.2),)
+    formula_source = "the paper, eq. 4 and 5, with the force turned"
+    parameters = along_axes(
+        "r{}_rad", "rad", 0.021, 0.2,
+        source="engineering judgement: 1 to 1.5 degrees, what a level and a square leave",
+        bounds_source="engineering judgement: 11 degrees are seen by eye")
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
-
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         turn = rotation_matrix(values)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
 class ForceSensorCompliance(Effect):
@@ -18,7 +16,13 @@ class ForceSensorCompliance(Effect):
     family = "tool"
     of_robot = True
     of_tool = True
-    parameters = (Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 3e-5),)
+    formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about flange x and y"
+    parameters = (
+        Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 3e-5,
+                  source="engineering judgement: 3.3e5 N m/rad, about joint 5 (the paper, Table 1): a sensor works by "
+                         "yielding",
+                  bounds_source="engineering judgement: rigid, to 3.3e4 N m/rad, half of joint 6 (the paper, Table 1)"),
+    )
     sentence = "the force sensor between flange and spindle tilts under load"
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"
 

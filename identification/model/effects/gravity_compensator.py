@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter, Signature, polar
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.kinds import GearTwist, SizeAndAngle
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class GravityCompensator(Effect):
+class GravityCompensator(SizeAndAngle, GearTwist):
     """`J_2 tau_2 c_2 alpha cos(2 q2 + phi)`; linear in alpha cos phi and alpha sin phi."""
 
     name = "gravity_compensator"
-    family = "gear"
-    of_robot = True
     joints = (2,)
-    parameters = (Parameter("amplitude", "1", 0.27, 0.0, 1.0),
-                  Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
+    gear_law = False
+    formula_source = ("A. Klimchik et al., Identification of geometrical and elastostatic parameters of heavy industrial "
+                      "robots, arXiv 1311.6810, 2013: compensators complicate the stiffness model; the second harmonic of "
+                      "the angle: engineering judgement")
+    parameters = (
+        Parameter("amplitude", "1", 0.27, 0.0, 1.0,
+                  source="engineering judgement: 0.15 to 0.5, their geometric mean",
+                  bounds_source="engineering judgement: beyond 1 the joint's compliance would be negative at some angle"),
+        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
+                  source="engineering judgement: no angle is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
     sentence = "the gravity compensator makes joint 2 stiffer at some angles than at others"
     settles = "measure at more angles of joint 2"
 
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        share = values[0] * np.cos(2 * rows.theta[:, 1] + values[1])
-        return np.asarray(rows.jacobian[:, :, 1] * (rows.torque[:, 1] * rows.compliance[1] * share)[:, None])
-
-    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        columns = [self.contribution(rows, joint, np.array([1.0, phase]))[:, :3] for phase in (0.0, np.pi / 2)]
-        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, polar, self)]
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        share = values[0] * np.cos(2 * rows.theta[:, i] + values[1])
+        return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)

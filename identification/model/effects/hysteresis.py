@@ -5,35 +5,41 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.documents import NABTESCO
+from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class Hysteresis(Effect):
+class Hysteresis(GearTwist):
     """`J_i h q`, q a Maxwell-slip state of the load path: q <- clip(q + dtau / T, -1, 1), from zero at the start of each
     pose. With a negative amplitude the twist lags behind the torque, as friction makes it; a positive one runs ahead."""
 
     name = "hysteresis"
-    family = "gear"
-    of_robot = True
-    joints = (1, 2, 3, 4, 5, 6)
-    gear_law = True
-    parameters = (Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3),
-                  Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True),)
+    formula_source = ("JSME Robotics and Mechatronics Conference 2012, 2P1-E07: harmonic drives' hysteresis as a "
+                      "Maxwell-slip model; here one element. R. Dhaouadi, F. Ghorbel, Modeling and Analysis of Hysteresis "
+                      "in Harmonic Drive Gears, Syst. Anal. Model. Simul., received 2002")
+    parameters = (
+        Parameter("amplitude_rad", "rad", 4.4e-5, -1e-3, 1e-3,
+                  source=f"{NABTESCO}: lost motion 0.3 to 0.6 arcmin on average; half of 0.3",
+                  bounds_source="engineering judgement: either sign, three times the 1 arcmin of hysteresis loss that gears "
+                                f"stay under by {NABTESCO}"),
+        Parameter("torque_nm", "N*m", 50.0, 2.0, 1000.0, grid=(10.0, 20.0, 40.0, 80.0, 160.0), shape=True,
+                  source=f"{NABTESCO}: lost motion is read at 3 % of the rated torque; 50 N m is that of a gear of 1670 N m",
+                  bounds_source="engineering judgement: from a small gear's idle friction to a torque that no milling load "
+                                "reaches"),
+    )
     sentence = "the gear of joint {joint} has friction inside: it does not come back the way it went when the load is taken off"
     turning = "slips the other way"
     settles = "load up, down and up again without leaving the pose, and read at zero load each time"
 
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        i = (joint or 1) - 1
-        turned = values[0] * slip_state(rows.torque[:, i], rows.starts, values[1])
-        return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return np.asarray(values[0] * slip_state(rows.torque[:, i], rows.starts, values[1]))
 
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return np.trunc(slip_state(rows.torque[:, (joint or 1) - 1], rows.starts, values[1]))
+        return np.trunc(slip_state(rows.torque[:, self.index(joint)], rows.starts, values[1]))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         start = np.zeros(len(log.torque), dtype=bool)

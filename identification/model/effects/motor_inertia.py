@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import ONLY_IN_MOTION, Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.documents import KR300, WERNHOLT
+from identification.model.effects.kinds import InMotion
 from identification.model.joint_log import JointLog
-from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
-class MotorInertia(Effect):
+class MotorInertia(InMotion):
     """`-c J acceleration`."""
 
     name = "motor_inertia"
     family = "gear"
     of_robot = True
     joints = (1, 2, 3, 4, 5, 6)
-    parameters = (Parameter("inertia_kg_m2", "kg*m^2", 300.0, 0.0, 5000.0),)
+    formula_source = f"{WERNHOLT}: the motor's torque balance"
+    parameters = (
+        Parameter("inertia_kg_m2", "kg*m^2", 300.0, 0.0, 5000.0,
+                  source=f"{KR300}: para.J_mr times para.u^2 is 238 to 844 kg m^2",
+                  bounds_source="engineering judgement: 6 times the largest of the KR300's"),
+    )
     sentence = "part of the logged torque of joint {joint} accelerates its motor and never reaches the gear's spring"
     settles = "move at constant speed"
-
-    def missing(self, rows: LoadState) -> str:
-        return ONLY_IN_MOTION
-
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return np.zeros((len(rows), 6))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(-log.compliance * values[0] * log.acceleration)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter, Signature
 from identification.model.load_state import LoadState
-
-Array = NDArray[np.float64]
 
 
 class Parallelogram(Effect):
@@ -18,7 +16,14 @@ class Parallelogram(Effect):
     name = "parallelogram"
     family = "gear"
     of_robot = True
-    parameters = (Parameter("ratio", "1", 1.0, -0.5, 1.5),)
+    formula_source = ("docs/architecture.md, Springs, with -ratio as the element of L that couples axis 3 to drive 2; the "
+                      "coupling: the paper, eq. 7")
+    parameters = (
+        Parameter("ratio", "1", 1.0, -0.5, 1.5,
+                  source="docs/architecture.md, Springs: 1 is a rod as it is mechanically, 0 the paper's eq. 3 to 5 as "
+                         "published",
+                  bounds_source="engineering judgement: half beyond either reading"),
+    )
     sentence = "the load does not go through the parallel rod as the model assumes"
     settles = "ask the maker where gear 3 sits, or load the forearm at two angles of joint 2"
 
@@ -41,11 +46,11 @@ class Parallelogram(Effect):
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         assumed = _assumed(rows)
         other = 1.0 - assumed
-        found = []
+        signatures = []
         for share in (1.0, 0.3):
             there = self.contribution(rows, joint, np.array([assumed + share * (other - assumed)]))[:, :3, None]
-            found.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
-        return found
+            signatures.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
+        return signatures
 
 
 def _coupled(rows: LoadState) -> tuple[int, int] | None:

@@ -5,24 +5,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter, Signature
+from identification.common.arrays import Array
+from identification.model.effects.base import Signature
+from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 # In longer files only the starts of poses are tried as places of a step.
 MOST_ROWS = 400
 
 
-class SensorStep(Effect):
+class SensorStep(OfReading):
     """A constant on the readings from one row on (until the next reference) or of one pose. A single bad row is found by its
-    weight (noise.py) and named by diagnosis/gross.py."""
+    weight (fit/noise.py) and named by diagnosis/gross.py."""
 
     name = "sensor_step"
-    family = "deflection measurement"
-    of_robot = False
-    parameters = (Parameter("x_m", "m", 1e-5, -1e-2, 1e-2),
-                  Parameter("y_m", "m", 1e-5, -1e-2, 1e-2),
-                  Parameter("z_m", "m", 1e-5, -1e-2, 1e-2),)
+    formula_source = "engineering judgement: a sensor that was touched stays where it is"
+    parameters = along_axes(
+        "{}_m", "m", 1e-5, 1e-2,
+        source="engineering judgement: ten times the 1 um of the paper's sensors (sect. 4)",
+        bounds_source="the paper, sect. 4: the sensors measure +-5 mm, from one end to the other")
     sentence = "a deflection sensor was bumped or re-seated"
     settles = "repeat the rows about the step"
 
@@ -33,8 +34,8 @@ class SensorStep(Effect):
     def where(self) -> dict[str, int | str]:
         return {self.kind: self.place}
 
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return np.asarray(self._mask(rows)[:, None] * np.concatenate([values, np.zeros(3)]))
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        return np.asarray(self._mask(rows)[:, None] * values)
 
     def _mask(self, rows: LoadState) -> NDArray[np.bool_]:
         """The rows (n,) the step touches: a pose's, or from a row of the file on until the reference is taken anew."""

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter, Signature, polar
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter
+from identification.model.effects.kinds import OfWrench, SizeAndAngle
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class SideLoad(Effect):
+class SideLoad(SizeAndAngle, OfWrench):
     """The springs' answer to the force `ratio |F| n sign(dF . e)`: e the load's line with its largest component positive,
     a = e x z_base, n = a cos(angle) + (e x a) sin(angle), dF the change of load since the row before, from zero at each
     pose."""
 
     name = "side_load"
     family = "load path"
-    of_robot = False
-    parameters = (Parameter("ratio", "1", 0.032, 0.0, 0.5),
-                  Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True),)
+    formula_source = ("engineering judgement: a guide that rubs pushes in proportion to its load, with the sign of its "
+                      "motion")
+    parameters = (
+        Parameter("ratio", "1", 0.032, 0.0, 0.5,
+                  source="engineering judgement: 2 to 5 % of the load, their geometric mean",
+                  bounds_source="engineering judgement: none, to the friction of dry steel; the sign is the angle's"),
+        Parameter("angle_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
+                  source="engineering judgement: no direction is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
     sentence = "the loading device pushes sideways too, in the direction it moves"
     settles = "read both force sensors, or put a ball between cylinder and tool"
-
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         across, other = self._along(rows)
@@ -48,7 +51,3 @@ class SideLoad(Effect):
         before[rows.starts] = 0.0
         pushed = size * np.sign(np.sum((force - before) * e, axis=1, keepdims=True))
         return pushed * a, pushed * np.cross(e, a)
-
-    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        columns = [self.contribution(rows, joint, np.array([1.0, angle]))[:, :3] for angle in (0.0, np.pi / 2)]
-        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, polar, self)]

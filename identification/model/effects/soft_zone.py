@@ -3,42 +3,48 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter, saturated
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter, saturated
+from identification.model.effects.documents import HARMONIC_DRIVE
+from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
-# K3 / K1 - 1 of harmonic gears, 1.5 to 1.9 in data sheets.
+# K3 / K1 - 1 of strain wave gears (the source of `extra_rad`).
 SOFTER = 0.8
 
 
-class SoftZone(Effect):
+class SoftZone(GearTwist):
     """`J_i a (sat((g + tau) / T) - sat(g / T))`: below T the gear yields by a / T more for each newton metre. Its typical size
     follows from the joint: K3/K1 = 1.8 makes a = 0.8 T c_i."""
 
     name = "soft_zone"
-    family = "gear"
-    of_robot = True
     of_gravity = True
-    joints = (1, 2, 3, 4, 5, 6)
-    gear_law = True
-    parameters = (Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3),
-                  Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True),)
+    formula_source = (f"{HARMONIC_DRIVE}, fig. 11: straight lines of stiffness K1, K2, K3 between the torques T1 and T2; "
+                      "here two lines")
+    parameters = (
+        Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
+                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
+                         "joint 1 of the paper's Table 1",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 41: the whole twist up to T2 is 6.5 to 13.4 arcmin; 3e-3 rad is "
+                                "10.3 arcmin"),
+        Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True,
+                  source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
+                                "m; 5 to 1500 N m of that is engineering judgement"),
+    )
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
 
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        i = (joint or 1) - 1
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         extra, torque = values
         gravity = rows.gravity[:, i]
-        turned = extra * (saturated((gravity + rows.torque[:, i]) / torque) - saturated(gravity / torque))
-        return np.asarray(rows.jacobian[:, :, i] * turned[:, None])
+        return np.asarray(extra * (saturated((gravity + rows.torque[:, i]) / torque) - saturated(gravity / torque)))
 
     def typical(self, rows: LoadState, joint: int | None) -> Array:
         torque = self.parameters[1].typical
-        return np.array([SOFTER * torque * rows.compliance[(joint or 1) - 1], torque])
+        return np.array([SOFTER * torque * rows.compliance[self.index(joint)], torque])
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * saturated(log.torque / values[1]))

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.model.effects.base import Effect, Parameter
+from identification.common.arrays import Array
+from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import LoadState
 
-Array = NDArray[np.float64]
 
-
-class TargetCurvature(Effect):
+class TargetCurvature(OfReading):
     """`t^2 / 2R` on each laser, t^2 the sum of squares of both sideways motions; the value is 1/R."""
 
     name = "target_curvature"
-    family = "deflection measurement"
-    of_robot = False
-    parameters = (Parameter("x_per_m", "1/m", 100.0, -1000.0, 1000.0),
-                  Parameter("y_per_m", "1/m", 100.0, -1000.0, 1000.0),
-                  Parameter("z_per_m", "1/m", 100.0, -1000.0, 1000.0),)
+    formula_source = "Edmund Optics, Sag tech tool: R - sqrt(R^2 - t^2), to second order in t"
+    parameters = along_axes(
+        "{}_per_m", "1/m", 100.0, 1000.0,
+        source="engineering judgement: R = 10 mm, the shank of a tool of 20 mm",
+        bounds_source="engineering judgement: R = 1 mm, an edge, hollow or round")
     sentence = "the deflection sensor looks at a curved target: sideways motion shows as distance"
     settles = "repeat with the load's sign turned round: curvature reads the same, a spring the opposite"
 
-    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+    def misread(self, rows: LoadState, values: Array) -> Array:
         square = rows.elastic[:, :3] ** 2
         sideways = square.sum(axis=1, keepdims=True) - square
-        read = np.zeros_like(rows.elastic)
-        read[:, :3] = 0.5 * values * sideways
-        return read
+        return np.asarray(0.5 * values * sideways)

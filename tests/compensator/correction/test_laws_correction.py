@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.correction.correct import correct_path, targets_to_correct
-from compensator.correction.job import Corrected, correct_program, summary
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.correctable import targets_to_correct
+from compensator.correction.correction import correct_path
+from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import predict_path
 from compensator.correction.settings import Settings
 from compensator.rapid import read_rapid
@@ -24,6 +26,11 @@ def residual_of(sample: Corrected, compliance: np.ndarray) -> np.ndarray:
     loaded = loaded_pose(sample.predicted.cell.robot, sample.correction.theta, tool, sample.predicted.forces.wrench[targets],
                          compliance)
     return loaded.position - plan.base_from_tcp.position[targets]
+
+
+def under(loaded: LoadedPath, factor: float) -> LoadedPath:
+    """The same path under forces so many times as large."""
+    return replace(loaded, forces=replace(loaded.forces, wrench=factor * loaded.forces.wrench))
 
 
 def test_the_loaded_independent_arm_stands_on_the_plan(sample: Corrected) -> None:
@@ -52,7 +59,7 @@ def test_the_loaded_independent_arm_stands_on_the_plan(sample: Corrected) -> Non
 
 
 def test_more_than_99_percent_of_the_predicted_deviation_is_gone(sample: Corrected) -> None:
-    figures = summary(sample.predicted, sample)
+    figures = sample.as_dict()
     assert figures["deviation_um"]["largest"] > 100
     assert figures["residual_um"]["largest"] < 0.01 * figures["deviation_um"]["largest"]
     assert figures["residual_um"]["rms"] < 0.01 * figures["deviation_um"]["rms"]
@@ -96,25 +103,23 @@ def test_stiffnesses_wrong_by_30_percent_leave_30_percent(sample: Corrected) -> 
 def test_no_force_no_correction(sample: Corrected) -> None:
     forces = replace(sample.predicted.forces, forced=np.zeros_like(sample.predicted.forces.forced))
     targets, findings = targets_to_correct(sample.predicted.path, forces)
-    prediction = predict_path(sample.predicted.path, forces, sample.predicted.model, targets)
-    again = correct_program(replace(sample.predicted, forces=forces, prediction=prediction))
+    unforced = replace(sample.predicted.loaded, forces=forces, targets=targets)
+    again = correct(replace(sample.predicted, loaded=unforced, prediction=predict_path(unforced)))
     assert not findings
-    assert again.content == sample.predicted.program.source.data
+    assert again.content == sample.predicted.program.text.source.data
 
 
 def test_opposite_forces_give_opposite_first_order_corrections(sample: Corrected) -> None:
-    predicted = sample.predicted
-    targets = sample.correction.targets
-    turned = replace(predicted.forces, wrench=-predicted.forces.wrench)
-    mirrored = correct_path(predicted.path, turned, predicted.model, targets)
-    full = correct_path(predicted.path, predicted.forces, predicted.model, targets)
+    loaded = sample.predicted.loaded
+    mirrored = correct_path(under(loaded, -1.0))
+    full = correct_path(loaded)
     size = np.linalg.norm(full.offset, axis=1)
     assert np.all(np.linalg.norm(mirrored.offset + full.offset, axis=1) < 5e-3 * size)
 
 
 def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sample_inputs, tmp_path) -> None:
     """World and work object moved together with the base: the corrections are the same."""
-    from compensator.correction.job import Inputs, predict_program
+    from compensator.correction.files import Inputs, predict_files
 
     cell = tmp_path / "cell.yaml"
     cell.write_text(sample_inputs.cell.read_text() + "base_frame: {position_mm: [500, -300, 200], quaternion: "
@@ -128,7 +133,7 @@ def test_another_base_frame_changes_nothing_in_the_base(sample: Corrected, sampl
     assert old in text
     program = tmp_path / "insert.mod"
     program.write_bytes(text.replace(old, new))
-    again = correct_program(predict_program(
+    again = correct(predict_files(
         Inputs(cell, program, sample_inputs.stiffness, sample_inputs.forces), Settings.of(tare=((0, 2),))))
     # A sample on the border between two targets may fall to the other one by the last digit: a few nanometres there.
     assert_allclose(again.correction.offset, sample.correction.offset, atol=2e-8)
@@ -138,10 +143,10 @@ def test_limits_refuse(sample: Corrected) -> None:
     predicted, targets = sample.predicted, sample.correction.targets
     tight = replace(predicted.path, cell=replace(predicted.cell, max_offset=1e-4))
     with pytest.raises(Refused, match=r"CS4107.*exceed the limit: the largest offset is 0\.3.* mm, the limit 0\.1 mm"):
-        correct_path(tight, predicted.forces, predicted.model, targets)
+        correct_path(replace(predicted.loaded, path=tight))
     tilt = replace(predicted.path, cell=replace(predicted.cell, max_tilt=np.radians(0.01)))
     with pytest.raises(Refused, match=r"CS4107.*largest rotation is 0\.02.* deg, the limit 0\.01 deg"):
-        correct_path(tilt, predicted.forces, predicted.model, targets)
+        correct_path(replace(predicted.loaded, path=tilt))
     limits = predicted.cell.robot.limits.copy()
     limits[4, 1] = predicted.path.theta[targets, 4].max() - 1e-4
     narrow = replace(predicted.path, cell=replace(predicted.cell, robot=replace(predicted.cell.robot, limits=limits)))
@@ -150,14 +155,13 @@ def test_limits_refuse(sample: Corrected) -> None:
 
 
 def test_absurd_forces_are_an_error_not_a_program(sample: Corrected) -> None:
-    huge = replace(sample.predicted.forces, wrench=1e5 * sample.predicted.forces.wrench)
     with pytest.raises(CompstiffError):
-        correct_path(sample.predicted.path, huge, sample.predicted.model, sample.correction.targets)
+        correct_path(under(sample.predicted.loaded, 1e5))
 
 
 def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer that spoils a corrected number, a number it should leave alone, or a move: refused each time (CS4203)."""
-    from compensator.correction import job as pipeline
+    from compensator.correction import correct as pipeline
     from compensator.rapid import Rewritten
 
     air = next(line for line in sample.content.split(b"\r\n") if b"vAir" in line and line.lstrip().startswith(b"MoveL"))
@@ -174,13 +178,13 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
 
         monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled: Rewritten(content, (), 0, 0))
         with pytest.raises(CompstiffError, match="CS4203.*does not read back"):
-            correct_program(sample.predicted)
+            correct(sample.predicted)
 
 
 def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample: Corrected, monkeypatch) -> None:
-    from compensator.correction import correct as correction
+    from compensator.correction import correction
     from identification.model.compliance import joint_torque
 
     monkeypatch.setattr(correction, "joint_torque", lambda *arguments: 1.01 * joint_torque(*arguments))
     with pytest.raises(CompstiffError, match="CS4108.*did not converge"):
-        correct_path(sample.predicted.path, sample.predicted.forces, sample.predicted.model, sample.correction.targets)
+        correct_path(sample.predicted.loaded)

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from compensator.correction import correct as correction
-from compensator.correction import job as pipeline
-from compensator.correction import prediction
-from compensator.correction.correct import correct_path
-from compensator.correction.forward import loaded_path, resting_angles, state_changes
-from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction import correction, prediction
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.correction import correct_path
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.forward import loaded_tool, resting_angles, state_changes
 from compensator.correction.offsets import deviation_csv, offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.rapid import read_rapid
@@ -104,7 +103,7 @@ def test_several_effects_at_once(tmp_path: Path) -> None:
 def test_the_orientation_comes_back_too(tmp_path: Path) -> None:
     done = corrected(tmp_path, varied(), [TILT])
     plan, targets = done.predicted.path, done.correction.targets
-    loaded = loaded_path(plan, done.predicted.forces, done.predicted.model, targets, done.correction.theta)
+    loaded = loaded_tool(done.predicted.loaded, done.correction.theta)
     assert_allclose(loaded.rotation, plan.base_from_tcp.rotation[targets], atol=1e-10)
 
 
@@ -116,20 +115,20 @@ def test_steep_effects_converge_or_are_refused(tmp_path: Path, monkeypatch: pyte
     wrench[1:-1, 2] = -700.0
     steep = Hidden("backlash", 1, parameters={"half_gap_rad": 1.4e-3})
     inputs = job(tmp_path, Path6(path.theta, wrench), [steep], CELL + "limits: {max_offset_mm: 20, max_tilt_deg: 5}\n")
-    assert correct_program(predict_program(inputs)).correction.residual.max() < 1e-8
-    monkeypatch.setattr(correction, "resting_angles", lambda plan, forces, model, targets: plan.theta[targets])
+    assert correct(predict_files(inputs)).correction.residual.max() < 1e-8
+    monkeypatch.setattr(correction, "resting_angles", lambda loaded: loaded.theta)
     with pytest.raises(CompstiffError, match="CS4108.*did not converge"):
-        correct_program(predict_program(inputs))
+        correct(predict_files(inputs))
 
 
 def test_no_force_no_correction(tmp_path: Path) -> None:
-    predicted = predict_program(job(tmp_path, there_and_back(), [BACKLASH, HYSTERESIS, SPINDLE]))
+    predicted = predict_files(job(tmp_path, there_and_back(), [BACKLASH, HYSTERESIS, SPINDLE]))
     still = replace(predicted.forces, forced=np.zeros_like(predicted.forces.forced), wrench=0 * predicted.forces.wrench)
-    none = np.zeros(0, dtype=np.intp)
-    prediction = predict_path(predicted.path, still, predicted.model, none)
-    assert correct_program(replace(predicted, forces=still, prediction=prediction)).content == predicted.program.source.data
+    nowhere = replace(predicted.loaded, forces=still, targets=np.zeros(0, dtype=np.intp))
+    unmoved = correct(replace(predicted, loaded=nowhere, prediction=predict_path(nowhere)))
+    assert unmoved.content == predicted.program.text.source.data
     unforced = replace(predicted.forces, wrench=0 * predicted.forces.wrench)
-    offset = correct_path(predicted.path, unforced, predicted.model, predicted.prediction.targets).offset
+    offset = correct_path(replace(predicted.loaded, forces=unforced)).offset
     assert_allclose(offset, 0, atol=1e-12)
 
 
@@ -200,9 +199,9 @@ def two_tools(inputs: Inputs, position: str = "120,0,250") -> None:
 def test_history_passes_from_tool_to_tool(tmp_path: Path) -> None:
     """The program order counts, not the tool: two names of one tool that take turns change nothing."""
     inputs = job(tmp_path, varied(), [BACKLASH, HYSTERESIS, SPINDLE])
-    one = correct_program(predict_program(inputs))
+    one = correct(predict_files(inputs))
     two_tools(inputs)
-    other = correct_program(predict_program(inputs))
+    other = correct(predict_files(inputs))
     assert len(np.unique(other.predicted.path.toolpath.tool[other.correction.targets])) == 2
     assert_allclose(other.correction.offset, one.correction.offset, atol=1e-12)
     assert_allclose(other.predicted.prediction.covariance, one.predicted.prediction.covariance, rtol=1e-9)
@@ -212,10 +211,10 @@ def test_another_tool_is_refused_where_an_effect_depends_on_it(tmp_path: Path) -
     inputs = job(tmp_path, there_and_back(), [SPINDLE])
     two_tools(inputs, "120,0,251")
     with pytest.raises(CompstiffError, match=r"part\.mod:8:.*CS1202.*spindle_compliance was identified with the cell.*tOther"):
-        predict_program(inputs)
+        predict_files(inputs)
     geared = job(tmp_path / "geared", there_and_back(), [BACKLASH])
     two_tools(geared, "120,0,251")
-    assert correct_program(predict_program(geared)).correction.residual.max() < 1e-8
+    assert correct(predict_files(geared)).correction.residual.max() < 1e-8
 
 
 def test_a_target_of_unknown_pose_does_not_break_the_history(tmp_path: Path) -> None:
@@ -224,7 +223,7 @@ def test_a_target_of_unknown_pose_does_not_break_the_history(tmp_path: Path) -> 
     moves = [i for i, line in enumerate(lines) if "Move" in line]
     lines[moves[6]] = "    MoveL pFar,v50,z1,tMill\\WObj:=wPart;"
     inputs.toolpath.write_text("\n".join(lines))
-    done = correct_program(predict_program(inputs))
+    done = correct(predict_files(inputs))
     assert len(done.correction.targets) == 23
     assert done.correction.residual.max() < 1e-8
     assert np.isfinite(done.predicted.prediction.covariance).all()
@@ -259,13 +258,13 @@ def test_gravity_holds_the_gear_to_one_side(tmp_path: Path) -> None:
     """Gear 2 carries the arm: no side force of a cut takes it across its gap. Without the links' masses it would."""
     gear = Hidden("backlash", 2, parameters={"half_gap_rad": 7.3e-5})
     path = there_and_back()
-    held, plain = (predict_program(job(tmp_path / name, path, hidden)) for name, hidden in (("held", [gear]), ("plain", [])))
+    held, plain = (predict_files(job(tmp_path / name, path, hidden)) for name, hidden in (("held", [gear]), ("plain", [])))
     assert_allclose(held.prediction.position, plain.prediction.position, atol=1e-12)
     assert not any(finding.code == "CS1404" for finding in held.findings)
     inputs = job(tmp_path / "bare", path, [gear])
     robot = inputs.cell.with_name("robot.yaml")
     robot.write_text(robot.read_text().split("links:")[0])
-    bare = predict_program(inputs)
+    bare = predict_files(inputs)
     assert rms(bare.prediction.position - plain.prediction.position) > 2e-5
     note = next(finding for finding in bare.findings if finding.code == "CS1404")
     assert note.message == "the robot file has no links: gravity torques are taken as zero in backlash[2]"
@@ -277,17 +276,16 @@ def test_without_effects_none_of_it_runs(sample: Corrected, monkeypatch: pytest.
     def never(*arguments: object) -> None:
         raise AssertionError("effects evaluated")
 
-    for module, name in ((correction, "resting_angles"), (prediction, "program"), (prediction, "state_changes")):
+    for module, name in ((correction, "resting_angles"), (prediction, "load_state_of"), (prediction, "state_changes")):
         monkeypatch.setattr(module, name, never)
-    assert pipeline.correct_program(sample.predicted).content == sample.content
+    assert correct(sample.predicted).content == sample.content
 
 
 def test_resting_angles_are_the_plan_where_nothing_is_displaced(tmp_path: Path) -> None:
     absent = Hidden("spindle_compliance", parameters={"radial_m_per_n": 0.0})
-    predicted = predict_program(job(tmp_path, there_and_back(), [absent]))
-    targets = predicted.prediction.targets
-    rest = resting_angles(predicted.path, predicted.forces, predicted.model, targets)
-    assert_allclose(rest, predicted.path.theta[targets], atol=1e-12)
-    assert state_changes(predicted.path, predicted.forces, predicted.model, targets) == []
-    again = loaded_path(predicted.path, predicted.forces, predicted.model, targets, predicted.path.theta[targets])
+    predicted = predict_files(job(tmp_path, there_and_back(), [absent]))
+    loaded = predicted.loaded
+    assert_allclose(resting_angles(loaded), loaded.theta, atol=1e-12)
+    assert state_changes(loaded) == []
+    again = loaded_tool(loaded, loaded.theta)
     assert isinstance(again, Frame)

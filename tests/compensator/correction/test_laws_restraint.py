@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compensator.correction.job import Corrected
+from compensator.correction.correct import Corrected
 from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
 from identification.model.compliance import loaded_pose
 from tests.runs.command_line import user_files as kit

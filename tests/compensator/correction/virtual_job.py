@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from identification.model.stiffness import EffectInForce, IdentifiedModel
@@ -88,7 +89,7 @@ def job(folder: Path, path: Path6, hidden: Sequence[Hidden] = (), cell_text: str
 
 
 def corrected(folder: Path, path: Path6, hidden: Sequence[Hidden] = ()) -> Corrected:
-    return correct_program(predict_program(job(folder, path, hidden)))
+    return correct(predict_files(job(folder, path, hidden)))
 
 
 def plant_of(hidden: Sequence[Hidden], gravity: bool = False) -> Plant:

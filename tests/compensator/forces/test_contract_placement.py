@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.correction.job import Inputs, predict_program
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from compensator.forces.placement import TargetForces, place_forces, read_force_log
 from compensator.path.robot_path import RobotPath, robot_path
@@ -178,7 +178,7 @@ def test_the_log_of_another_program_is_refused(tmp_path) -> None:
 
 def test_a_bias_that_nobody_took_off_is_said(sample_inputs: Inputs) -> None:
     """The sample's sensor shows 6 N in air: without --tare its rapid moves show a force, with it they do not."""
-    codes = [{finding.code for finding in predict_program(sample_inputs, Settings.of(tare=tare)).findings}
+    codes = [{finding.code for finding in predict_files(sample_inputs, Settings.of(tare=tare)).findings}
              for tare in ((), ((0, 2),))]
     assert "CS3041" in codes[0]
     assert "CS3041" not in codes[1]

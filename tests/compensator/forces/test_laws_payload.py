@@ -120,6 +120,23 @@ def test_what_the_orientations_do_not_separate_is_refused(tmp_path, wrist: list,
         assert said["result"]["mass_kg"]["estimate"] == pytest.approx(MASS, abs=5 * said["result"]["mass_kg"]["std"])
 
 
+def test_a_wrong_sign_makes_the_payload_negative(tmp_path) -> None:
+    still = still_log(tmp_path, np.random.default_rng(1))
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: by_tool")
+    assert code == 1
+    assert said["findings"][0]["code"] == "CS3042"
+
+
+def test_two_orientations_leave_the_centre_open(tmp_path) -> None:
+    still = still_log(tmp_path, np.random.default_rng(1), WRIST[:2])
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 0
+    assert said["result"]["centre_of_mass_mm"] is None
+    codes = {finding["code"] for finding in said["findings"]}
+    assert "CS3044" in codes
+    assert "CS3034" not in codes
+
+
 def test_one_direction_of_turn_does_not_give_the_centre() -> None:
     """Small turns about one axis: the arm along g's mean does not show, and neither does the one along the axis of turning."""
     tilt = np.radians([-20, -10, 0, 10, 20])
@@ -155,7 +172,7 @@ def test_a_payload_that_is_not_told_from_none_is_not_written(tmp_path) -> None:
     still.write_text(header + "\n" + "\n".join(",".join(f"{x:.6f}" for x in row) for row in rows) + "\n")
     code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
     assert code == 0
-    assert "CS3034" in {finding["code"] for finding in said["findings"]}
+    assert "CS3043" in {finding["code"] for finding in said["findings"]}
     written = (tmp_path / "payload.yaml").read_text()
     assert "bias_n" in written
     assert "payload:" not in written
@@ -241,6 +258,21 @@ def test_air_stretches_of_other_orientations_give_mass_and_centre(tmp_path) -> N
     # One stretch cannot: the weight that tilts away from it is left in the cut.
     left = place_forces(log, plan, plan.cell, tare=(0, 0)).wrench[5:9, :3] - CUT[5:9, :3]
     assert np.linalg.norm(left, axis=1).min() > 20
+
+
+def test_air_stretches_that_say_nothing_or_contradict_are_said(tmp_path) -> None:
+    """One code a doubt: alike orientations, a log without weight, a stated mass that the stretches contradict."""
+    plan = tilted_plan(tmp_path, CELL + SENSOR % "sign: on_tool")
+    stretches = [(0, 0), (1, 1), (2, 2), (3, 3), (4, 4), (9, 9), (10, 10), (11, 11)]
+    with_tool, without = (read_force_log(pass_log(tmp_path, plan, 0 * CUT, noise=0.5, tool_on=on)) for on in (True, False))
+
+    def codes(log, plan, tare) -> set[str]:
+        return {finding.code for finding in place_forces(log, plan, plan.cell, tare=tare).findings}
+
+    assert codes(with_tool, plan, [(0, 0), (0, 0)]) & {"CS3033", "CS3034", "CS3043"} == {"CS3034"}
+    assert codes(without, plan, stretches) & {"CS3033", "CS3034", "CS3043"} == {"CS3043"}
+    heavy = tilted_plan(tmp_path, CELL + SENSOR % "payload: {mass_kg: 20}")
+    assert "CS3046" in codes(with_tool, heavy, stretches)
 
 
 def test_a_log_that_holds_no_weight_is_not_made_to_hold_one(tmp_path) -> None:

@@ -16,10 +16,11 @@ import pytest
 
 from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
 from benchmarks.time_placement import sample as sample_log
-from compensator.correction.job import Corrected, Inputs, predict_program
+from compensator.correction.correct import Corrected
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
-from compensator.forces.program_time import program_of
-from compensator.forces.time_alignment import air_moves, place_by_time
+from compensator.forces.program_time import air_moves, program_time
+from compensator.forces.time_alignment import align
 from tests.support import compstiff
 
 
@@ -29,52 +30,52 @@ def test_the_sample_is_placed_within_millimetres(
     override: float, shift: float, slowing: float, first: float, last: float
 ) -> None:
     plan, force, place = sample_log()
-    program = program_of(plan)
+    program = program_time(plan)
     part = slice(int(first * len(place)), int(last * len(place)))
     logged = clock(plan, place, override, shift, slowing)[part]
-    found = place_by_time(program, logged, force[part])
-    assert found.believed, (found.score, found.share)
-    error = 1e3 * np.abs(found.place - place[part])
+    alignment = align(program, logged, force[part])
+    assert alignment.believed, (alignment.score, alignment.share)
+    error = 1e3 * np.abs(alignment.length - place[part])
     assert np.isnan(error).mean() < 0.01
     assert np.nanmedian(error) < 4
     assert np.nanquantile(error, 0.95) < 15
     # Late or early by planned time, against the stated sigma.
-    late = np.interp(found.place, program.length, program.time) - np.interp(place[part], program.length, program.time)
-    good = ~np.isnan(found.place)
-    assert np.mean(np.abs(late[good]) <= 1.96 * found.std[good]) >= 0.9
-    assert np.median(found.std) < 0.3
+    late = np.interp(alignment.length, program.length, program.time) - np.interp(place[part], program.length, program.time)
+    good = ~np.isnan(alignment.length)
+    assert np.mean(np.abs(late[good]) <= 1.96 * alignment.std[good]) >= 0.9
+    assert np.median(alignment.std) < 0.3
 
 
 def test_another_programs_log_is_not_believed() -> None:
     plan, force, place = sample_log()
-    program = program_of(plan)
+    program = program_time(plan)
     logged = clock(plan, place, 0.9, 10.0, 0.5)
-    assert not place_by_time(other_lengths(program, np.random.default_rng(5)), logged, force).believed
+    assert not align(other_lengths(program, np.random.default_rng(5)), logged, force).believed
 
 
 def test_a_program_that_stood_still_is_noticed() -> None:
     """Six seconds in air after a tenth of the program: most of it fits, the passes before would be one pass off."""
     plan, force, place = sample_log()
-    program = program_of(plan)
+    program = program_time(plan)
     logged = clock(plan, place, 0.9, 5.0, 0.3)
     time, values, _ = stood_still(program, logged, force, place, 0.1, 6.0)
-    found = place_by_time(program, time, values)
-    assert len(found.odd) > 1
-    assert not found.believed
+    alignment = align(program, time, values)
+    assert len(alignment.odd) > 1
+    assert not alignment.believed
 
 
 def test_a_raster_of_equal_passes_needs_its_ends() -> None:
     """Logged whole, the first and the last pass fix it; from the middle of it any pass may be any other."""
     rng = np.random.default_rng(3)
     time, force, truth = raster_log(raster(), rng, 0.0, 1.0)
-    found = place_by_time(raster(), time, force)
-    assert found.believed
-    assert 1e3 * np.nanmedian(np.abs(found.place - truth)) < 2
-    assert abs(found.override - 0.9) < 0.002
+    alignment = align(raster(), time, force)
+    assert alignment.believed
+    assert 1e3 * np.nanmedian(np.abs(alignment.length - truth)) < 2
+    assert abs(alignment.override - 0.9) < 0.002
     time, force, _ = raster_log(raster(), rng, 0.2, 0.7)
-    lost = place_by_time(raster(), time, force)
-    assert not lost.believed
-    assert lost.score < 1
+    middle = align(raster(), time, force)
+    assert not middle.believed
+    assert middle.score < 1
 
 
 def test_what_counts_as_air() -> None:
@@ -92,7 +93,7 @@ def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs,
     path = tmp_path / "time.parquet"
     pq.write_table(pa.table({"time_s": time} | {name: log[name] for name in names}), path)
     inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
-    predicted = predict_program(inputs, Settings.of(tare=(0, 2)))
+    predicted = predict_files(inputs, Settings.of(tare=(0, 2)))
     assert "CS3064" in {finding.code for finding in predicted.findings}
     both, here, there = np.intersect1d(predicted.prediction.targets, sample.predicted.prediction.targets, return_indices=True)
     assert len(both) > 2500
@@ -126,7 +127,7 @@ def test_refusals_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> 
 def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path) -> None:
     """One pass of the log has no force but the sensor's noise: a warning at its targets, the rest placed all the same."""
     plan, force, place = sample_log()
-    program = program_of(plan)
+    program = program_time(plan)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~program.air, [False]]).astype(int)))
     first, last = edges[::2][12], edges[1::2][12] - 1        # targets of one stretch that cuts
     over_air = (place > program.length[first - 1]) & (place < program.length[last])
@@ -135,11 +136,11 @@ def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path
     columns = {f"f{axis}_n": force[:, i] for i, axis in enumerate("xyz")}
     pq.write_table(pa.table({"time_s": clock(plan, place, 0.9, 3.0, 0.2)} | columns), path)
     inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
-    predicted = predict_program(inputs, Settings.of(tare=((0, 2),)))
-    [found] = [one for one in predicted.findings if one.code == "CS3065"]
-    low, high = (int(text) for text in found.message.removeprefix("between targets ").split(" the ")[0].split(" and "))
+    predicted = predict_files(inputs, Settings.of(tare=((0, 2),)))
+    [finding] = [finding for finding in predicted.findings if finding.code == "CS3065"]
+    low, high = (int(text) for text in finding.message.removeprefix("between targets ").split(" the ")[0].split(" and "))
     # The stretch reaches half way into the air on either side.
     assert edges[1::2][11] - 1 <= low <= first
     assert last <= high <= edges[::2][13]
-    assert (found.target, found.line) == (low, plan.toolpath.line[low])
-    assert found.file == str(sample_inputs.toolpath)
+    assert (finding.target, finding.line) == (low, plan.toolpath.line[low])
+    assert finding.file == str(sample_inputs.toolpath)

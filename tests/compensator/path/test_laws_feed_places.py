@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.path.feasibility import FeedCheck, check_feed, figures, judge
+from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.path.timing import drive
 from identification.common.findings import CompstiffError, Finding, Refused
 from tests.compensator.correction.test_laws_intermediate_targets import LINES, between, log
-from tests.compensator.path.test_laws_timing import DOWN, forces_of, lines, program
+from tests.compensator.path.test_laws_timing import DOWN, forced, lines, program
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, Frame, Job, Rotation
@@ -60,12 +60,12 @@ def test_an_unknown_zone_is_a_stop(tmp_path: Path) -> None:
         texts[zone] = lines(points, "v100", "z1")
         texts[zone][2] = texts[zone][2].replace("z1", zone)
     plans = {zone: program(tmp_path, text) for zone, text in texts.items()}
-    [found] = told(check_feed(plans["zUnknown"], forces_of(4, []).forced, None, strict=False), "CS4410")
+    [found] = told(check_feed(judge(plans["zUnknown"], forced(4, [])), strict=False), "CS4410")
     assert (found.target, found.line) == (2, FIRST_LINE + 2)
     assert "the zone of 1 target is not known" in found.message
     times = {zone: drive(plan).time[-1] for zone, plan in plans.items()}
     assert times["zUnknown"] == times["fine"] > times["z5"]
-    assert not told(check_feed(plans["fine"], forces_of(4, []).forced, None, strict=False), "CS4410")
+    assert not told(check_feed(judge(plans["fine"], forced(4, [])), strict=False), "CS4410")
 
 
 def test_a_joint_move_into_another_configuration(tmp_path: Path) -> None:
@@ -73,10 +73,10 @@ def test_a_joint_move_into_another_configuration(tmp_path: Path) -> None:
     angles = [[0, 10, 20, 0, 40, 0], [0, 10, 20, 0, 30, 0], [0, 10, 20, 180, -30, -180]]
     text = [f"MoveAbsJ [{q},[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tSpindle;" for q in angles]
     assert_allclose(pose(angles[1]).p, pose(angles[2]).p, atol=1e-12)
-    [found] = told(check_feed(program(tmp_path, text), forces_of(3, []).forced, None, strict=False), "CS4408")
+    [found] = told(check_feed(judge(program(tmp_path, text), forced(3, [])), strict=False), "CS4408")
     assert (found.target, found.line) == (2, FIRST_LINE + 2)
     assert found.message.startswith("1 joint move into")
-    assert not told(check_feed(program(tmp_path, text[:2]), forces_of(2, []).forced, None, strict=False), "CS4408")
+    assert not told(check_feed(judge(program(tmp_path, text[:2]), forced(2, [])), strict=False), "CS4408")
 
 
 def test_a_joint_limit_left_between_targets(tmp_path: Path) -> None:
@@ -93,8 +93,8 @@ def test_a_joint_limit_left_between_targets(tmp_path: Path) -> None:
     for limit, left in ((0.5 * (lowest + lean[0]), True), (lowest - 1e-3, False)):
         limits = robot().limits.copy()
         limits[1, 0] = limit
-        check = check_feed(program(tmp_path, text, dataclasses.replace(robot(), limits=limits)), forces_of(2, []).forced, None,
-                           strict=False)
+        check = check_feed(
+            judge(program(tmp_path, text, dataclasses.replace(robot(), limits=limits)), forced(2, [])), strict=False)
         assert [(found.target, found.line) for found in told(check, "CS4407")] == [(1, FIRST_LINE + 1)] * left
 
 
@@ -107,37 +107,37 @@ def test_a_line_the_arm_cannot_follow(tmp_path: Path) -> None:
     assert np.hypot(abs(wrist.p[0]) - IRB6660.shoulder, wrist.p[2] - IRB6660.height) < 0.9 * folded
     plan = program(tmp_path, lines([[1e3 * x, -900, 1e3 * z], [1e3 * x, 900, 1e3 * z]], "v100", "z1"))
     assert plan.reached.all()
-    check = check_feed(plan, forces_of(2, []).forced, None, strict=True)
+    check = check_feed(judge(plan, forced(2, [])), strict=True)
     [found] = told(check, "CS4404")
     assert (found.target, found.line) == (1, FIRST_LINE + 1)
     assert "between 1 pair of targets" in found.message
     assert np.isnan(check.before.ratio).all()
     assert {one.code for one in check.findings} == {"CS4403", "CS4404"}
     with pytest.raises(Refused, match="CS4402: 1 cut the robot cannot follow"):
-        check_feed(plan, forces_of(2, [0, 1]).forced, None, strict=True)
+        check_feed(judge(plan, forced(2, [0, 1])), strict=True)
 
 
 def test_moves_beside_a_target_out_of_reach(tmp_path: Path) -> None:
     points = [[1100, 0, 700], [1150, 0, 700], [5000, 0, 700], [1150, 10, 700], [1150, 50, 700]]
     plan = program(tmp_path, lines(points, "v50", "fine"))
-    check = check_feed(plan, forces_of(5, []).forced, None, strict=False)
+    check = check_feed(judge(plan, forced(5, [])), strict=False)
     [found] = told(check, "CS4404")
     assert (found.target, found.line) == (2, FIRST_LINE + 2)
     assert found.message.startswith("2 moves from or to a target whose joint angles are not known")
-    assert figures(check)["planned"]["judged"] == 2
+    assert check.as_dict()["planned"]["judged"] == 2
     assert_allclose(check.before.drive.time[-1], 0.05 / 0.05 + 0.04 / 0.05, rtol=0.05)
 
 
-@pytest.mark.parametrize(("wrist", "forced", "said"), [(1.3, [], True), (3.0, [], False), (1.3, [0, 1, 2], False)])
-def test_the_wrist_singularity_on_air_moves(tmp_path: Path, wrist: float, forced: list[int], said: bool) -> None:
+@pytest.mark.parametrize(("wrist", "cut", "noted"), [(1.3, [], True), (3.0, [], False), (1.3, [0, 1, 2], False)])
+def test_the_wrist_singularity_on_air_moves(tmp_path: Path, wrist: float, cut: list[int], noted: bool) -> None:
     """Joint 1 alone moves: axis 5 stays where it is. Targets with force are the correction's business (CS4110)."""
     first, *arc = [written([one, 10, 20, 0, wrist, 0]) for one in (-20, 0, 20)]
     plan = program(tmp_path, [f"MoveJ {first},v100,fine,tSpindle;", f"MoveC {arc[0]},{arc[1]},v100,fine,tSpindle;"])
-    check = check_feed(plan, forces_of(3, forced).forced, None, strict=False)
-    assert_allclose(figures(check)["planned"]["wrist_margin_deg"], wrist, atol=1e-3)
+    check = check_feed(judge(plan, forced(3, cut)), strict=False)
+    assert_allclose(check.as_dict()["planned"]["wrist_margin_deg"], wrist, atol=1e-3)
     found = told(check, "CS4406")
-    assert len(found) == said
-    if said:
+    assert len(found) == noted
+    if noted:
         assert found[0].target == 1
         assert "2 moves without force within 2 deg of the wrist singularity, the closest 1.30 deg" in found[0].message
 
@@ -154,7 +154,7 @@ def test_a_cut_that_passes_the_wrist_singularity_between_its_targets(tmp_path: P
     q, _ = angles_along(start, end, np.linspace(0, 1, 101))
     nearest = np.degrees(np.abs(q[:, 4])).min()
     assert nearest < 1.85 < 2.4 < np.degrees(q[[0, -1], 4]).min()
-    check = check_feed(program(tmp_path, moves([start, end], "v5")), forces_of(2, [0, 1]).forced, None, strict=False)
+    check = check_feed(judge(program(tmp_path, moves([start, end], "v5")), forced(2, [0, 1])), strict=False)
     [found] = told(check, "CS4406")
     assert found.target == 1
     assert "1 move (1 with force, between its targets) within 2 deg" in found.message
@@ -205,7 +205,7 @@ def slow_job(folder: Path, zone: str) -> Job:
     return Job(folder, program=program_text, forces=log(160), cell=kit.cell_text("slow.yaml"))
 
 
-def test_after_densifying_lines_and_targets_are_those_of_the_program_given(tmp_path: Path) -> None:
+def test_with_intermediate_targets_lines_and_targets_are_those_of_the_program_given(tmp_path: Path) -> None:
     job = slow_job(tmp_path, "z1")
     line_of = [i for i, text in enumerate(str(job.program).splitlines(), 1) if "Move" in text]
     result = job.correct("--json", "--check-feed", "--report", tmp_path / "report.html")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.correction.job import Corrected, Inputs
-from compensator.forces.placement import TargetForces
+from compensator.correction.correct import Corrected
+from compensator.correction.files import Inputs
 from compensator.path import timing
-from compensator.path.feasibility import check_feed, figures, judge
+from compensator.path.feasibility import check_feed, judge
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.path.route import build_legs
 from compensator.path.timing import drive, joint_move_time
@@ -153,29 +153,29 @@ def test_what_is_a_stop(tmp_path: Path) -> None:
     assert np.isfinite(drive(plan).duration).all()
 
 
-def forces_of(count: int, forced: list[int]) -> TargetForces:
-    mask = np.isin(np.arange(count), forced)
-    return TargetForces(np.zeros((count, 6)), np.ones(count, dtype=np.intp), np.zeros((count, 3)), mask, None, ())
+def forced(count: int, targets: list[int]) -> np.ndarray:
+    """Which of so many targets have force."""
+    return np.isin(np.arange(count), targets)
 
 
 def test_strict_refuses_a_cut_and_only_a_cut(tmp_path: Path) -> None:
     plan = corners(tmp_path, "z1")
-    check = check_feed(plan, forces_of(5, []).forced, None, strict=True)
-    assert figures(check)["planned"]["held_back_with_force"] == 0
+    check = check_feed(judge(plan, forced(5, [])), strict=True)
+    assert check.as_dict()["planned"]["held_back_with_force"] == 0
     assert {finding.code for finding in check.findings} == {"CS4403", "CS4411"}
     with pytest.raises(Refused, match=r"CS4402.*cannot hold 200 mm/s: \d+ %, joint \d at its acceleration limit .* "
                                       r"in the corner of 90 deg at target \d"):
-        check_feed(plan, forces_of(5, [0, 1, 2, 3]).forced, None, strict=True)
+        check_feed(judge(plan, forced(5, [0, 1, 2, 3])), strict=True)
 
 
 def test_unknown_feed_and_a_program_of_joint_moves_alone(tmp_path: Path) -> None:
     moves = lines([[1100, 0, 700], [1150, 0, 700], [1200, 0, 700]], "vUnknown", "z1")
-    unknown = check_feed(program(tmp_path, moves), forces_of(3, [0, 1, 2]).forced, None, strict=True)
+    unknown = check_feed(judge(program(tmp_path, moves), forced(3, [0, 1, 2])), strict=True)
     assert "CS4405" in {finding.code for finding in unknown.findings}
-    assert figures(unknown)["planned"]["judged"] == 0
+    assert unknown.as_dict()["planned"]["judged"] == 0
     joint_moves = program(tmp_path, [move.replace("MoveL", "MoveJ") for move in moves])
-    alone = check_feed(joint_moves, forces_of(3, []).forced, None, strict=True)
-    assert figures(alone)["planned"]["joint_moves_s"] > 0
+    alone = check_feed(judge(joint_moves, forced(3, [])), strict=True)
+    assert alone.as_dict()["planned"]["joint_moves_s"] > 0
 
 
 def test_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
-from compensator.correction.job import read_toolpath
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.path.configurations import hold, tool_frames
 from compensator.path.robot_path import robot_path
 from compensator.posting.apt import read_apt
 from compensator.posting.post import module_name, post, read_cam_path
+from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.settings import PostingSettings
 from compensator.rapid import read_rapid
 from compensator.toolpath import Move
@@ -57,7 +57,7 @@ FINI
 
 
 def planned(path, cell, settings=DEFAULTS):
-    return read_toolpath(path, cell, settings)[0]
+    return read_toolpath(path, cell, settings.posting).text
 
 
 @pytest.fixture

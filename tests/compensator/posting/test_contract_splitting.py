@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compensator.correction.files import run_correction
-from compensator.correction.job import Inputs, check_not_corrected
+from compensator.correction.files import Inputs, Outputs, correct_files
+from compensator.correction.record import check_not_corrected
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.settings import PostingSettings
 from compensator.posting.split_files import split_files
@@ -164,7 +164,7 @@ def apt_job(folder: Path) -> Inputs:
 
 def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     inputs = apt_job(tmp_path)
-    whole = run_correction(inputs, tmp_path / "one.mod", None, None, DEFAULTS, overwrite=False)
+    whole = correct_files(inputs, Outputs(tmp_path / "one.mod"), DEFAULTS, overwrite=False)
     # Air moves of two targets between cuts belong to the cut for the force log; the file knows better where to split.
     assert len(whole.correction.targets) == 46
     assert whole.residual.max() < 0.2e-6
@@ -172,7 +172,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     after = read_rapid((tmp_path / "one.mod").read_bytes()).toolpath
     moved = np.linalg.norm(after.position - planned.position, axis=1)
     assert ((moved > 50e-6) == (np.linalg.norm(whole.predicted.forces.wrench, axis=1) > 0)).all()
-    run_correction(inputs, tmp_path / "many.mod", None, None, Settings.of(split=25), overwrite=False)
+    correct_files(inputs, Outputs(tmp_path / "many.mod"), Settings.of(split=25), overwrite=False)
     parts = [tmp_path / "many_001.mod", tmp_path / "many_002.mod"]
     assert sorted(tmp_path.glob("many_*.mod")) == parts
     split = np.concatenate([read_rapid(part.read_bytes()).toolpath.position for part in parts])
@@ -181,7 +181,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     (tmp_path / "two_001.mod").write_bytes((tmp_path / "one.mod").read_bytes())
     inside_out = Inputs(inputs.cell, tmp_path / "two_001.mod", inputs.stiffness, inputs.forces)
     with pytest.raises(CompstiffError, match="CS0006"):
-        run_correction(inside_out, tmp_path / "two.mod", None, None, Settings.of(split=25, tare=()), overwrite=True)
+        correct_files(inside_out, Outputs(tmp_path / "two.mod"), Settings.of(split=25, tare=()), overwrite=True)
     # The next step names the parts of this split, not one that an earlier split left behind.
     (tmp_path / "next_009.mod").write_bytes(parts[0].read_bytes())
     done = compstiff("correct", inputs.cell, inputs.toolpath, "--stiffness", inputs.stiffness, "--forces", inputs.forces, "-o",

@@ -16,11 +16,14 @@ from compensator.rapid import read_rapid
 from compstiff.cli.design import design
 from compstiff.cli.diagnose import diagnose
 from identification.common.findings import CompstiffError
+from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
 from identification.design.information import instrument
 from identification.design.kept_back import distances
 from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
+from identification.design.procedure import design_plan
+from identification.design.request import Request
 from identification.diagnosis.plan import outlook
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -46,6 +49,25 @@ def written(tmp_path_factory):
                  folder / "plan.html", "--json")
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
+
+
+def test_a_script_gets_what_the_command_writes(written):
+    """The command is a thin skin: same files, same JSON, from the room's own function."""
+    folder, document = written
+    plan = design_plan(read_cell(folder / "cell.yaml"), Request(measurements=4), quick=True)
+    assert plan.csv() == (folder / "plan.csv").read_bytes()
+    assert plan.rapid("plan").content == (folder / "plan.mod").read_bytes()
+    assert json.loads(json.dumps(plan.as_dict())) == document["result"]
+    assert not plan.sheet.theta.flags.writeable
+
+
+@pytest.mark.parametrize("options", [
+    {"positions_mm": ((1.0, 2.0, 3.0),), "box_mm": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)}, {"preset": "paper", "measurements": 3},
+    {"free": True, "every_axis": True}, {"free": True, "preset": "outlook"}, {"free": True, "axes": "xy"},
+    {"diagnosis": Diagnosed("ambiguous", (), (), "diagnosis.json")}])
+def test_requests_that_contradict_themselves(options):
+    with pytest.raises(ValueError, match=r"exclude|leave|takes no|belongs"):
+        Request(**options)
 
 
 def test_the_written_rows_keep_every_limit(written):
@@ -188,10 +210,10 @@ def test_for_a_milling_program_and_after_measurements(written, tmp_path):
     both = appended(samples / "measurements.csv", out, tmp_path / "both.csv")
     judged = CliRunner().invoke(diagnose, [str(samples / "cell.yaml"), "--plan", str(both), "--json"])
     assert judged.exit_code == 0, judged.output
-    told = json.loads(judged.stdout)["result"]["effects"]
-    for said, one in zip(content["forecast"]["causes"]["effects"], told, strict=True):
-        assert said["effect"] == one["effect"]
-        assert said["minimal_detectable"] == pytest.approx(one["minimal_detectable"], rel=0.02)
+    outlooks = json.loads(judged.stdout)["result"]["effects"]
+    for cause, expected in zip(content["forecast"]["causes"]["effects"], outlooks, strict=True):
+        assert cause["effect"] == expected["effect"]
+        assert cause["minimal_detectable"] == pytest.approx(expected["minimal_detectable"], rel=0.02)
 
 
 def appended(measured, plan, path):
@@ -257,8 +279,8 @@ def test_any_line_and_poses_that_are_kept_back(written, tmp_path):
     assert apart > 0.1
     prompts = re.findall(r'TPReadFK nAnswer,"([^"]*)"', (tmp_path / "p.mod").read_text())
     assert max(map(len, prompts)) <= 80
-    said = re.findall(r"F = \(([^)]*)\) N\. Then hold", "\n".join(prompts))
-    asked = [[float(part) for part in force.split()] for force in said]
+    forces = re.findall(r"F = \(([^)]*)\) N\. Then hold", "\n".join(prompts))
+    asked = [[float(part) for part in force.split()] for force in forces]
     np.testing.assert_allclose(asked, rows.wrench[np.any(rows.wrench != 0, axis=1), :3], atol=0.0501)
 
 

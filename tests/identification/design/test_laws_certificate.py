@@ -10,10 +10,11 @@ import pytest
 from identification.design.certificate import certify, splits_of
 from identification.design.criteria import a_criterion, d_criterion, e_criterion
 from identification.design.domain import Domain, random_pool
-from identification.design.exchange import Demand, exchange, free_demand, many_exchanges
+from identification.design.exchange import exchange, many_exchanges
 from identification.design.loads import slot
-from identification.design.procedure import Effort, Task, design
 from identification.design.refine import climb, refine
+from identification.design.search import Effort, optimal_design
+from identification.design.task import Demand, Task, free_demand
 
 SMALL = Effort(poses=800, exchanges=20, refinements=3, moves=1, climbs=12)
 CRITERIA = {"D": d_criterion(), "A": a_criterion(), "E": e_criterion()}
@@ -21,7 +22,7 @@ CRITERIA = {"D": d_criterion(), "A": a_criterion(), "E": e_criterion()}
 
 @pytest.fixture(scope="module", params=CRITERIA)
 def plan(request, domain, prior):
-    return design(Task(domain, CRITERIA[request.param], prior, free_demand(3, 3)), np.random.default_rng(0), SMALL)
+    return optimal_design(Task(domain, CRITERIA[request.param], prior, free_demand(3, 3)), np.random.default_rng(0), SMALL)
 
 
 def test_no_plan_beats_the_bound(plan, domain, prior):
@@ -29,9 +30,9 @@ def test_no_plan_beats_the_bound(plan, domain, prior):
     task, bound = plan.task, plan.certificate.bound
     rng = np.random.default_rng(77)
     other = random_pool(domain, 3000, rng)
-    found = many_exchanges(other, task.criterion, prior, task.demand, rng, 15)
+    found = many_exchanges(task, other, rng, 15)
     best = max(float(task.criterion.value(prior + other.take(rows).information.sum(axis=0))) for rows, _ in found)
-    refined = [refine(domain, task.criterion, prior, other.take(rows)) for rows, _ in found[:4]]
+    refined = [refine(task, other.take(rows)) for rows, _ in found[:4]]
     best = max([best, *(one.value for one in refined if one.feasible)])
     assert best <= bound * (1 + 1e-6)
     assert plan.certificate.value >= 0.97 * best
@@ -53,23 +54,24 @@ def test_a_certificate_over_a_pool_alone_is_false_comfort(domain, prior):
     few = random_pool(everywhere, 120, np.random.default_rng(3)).take(np.arange(12))
     demand = free_demand(1, 5)
     rng = np.random.default_rng(0)
-    rows = max(many_exchanges(few, d_criterion(), prior, demand, rng, 10), key=lambda one: one[1])[0]
-    found = certify(everywhere, d_criterion(), prior, demand, few.take(rows), few, rng, starts=12)
+    task = Task(everywhere, d_criterion(), prior, demand)
+    rows = max(many_exchanges(task, few, rng, 10), key=lambda plan: plan[1])[0]
+    found = certify(task, few.take(rows), few, rng, starts=12)
     assert found.pool_efficiency > 0.93
     assert found.efficiency < found.pool_efficiency - 0.1
-    better = design(Task(everywhere, d_criterion(), prior, demand), rng, SMALL)
+    better = optimal_design(task, rng, SMALL)
     assert better.certificate.value > 1.1 * found.value
     assert better.certificate.efficiency > 0.95
 
 
-def test_exchange_finds_what_exhaustive_search_finds(pool, prior):
+def test_exchange_finds_what_exhaustive_search_finds(domain, pool, prior):
     rng = np.random.default_rng(5)
     for criterion in CRITERIA.values():
         few = pool.take(rng.choice(len(pool), 25, replace=False))
         best = max(float(criterion.value(prior + few.information[list(rows)].sum(axis=0)))
                    for rows in combinations_with_replacement(range(25), 3))
         found = max(float(criterion.value(prior + few.information[rows].sum(axis=0)))
-                    for rows, _ in many_exchanges(few, criterion, prior, free_demand(3, 3), rng, 20))
+                    for rows, _ in many_exchanges(Task(domain, criterion, prior, free_demand(3, 3)), few, rng, 20))
         assert found >= 0.98 * best
         assert found <= best * (1 + 1e-12)
 
@@ -80,7 +82,7 @@ def test_refinement_and_climbing_never_lose_and_stay_admissible(domain, pool, pr
     for _ in range(6):
         start = pool.take(rng.choice(len(pool), 4, replace=False))
         before = float(d_criterion().value(prior + start.information.sum(axis=0)))
-        after = refine(domain, d_criterion(), prior, start)
+        after = refine(Task(domain, d_criterion(), prior, free_demand(3, 4)), start)
         runs = after.runs
         assert after.feasible == (domain.excess(runs).max() <= 1e-6)
         if after.feasible:
@@ -98,9 +100,9 @@ def test_the_papers_demand_is_kept(cell, domain, prior):
     slots = tuple(slot(axes, "single", 300.0) for axes in ("yx", "y", "x"))
     place = Domain(domain.rig, slots, domain.positions)
     demand = Demand(np.arange(3), np.array([0, 1, 1, 2]))
-    found = design(Task(place, a_criterion(cell.prior.stiffness), prior, demand), np.random.default_rng(1), SMALL)
+    found = optimal_design(Task(place, a_criterion(cell.prior.stiffness), prior, demand), np.random.default_rng(1), SMALL)
     assert sorted(slots[s].name for s in found.runs.slot) == ["x", "y", "y", "yx"]
-    rows = [exchange(found.pool, found.task.criterion, prior, demand, np.random.default_rng(k))[0] for k in range(4)]
+    rows = [exchange(found.task, found.pool, np.random.default_rng(k))[0] for k in range(4)]
     values = [float(found.task.criterion.value(prior + found.pool.take(r).information.sum(axis=0))) for r in rows]
     assert max(values) <= found.certificate.bound
     assert found.certificate.efficiency > 0.8
@@ -136,6 +138,6 @@ def test_better_than_random_plans(plan, prior):
 def test_the_same_seed_gives_the_same_plan(domain, prior):
     task = Task(Domain(domain.rig, domain.slots[1:], domain.positions), d_criterion(), prior, free_demand(2, 1))
     effort = Effort(poses=300, exchanges=5, refinements=1, moves=0, climbs=4)
-    one, two = (design(task, np.random.default_rng(9), effort) for _ in range(2))
+    one, two = (optimal_design(task, np.random.default_rng(9), effort) for _ in range(2))
     np.testing.assert_array_equal(one.runs.theta, two.runs.theta)
     assert one.certificate.efficiency == two.certificate.efficiency

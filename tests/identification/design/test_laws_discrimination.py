@@ -10,13 +10,13 @@ import pytest
 
 from identification.common.findings import CompstiffError
 from identification.design.criteria import d_criterion
-from identification.design.discrimination import fitted_rivals, read_diagnosis, settling_runs
+from identification.design.discrimination import discriminating_runs, read_diagnosis, rival_models
 from identification.design.domain import Domain, random_pool
-from identification.design.exchange import free_demand, many_exchanges
+from identification.design.exchange import many_exchanges
 from identification.design.information import instrument
 from identification.design.loads import slot
-from identification.design.procedure import Task
 from identification.design.request import measured_place
+from identification.design.task import Task, free_demand
 from identification.diagnosis.discrimination import candidate_rows, separation, settling
 from identification.diagnosis.procedure import diagnose
 from identification.diagnosis.record import record
@@ -58,7 +58,7 @@ def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):
     told = read_diagnosis(folder / "diagnosis.json", cell)
     assert told.verdict == "ambiguous"
     assert set(told.names) == {(one.effect.name, one.joint) for one in found.alternatives}
-    rivals = fitted_rivals(cell, rows, told)
+    rivals = rival_models(cell, rows, told)
     assert len(rivals) >= 2
     labels = {one.label for one in found.alternatives}
     assert all(set(name.split(" + ")) <= labels for name in rivals)
@@ -69,7 +69,7 @@ def test_the_rivals_of_the_file_are_those_of_the_diagnosis(hard):
 def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
     """The closed form, which adds runs up, against the covariance of all their readings at once."""
     folder, cell, rows, _ = hard
-    rivals = fitted_rivals(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
+    rivals = rival_models(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
     rng = np.random.default_rng(0)
     trial = candidate_rows(random_poses(cell.robot, 4, rng, 0.6), np.array([0, 1, 2, 0]), 300.0)
     models = [model for model, _ in rivals.values()]
@@ -98,7 +98,7 @@ def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
 
 def test_chosen_together_they_beat_any_pair_drawn(hard):
     folder, cell, rows, _ = hard
-    rivals = fitted_rivals(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
+    rivals = rival_models(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
     rng = np.random.default_rng(1)
     poses = random_poses(cell.robot, 20, rng, 0.6)
     found = separation(cell, candidate_rows(poses, np.arange(20) % 3, 300.0), rivals, next(iter(rivals.values()))[0])
@@ -121,9 +121,9 @@ def test_planned_runs_settle_what_d_optimal_runs_leave_open(tmp_path):
         rng = np.random.default_rng([seed, 8])
         pool = random_pool(domain, 600, rng)
         (tmp_path / "diagnosis.json").write_text(json.dumps(record(cell, rows, found)))
-        rivals = fitted_rivals(cell, rows, read_diagnosis(tmp_path / "diagnosis.json", cell))
-        plans = [settling_runs(task, rivals, pool, rng)[0],
-                 pool.take(many_exchanges(pool, task.criterion, task.prior, task.demand, rng, 4)[0][0])]
+        rivals = rival_models(cell, rows, read_diagnosis(tmp_path / "diagnosis.json", cell))
+        plans = [discriminating_runs(task, rivals, pool, rng)[0],
+                 pool.take(many_exchanges(task, pool, rng, 4)[0][0])]
         after = []
         for plan in plans:
             loads = slots[plan.slot[0]].forces

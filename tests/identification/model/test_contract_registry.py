@@ -11,8 +11,8 @@ import pytest
 
 from identification.common.findings import CompstiffError
 from identification.model import effects as package
-from identification.model.effects import Effect, effects
-from identification.model.load_state import load_state
+from identification.model.effects import Effect, Parameter, effects
+from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
 from tests.support import random_poses, robot
 
@@ -33,6 +33,37 @@ def test_the_dictionary_is_the_contract_s() -> None:
             assert parameter.low <= parameter.typical <= parameter.high
     for name in CONTRACT:
         assert f"`{name}`" in DOCUMENT
+
+
+def source_table() -> list[str]:
+    """The table under "Sources" of docs/effects.md, as the code has it: parameters with the same sources share their rows."""
+    lines = ["| effect | what | source |", "|---|---|---|"]
+    for effect in effects().values():
+        lines.append(f"| `{effect.name}` | formula | {effect.formula_source} |")
+        alike: dict[tuple[object, ...], list[str]] = {}
+        for p in effect.parameters:
+            alike.setdefault((p.typical, p.low, p.high, p.unit, p.source, p.bounds_source), []).append(f"`{p.name}`")
+        for (typical, low, high, unit, source, bounds_source), names in alike.items():
+            size, bounds = f"{typical:g} {unit}", f"{low:g} to {high:g} {unit}"
+            lines += [f"| | {' '.join(names)}: {size.removesuffix(' 1')} | {source} |",
+                      f"| | {bounds.removesuffix(' 1')} | {bounds_source} |"]
+    return lines
+
+
+def test_every_effect_and_every_parameter_states_its_source() -> None:
+    """A document with a year, a page of the project, the paper (docs/paper.md), a data sheet, or engineering judgement."""
+    told = re.compile(r"\b(19|20)\d\d\b|\bdocs/|\bthe paper\b|catalogue|FAQ|tech tool|Table \d|StrengthBook|^the same: "
+                      r"|^engineering judgement: .{10}")
+    for effect in effects().values():
+        sources = [effect.formula_source]
+        sources += [source for p in effect.parameters for source in (p.source, p.bounds_source)]
+        for source in sources:
+            assert told.search(source), (effect.name, source)
+
+
+def test_the_sources_in_the_documentation_are_the_code_s() -> None:
+    table = "\n".join(source_table())
+    assert table in DOCUMENT, f"docs/effects.md, Sources: write\n{table}"
 
 
 @pytest.fixture
@@ -65,6 +96,19 @@ def test_the_documented_example_works(with_entry: None) -> None:
     np.testing.assert_allclose(moved[:, 3:], 1e-6 * moment[:, None] * axis, atol=1e-15)
     np.testing.assert_allclose(moved[:, :3], np.cross(moved[:, 3:], rows.tcp - rows.origins[:, 5]), atol=1e-15)
     assert len(twist.signatures(rows, None)) == 1
+    assert twist.formula_source
+    assert twist.parameters[0].source
+
+
+def test_an_effect_of_one_s_own_need_not_state_sources() -> None:
+    class Bare(Effect):
+        name, family, of_robot, sentence, settles = "bare", "tool", True, "it gives way", "a dial gauge"
+        parameters = (Parameter("relative", "1", 0.1, 0.0, 1.0),)
+
+        def contribution(self, rows: LoadState, joint: int | None, values: np.ndarray) -> np.ndarray:
+            return values[0] * rows.elastic
+
+    assert (Bare().formula_source, Bare().parameters[0].source, Bare().parameters[0].bounds_source) == ("", "", "")
 
 
 def test_an_entry_that_is_no_effect_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

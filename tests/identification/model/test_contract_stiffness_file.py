@@ -191,7 +191,7 @@ def model_of(folder: Path, case: Case, parameters: list[str]) -> IdentifiedModel
         effects=in_force((truth["effect"], truth["joint"])), tool_mass=Tool().mass, tool_centre=np.array(Tool().centre))
 
 
-# The laws of gears differ on purpose (tests/virtual_cell/test_dictionary.py); what is linear agrees but for second order.
+# The laws of gears differ on purpose (tests/virtual_cell/test_laws_dictionary.py); what is linear agrees but for second order.
 @pytest.mark.parametrize(("effect", "joint", "off"), [
     ("backlash", 1, 0.05), ("backlash", 5, 0.05), ("spindle_compliance", None, 0.01), ("bearing_tilt", 2, 0.01),
     ("parallelogram", None, 0.01), ("link_bending", 3, 0.01), ("gravity_compensator", 2, 0.01), ("hysteresis", 1, 0.2)])

@@ -51,7 +51,7 @@ def iwan(torque: np.ndarray, amplitude: float, reach: float) -> np.ndarray:
 
 def columns(seed: int, faults: dict[str, float], *, seconds: float = 20.0, noise: float = 8e-6, joint: int = 2,
             stiffness: float = STIFFNESS) -> dict[str, np.ndarray]:
-    """A log's columns (FORMATS.md) with the named faults, sizes in typical units; noise [rad]."""
+    """A log's columns (docs/formats.md) with the named faults, sizes in typical units; noise [rad]."""
     rng = np.random.default_rng(seed)
     count = int(seconds * RATE)
     time = np.arange(count) / RATE

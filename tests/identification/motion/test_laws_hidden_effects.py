@@ -1,4 +1,4 @@
-"""An effect is hidden in simulated logs (gear.py): it is named, or a set with it in, and never another alone."""
+"""An effect is hidden in simulated logs (simulated_joint.py): it is named, or a set with it in, and never another alone."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.log_file import read_motion_log
-from identification.motion.procedure import AxisDiagnosis, diagnose_logs
+from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import axis_stiffness
 from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
 
@@ -19,7 +20,7 @@ IN_MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
 def diagnosed(folder: Path, seed: int, faults: dict[str, float]) -> AxisDiagnosis:
     fitted = read_motion_log(write(folder / "fitted.csv", columns(seed, faults)))
     other = read_motion_log(write(folder / "other.csv", columns(1000 + seed, faults)))
-    return diagnose_logs([fitted], other).axes[0]
+    return diagnose_axes([fitted], other)[0]
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from identification.motion.log_file import MotionLog, read_motion_log
-from identification.motion.procedure import diagnose_logs
+from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import DISAGREE, axis_stiffness
 
 
@@ -29,9 +29,8 @@ def test_axes_with_link_encoder(records: tuple[MotionLog, MotionLog]) -> None:
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_the_link_encoders_were_recorded_late(records: tuple[MotionLog, MotionLog], order: tuple[int, int]) -> None:
-    found = diagnose_logs([records[order[0]]], records[order[1]])
-    assert found.verdict == "named"
-    for one in found.axes:
+    for one in diagnose_axes([records[order[0]]], records[order[1]]):
+        assert one.verdict == "named"
         delay = next(cause for cause in one.causes if cause.shape.name == "channel_delay (link)")
         assert delay.probability > 0.99
         assert 2.4e-3 < delay.values[0] < 3.2e-3

@@ -271,7 +271,7 @@ def test_absurd_forces_name_their_target(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("column", ["mx_n", "Mx_nm", "mx", "moment_x"])
 def test_a_column_that_is_not_read_is_reported(tmp_path: Path, column: str) -> None:
-    """Nothing is silently dropped (DESIGN.md): a misspelt moment would leave its share of the deviation in the part."""
+    """Nothing is silently dropped: a misspelt moment would leave its share of the deviation in the part."""
     text = f"target,fx_n,fy_n,fz_n,{column},my_nm,mz_nm\n1,60,90,-120,50,0,0\n"
     result = Job(tmp_path, program=P.program(), forces=text).correct("--json")
     assert result.code == 1 or any(column in f["message"] for f in result.json["findings"]), result

@@ -70,7 +70,7 @@ _TOOL0 = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
 def point(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`Arm.pose` in plain matrices, some twenty times faster; test_kit.py compares the two."""
+    """`Arm.pose` in plain matrices, some twenty times faster; test_user_files.py compares the two."""
     column, lower = _about(2, q[0]), _about(1, q[1])
     forearm = _about(1, q[2] if arm.parallel_rod else q[1] + q[2])
     hand = column @ forearm @ _about(0, q[3]) @ _about(1, q[4]) @ _about(0, q[5])

@@ -1,6 +1,6 @@
 """Judges a diagnosis against what was hidden. Knows nothing of how the diagnosis came about.
 
-What it reads of a diagnosis is what diagnosis.json says (FORMATS.md): verdict, causes, alternatives.
+What it reads of a diagnosis is what diagnosis.json says (docs/formats.md#diagnose): verdict, causes, alternatives.
 """
 
 from __future__ import annotations

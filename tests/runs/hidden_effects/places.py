@@ -37,7 +37,7 @@ MEASUREMENT = (
     place("drift", None, 2, "target_curvature"),
     place("sensor_step", None, 3, "drift"),
 )
-# An effect that no deflection shows (EFFECTS.md): hidden, it must be missed.
+# An effect that no deflection shows (docs/effects.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
 # Effects that only logs taken in motion show: tests/identification/motion hides them there.
 IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia")

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from compensator.correction.job import Corrected, Inputs, correct_program, predict_program
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.offsets import offsets_csv
 from compensator.correction.settings import Settings
 from identification.model.cell import read_cell
@@ -136,7 +137,7 @@ class MillingJob:
     def correct(self, log: Path, stiffness: Path, chosen: Settings | None = None, cell: Path | None = None) -> Correction:
         """Corrects the planned program; the written numbers are read by a reader of the virtual cell's own."""
         inputs = Inputs(cell or self.cell, self.program, stiffness, log)
-        job = correct_program(predict_program(inputs, chosen or settings()))
+        job = correct(predict_files(inputs, chosen or settings()))
         written = milling.read_commands(job.content.decode())
         assert np.array_equal(milling.read_commands(self.program.read_text()).position_mm, self.part.target_mm)
         offsets = self.folder / "offsets.csv"
@@ -163,7 +164,7 @@ class MillingJob:
 
     def mirrored(self, log: Path, stiffness: Path) -> Commands:
         """One mirrored step: the planned positions less the deviation that is predicted there; orientation as planned."""
-        predicted = predict_program(Inputs(self.cell, self.program, stiffness, log), settings())
+        predicted = predict_files(Inputs(self.cell, self.program, stiffness, log), settings())
         position = self.part.target_mm.copy()
         position[predicted.prediction.targets] -= 1e3 * BASE_FROM_OBJECT.apply(predicted.prediction.position, inverse=True)
         return Commands(position, self.planned.turn)

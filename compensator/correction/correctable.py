@@ -1,0 +1,90 @@
+"""Which targets with force can be corrected, and which stop the job."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.placement import TargetForces
+from compensator.path.robot_path import RobotPath
+from identification.common.findings import CompstiffError, Finding, Refused
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, list[Finding]]:
+    """The targets (M,) with force that can be corrected, and a finding for each that is left as it is.
+
+    Raises CompstiffError (CS4103: unusable quaternion) and Refused (CS4104: a move with force depends on a tool, work
+    object or external axis that is not understood; CS4105: not reachable, outside the joint limits).
+    """
+    toolpath = path.toolpath
+    forced = np.flatnonzero(forces.forced)
+    stopped = toolpath.block[forced] != ""
+    blocked, rest = forced[stopped].tolist(), forced[~stopped]
+    unusable = [i for i in blocked if np.isfinite(toolpath.position[i]).all() and np.isnan(toolpath.quaternion[i]).any()]
+    if unusable:
+        raise CompstiffError(*(path.finding(i, "CS4103", "error", f"a move with force: {toolpath.block[i]}",
+                                  "post the program again with a unit quaternion w x y z") for i in unusable[:20]))
+    findings = [path.finding(i, "CS4101", "warning",
+                             f"a move with force stays uncorrected: {toolpath.block[i]}") for i in blocked]
+    by_joints = np.isnan(toolpath.position[rest]).any(axis=1)
+    joints, rest = rest[by_joints].tolist(), rest[~by_joints]
+    findings += [path.finding(i, "CS4102", "warning", "a move with force to joint angles (MoveAbsJ) stays uncorrected",
+                    "cut with MoveL, MoveC or MoveJ") for i in joints]
+    problems = _not_understood(path, rest)
+    if problems:
+        raise Refused(*problems)
+    lost = rest[~path.reached[rest]]
+    if len(lost):
+        raise Refused(*(path.finding(int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
+                           "check tool, work object and base frame") for i in lost[:20]))
+    refuse_outside(path, rest, path.theta[rest], "as planned")
+    return rest, findings
+
+
+def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
+    """CS4104: targets with force whose tool, work object or external axis is not understood."""
+    toolpath = path.toolpath
+    tool_unknown, object_unknown = (np.array([bool(frame.problem) for frame in frames], dtype=bool)
+                                    for frames in (toolpath.tools, toolpath.workobjects))
+    doubtful = (tool_unknown[toolpath.tool[targets]] | object_unknown[toolpath.workobject[targets]]
+                | ~np.isnan(toolpath.external[targets]).all(axis=1))
+    problems = []
+    for i in targets[doubtful].tolist():
+        tool, item = toolpath.tools[toolpath.tool[i]], toolpath.workobjects[toolpath.workobject[i]]
+        for kind, frame in (("tool", tool), ("work object", item)):
+            if frame.problem:
+                problems.append(path.finding(
+                    i, "CS4104", "error", f"a move with force depends on {kind} {frame.name}: {frame.problem}",
+                    "declare it with its numbers in this module, or in cell.yaml"))
+        used = [f"eax_{letter}" for letter, value in zip("abcdef", toolpath.external[i], strict=True) if not np.isnan(value)]
+        if used:
+            problems.append(path.finding(
+                i, "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, which is not understood: "
+                "it moves the robot's base or the part",
+                "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
+    return problems
+
+
+def refuse_outside(path: RobotPath, targets: Indices, theta: Array, when: str) -> None:
+    """Refused (CS4105) where joint angles are outside the robot's limits."""
+    robot = path.cell.robot
+    excess = robot.limit_excess(theta)
+    worst = np.argwhere(excess > 1e-7)
+    if not len(worst):
+        return
+    findings = []
+    for row, joint in worst[:20]:
+        if joint < 6:
+            low, high = np.degrees(robot.limits[joint])
+            what = f"joint {joint + 1} at {np.degrees(theta[row, joint]):.4f} deg, limits {low:g} to {high:g} deg"
+        else:
+            assert robot.window is not None
+            index, first, last = robot.window
+            what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
+                    f"{np.degrees(first):g} to {np.degrees(last):g} deg")
+        findings.append(path.finding(int(targets[row]), "CS4105", "error", f"{when}: {what}",
+                           "check the configuration (confdata), tool and work object, or move the part"))
+    raise Refused(*findings)

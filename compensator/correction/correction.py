@@ -1,0 +1,222 @@
+"""The commanded pose whose loaded pose is the planned one.
+
+Springs at the joints make the correction exact without iteration. The robot commanded to `theta_cmd` comes to rest at
+`theta~_cmd + L dq` with `dq = c * tau`, tau taken at the loaded pose; the loaded pose shall be the planned one, so tau
+is known beforehand: `dq = c * L^T J~(theta~_plan)^T w` and `theta~_cmd = theta~_plan - L dq`. Effects in force displace the
+tool from where the springs hold it: then the springs shall hold it at angles from which the effects bring it to the plan
+(`forward.resting_angles`), and these take the place of theta~_plan. That the tool lands there is not
+taken on trust: `correct_path` loads the commanded pose with the iterated forward model and reports what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.correctable import refuse_outside
+from compensator.correction.forward import loaded_tool, resting_angles
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.prediction import Prediction
+from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
+from compensator.path.robot_path import RobotPath
+from compensator.path.route import Poses
+from identification.common.arrays import read_only
+from identification.common.findings import CompstiffError, Finding, Refused, counted
+from identification.model.compliance import displacement, joint_torque, loaded_angles
+from identification.model.inverse import NEARLY_SINGULAR, configuration, nearest_angles, wrist_distance
+from identification.model.kinematics import forward
+from identification.model.rotations import Frame, rotation_matrix, rotation_vector
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# A converged correction leaves less than this between the loaded tool and the plan [m], [rad].
+RESIDUAL_LIMIT = 1e-8
+# Axis 5 closer than this to the wrist singularity [rad]: micrometres of correction become degrees of axes 4 and 6.
+SINGULAR = np.radians(0.1)
+# A correction that differs by less from the full one is the full one [m]: a tenth of what is written.
+HELD = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Commanded poses of the `targets` (M,) in their work objects.
+
+    object_from_tcp (M): position [m], rotation. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
+    object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
+    residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
+    full correction is made, below 1 where it is held back. harm (M,): probability that the point is farther from the plan
+    than without correction; NaN where no restraint was asked for.
+    """
+
+    targets: Indices
+    object_from_tcp: Frame
+    offset: Array
+    turn: Array
+    theta: Array
+    confdata: NDArray[np.int64]
+    residual: Array
+    share: Array
+    harm: Array
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Restraint:
+    """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, the probability
+    with which it must make a point better, and the steepest change of the offset along the path [m/m]."""
+
+    prediction: Prediction
+    confidence: float
+    slope: float
+
+
+def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
+    """The commanded poses: those whose loaded pose is the plan, held back where the restraint asks for it.
+
+    Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
+    CompstiffError: CS4108 the forward model does not confirm the full correction.
+    """
+    path, targets, goal, planned = loaded.path, loaded.targets, loaded.goal, loaded.theta
+    commanded, residual = _full(loaded)
+    share, harm = np.ones(len(targets)), np.full(len(targets), np.nan)
+    findings: list[Finding] = []
+    if restraint is not None and len(targets):
+        full = commanded.base_from_tcp.position - goal.position
+        offset, findings = _restrained(loaded, full, restraint)
+        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.covariance, offset)
+        held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
+        if len(held):
+            share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
+            commanded = _held_back(loaded, commanded, held, share[held], offset[held])
+            residual = np.linalg.norm(loaded_tool(loaded, commanded.theta).position - goal.position, axis=1)
+    theta = commanded.theta
+    object_from_base = path.base_from_object[targets].inverse()
+    object_from_tcp, wanted = object_from_base @ commanded.base_from_tcp, object_from_base @ goal
+    offset = object_from_tcp.position - wanted.position
+    turn = rotation_vector(object_from_tcp.rotation @ np.swapaxes(wanted.rotation, 1, 2))
+    refuse_outside(path, targets, theta, "after correction")
+    findings += _singularity(path, targets, planned, theta)
+    _check_size(path, targets, offset, turn)
+    confdata = path.toolpath.confdata[targets].copy()
+    confdata[:, :3] += (configuration(loaded.model.robot, theta) - configuration(loaded.model.robot, planned))[:, :3]
+    read_only(object_from_tcp.rotation, object_from_tcp.position, offset, turn, theta, confdata, residual, share, harm)
+    return Correction(targets, object_from_tcp, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+
+
+def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
+    """The commanded poses whose loaded pose is the plan, and the distance (M,) [m] that the forward model finds between them.
+
+    Raises CompstiffError (CS4108) where that is more than RESIDUAL_LIMIT.
+    """
+    model, targets, wrench = loaded.model, loaded.targets, loaded.wrench
+    rest = resting_angles(loaded) if model.effects else loaded.theta
+    theta, rotation, position = np.empty((len(targets), 6)), np.empty((len(targets), 3, 3)), np.empty((len(targets), 3))
+    for tool, places in loaded.each_tool():
+        yielded = model.compliance * joint_torque(model.robot, rest[places], tool, wrench[places])
+        theta[places] = loaded_angles(model.robot, rest[places], -yielded)
+        commanded = forward(model.robot, theta[places], tool)
+        rotation[places], position[places] = commanded.rotation, commanded.position
+    off, turned = displacement(loaded_tool(loaded, theta), loaded.goal)
+    residual, twist = np.linalg.norm(off, axis=1), np.linalg.norm(turned, axis=1)
+    if len(targets) and not max(residual.max(), twist.max()) <= RESIDUAL_LIMIT:
+        worst = int(targets[np.argmax(residual)])
+        raise CompstiffError(loaded.path.finding(
+            worst, "CS4108", "error", f"the correction did not converge: the loaded tool stays {1e6 * residual.max():.3g} um "
+            f"and {twist.max():.3g} rad off the plan", "check the units of the forces"))
+    return Poses(Frame(rotation, position), theta), residual
+
+
+def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, offset: Array) -> Poses:
+    """The commanded poses with only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places `held`
+    (H,) among the targets."""
+    goal, tcp = loaded.goal[held], full.base_from_tcp
+    turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(goal.rotation, 1, 2))
+    reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ goal.rotation, goal.position + offset)
+    rotation, position, theta = tcp.rotation.copy(), tcp.position.copy(), full.theta.copy()
+    rotation[held], position[held] = reduced.rotation, reduced.position
+    flange = reduced @ loaded.path.flange_from_tcp[loaded.targets[held]].inverse()
+    theta[held] = nearest_angles(loaded.model.robot, flange, theta[held])
+    return Poses(Frame(rotation, position), theta)
+
+
+def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
+    """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113)."""
+    path, targets, prediction = loaded.path, loaded.targets, restraint.prediction
+    share = confident_share(prediction.position, prediction.covariance, restraint.confidence)
+    sure = share[:, None] * full
+    findings = []
+    unsure = np.flatnonzero((share < 1) & (np.linalg.norm(full - sure, axis=1) > HELD))
+    if len(unsure):
+        left = np.linalg.norm((full - sure)[unsure], axis=1)
+        findings.append(path.finding(int(targets[unsure[np.argmax(left)]]), "CS4112", "note",
+                           f"small against their own uncertainty: {counted(len(unsure), 'correction')}; "
+                           f"{int((share[unsure] == 0).sum())} are left out, the others reduced; up to "
+                           f"{1e6 * left.max():.1f} um of expected deviation stay",
+                           f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
+                           "(--confidence)"))
+    if not np.isfinite(restraint.slope):
+        return sure, findings
+    result = _limited(loaded, sure, restraint.slope)
+    changed = np.linalg.norm(result - sure, axis=1)
+    steep = np.flatnonzero(changed > HELD)
+    if len(steep):
+        findings.append(path.finding(int(targets[steep[np.argmax(changed[steep])]]), "CS4113", "warning",
+                           f"the correction would change by more than {1e3 * restraint.slope:g} um a millimetre: it is "
+                           f"reduced at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
+                           "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
+    return result, findings
+
+
+def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:
+    """The offsets (M, 3) [m] with the slope [m/m] along the path limited; air moves stay where they are."""
+    length, forces = loaded.path.length, loaded.forces
+    air = (forces.samples > 0) & ~forces.forced
+    row = np.full(len(length), -1)
+    row[loaded.targets] = np.arange(len(loaded.targets))
+    where = np.flatnonzero(~np.isnan(length) & (air | (row >= 0)))
+    corrected = row[where] >= 0
+    offsets = np.zeros((len(where), 3))
+    offsets[corrected] = offset[row[where[corrected]]]
+    result = offset.copy()
+    result[row[where[corrected]]] = limited_steps(offsets, length[where], air[where] & ~corrected, slope)[corrected]
+    return result
+
+
+def _check_size(path: RobotPath, targets: Indices, offset: Array, turn: Array) -> None:
+    """Refused (CS4107) where a correction exceeds the limits of cell.yaml."""
+    size, tilt = np.linalg.norm(offset, axis=1), np.linalg.norm(turn, axis=1)
+    hint = "check force units, sign (force_log.sign) and stiffnesses; limits.max_offset_mm and max_tilt_deg are in cell.yaml"
+    findings = []
+    for values, limit, factor, unit, what in ((size, path.cell.max_offset, 1e3, "mm", "offset"),
+                                              (tilt, path.cell.max_tilt, np.degrees(1.0), "deg", "rotation")):
+        over = np.flatnonzero(values > limit)
+        if len(over):
+            worst = int(over[np.argmax(values[over])])
+            findings.append(path.finding(int(targets[worst]), "CS4107", "error", f"{len(over)} corrections exceed the limit: "
+                                         f"the largest {what} is {factor * values[worst]:.3f} {unit}, the limit "
+                                         f"{factor * limit:g} {unit}", hint))
+    if findings:
+        raise Refused(*findings)
+
+
+def _singularity(path: RobotPath, targets: Indices, planned: Array, theta: Array) -> list[Finding]:
+    """Refused (CS4106) at the wrist singularity or where a correction would cross it; a warning (CS4110) near it."""
+    robot = path.cell.robot
+    distance = wrist_distance(robot, theta)
+    crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
+    bad = np.flatnonzero((distance < SINGULAR) | crossed)
+    if len(bad):
+        raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from "
+                                     f"the wrist singularity after correction, at least {np.degrees(SINGULAR):g} deg are "
+                                     "needed",
+                                     "turn the part or the tool so that axis 5 stays away from zero") for i in bad[:20]))
+    near = np.flatnonzero(distance < NEARLY_SINGULAR)
+    if not len(near):
+        return []
+    closest = int(near[np.argmin(distance[near])])
+    return [path.finding(int(targets[closest]), "CS4110", "warning", f"{len(near)} targets with force are within "
+               f"{np.degrees(NEARLY_SINGULAR):g} deg of the wrist singularity, the closest {np.degrees(distance[closest]):.2f}"
+               " deg: axes 4 and 6 turn fast there")]

@@ -1,0 +1,129 @@
+"""Predicted: one program under its logged forces, and how far they push the tool off it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.correctable import targets_to_correct
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.prediction import Prediction, predict_path
+from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Settings
+from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
+from compensator.path.arc_length import borders
+from compensator.path.robot_path import RobotPath, robot_path
+from compensator.posting.read_toolpath import PlannedProgram
+from identification.common.arrays import rms
+from identification.common.findings import CompstiffError, Finding, error
+from identification.model.cell import Cell
+from identification.model.stiffness import IdentifiedModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """One program with the deviation predicted for its targets with force. The model is scaled as the settings say."""
+
+    settings: Settings
+    program: PlannedProgram
+    loaded: LoadedPath
+    prediction: Prediction
+    findings: tuple[Finding, ...]
+
+    @property
+    def path(self) -> RobotPath:
+        """The program as the robot drives it."""
+        return self.loaded.path
+
+    @property
+    def cell(self) -> Cell:
+        """The cell it runs in."""
+        return self.loaded.path.cell
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The robot's stiffnesses, scaled."""
+        return self.loaded.model
+
+    @property
+    def forces(self) -> TargetForces:
+        """One wrench a target."""
+        return self.loaded.forces
+
+    @property
+    def targets(self) -> Indices:
+        """The targets (M,) that the prediction is of."""
+        return self.loaded.targets
+
+    def as_dict(self) -> dict[str, Any]:
+        """The figures of the prediction, JSON values."""
+        size = np.linalg.norm(self.prediction.position, axis=1)
+        std = np.sqrt(np.trace(self.prediction.covariance, axis1=1, axis2=2))
+        return {
+            "targets": len(self.path.toolpath),
+            "with_force": int(self.forces.forced.sum()),
+            "without_sample": int((self.forces.samples == 0).sum()),
+            "predicted": len(size),
+            "deviation_um": largest_and_rms(1e6 * size),
+            "deviation_std_um": largest_and_rms(1e6 * std),
+        }
+
+    def lines(self) -> list[str]:
+        """The prediction for the terminal."""
+        figures = self.as_dict()
+        deviation, std = figures["deviation_um"], figures["deviation_std_um"]
+        return [
+            f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
+            f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard "
+            f"deviation up to {std['largest']:.1f} um",
+        ]
+
+
+def largest_and_rms(values: Array) -> dict[str, float]:
+    """JSON values; zero where there is none."""
+    return {"largest": float(values.max()), "rms": rms(values)} if len(values) else {"largest": 0.0, "rms": 0.0}
+
+
+def predict(
+    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: Path | ForceLog, settings: Settings = DEFAULTS
+) -> Predicted:
+    """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
+
+    Raises CompstiffError (CS4202) for a program without a move, and what `read_force_log`, `place_forces`,
+    `targets_to_correct` and `predict_path` raise.
+    """
+    if settings.correction.scale != EXACTLY_ONE:
+        model = model.scaled(*settings.correction.scale)
+    if not len(program.toolpath):
+        raise error("CS4202", "the program has no move, so its force log belongs to no target",
+                    file=str(program.source or program.toolpath.source), hint="name the module that holds the moves")
+    # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+
+
+def under_forces(
+    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: Path | ForceLog, settings: Settings
+) -> Predicted:
+    """The program as the robot drives it, under the forces of one log. Raises as `predict`."""
+    noticed: tuple[Finding, ...] = program.toolpath.findings
+    try:
+        log = forces if isinstance(forces, ForceLog) else read_force_log(
+            forces, path.cell.force_log.form, log_format=settings.log.log_format, spindle_rpm=settings.log.spindle_rpm,
+            borders=borders(path.length))
+        noticed = (*noticed, *log.findings)
+        placed = place_forces(log, path, path.cell, tare=settings.log.tare)
+        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings)
+        targets, left = targets_to_correct(path, placed)
+        loaded = LoadedPath(path, placed, model, targets)
+        prediction = predict_path(loaded)
+    except CompstiffError as stopped:
+        # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
+        raise type(stopped)(*stopped.findings, *noticed) from stopped
+    return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))

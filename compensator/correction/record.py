@@ -1,0 +1,79 @@
+"""OUT.mod.json: what a corrected program was made from, and that nothing is corrected twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from compensator.correction.correct import Corrected
+from identification.common.files import sha256
+from identification.common.findings import Finding, Refused, fold
+
+RECORD = "compstiff-correction"
+
+
+def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
+    """What was made from what, JSON values. files: the program, and its parts where it was split."""
+    predicted = corrected.predicted
+    outputs = [{"file": path.name, "sha256": hashlib.sha256(content).hexdigest()} for path, content in files.items()]
+    return {
+        "format": RECORD, "version": 1, "compstiff": version("compstiff"), "numpy": np.__version__,
+        "input": _named(predicted.program.source),
+        "output": outputs[0],
+        "parts": outputs[1:],
+        "stiffness": _named(predicted.model.source),
+        "cell": _named(predicted.cell.source),
+        "forces": _named(Path(predicted.forces.log.source)),
+        **{name: _named(file) for name, file in predicted.settings.files()},
+        "settings": predicted.settings.as_dict(),
+        "robot": {"name": predicted.cell.robot.name, "sha256": predicted.cell.robot.sha256},
+        "summary": corrected.as_dict(),
+        "findings": [finding.as_dict() | {"file": Path(finding.file).name if finding.file else None}
+                     for finding in fold(corrected.findings)],
+    }
+
+
+def _named(file: Path | None) -> dict[str, str] | None:
+    """A file by its name and content; None where a script gave the value itself."""
+    return None if file is None else {"file": file.name, "sha256": sha256(file)}
+
+
+def check_not_corrected(toolpath: Path, *folders: Path) -> None:
+    """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
+    `folders` names its content."""
+    digest = sha256(toolpath)
+    for path in (record for folder in (toolpath.parent, *folders) for record in sorted(folder.glob("*.json"))):
+        names = _recorded(path)
+        if names is None:
+            continue
+        (source, source_digest), *outputs = names
+        beside = path.parent == toolpath.parent
+        # A record of a program that came out as it went in forbids nothing.
+        if any(source_digest != output_digest and (output_digest == digest or (beside and output == toolpath.name))
+               for output, output_digest in outputs):
+            raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
+                                  "corrected twice", file=str(toolpath),
+                                  hint=f"correct the CAM system's program {source}; --force if this really is one"))
+
+
+def _recorded(path: Path) -> list[tuple[str, str]] | None:
+    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
+    try:
+        if path.stat().st_size > 64 << 20:
+            return None
+        record = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(record, dict) or record.get("format") != RECORD:
+        return None
+    source, output = record.get("input"), record.get("output")
+    if not (isinstance(source, dict) and isinstance(output, dict)):
+        return None
+    parts = record.get("parts")
+    items = [source, output, *(part for part in (parts if isinstance(parts, list) else []) if isinstance(part, dict))]
+    return [(str(item.get("file", "")), str(item.get("sha256", ""))) for item in items]

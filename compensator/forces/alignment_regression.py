@@ -1,0 +1,120 @@
+"""For one alignment of a log with the program: the linear regression of the force on what the program says of it.
+
+The force is a constant (the sensor's bias); on moves that cut, behind an air lead-in and before an air lead-out of unknown
+lengths, it is besides another constant plus a linear function of the direction of travel, for each kind of cut by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from compensator.forces.program_time import KINDS, ProgramTime
+from identification.common.arrays import Array
+
+# Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
+LEAD_SHARE, LEAD_LEAST = 0.1, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """A log in even bins of time: middle (n,) [s], mean force (n, 3) [N], weight (n,) 1 or, for an empty bin, 0; width [s]."""
+
+    time: Array
+    force: Array
+    weight: Array
+    width: float
+
+    @cached_property
+    def centred(self) -> Array:
+        """The force (n, 3) [N] without its mean, 0 in an empty bin."""
+        return np.asarray((self.force - np.average(self.force, axis=0, weights=self.weight)) * self.weight[:, None])
+
+
+def binned(time: Array, force: Array, width: float) -> Bins:
+    """Samples at times (M,) [s], ascending, with force (M, 3) [N], in bins."""
+    number = np.minimum(((time - time[0]) / width).astype(np.intp), int((time[-1] - time[0]) / width))
+    count = np.bincount(number)
+    mean = np.column_stack([np.bincount(number, column) for column in force.T]) / np.maximum(count, 1)[:, None]
+    return Bins(time[0] + (np.arange(len(count)) + 0.5) * width, mean, (count > 0).astype(float), width)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Coefficients (13, 3) and residual (n, 3) [N] of one alignment."""
+
+    coefficients: Array
+    residual: Array
+
+
+class Regression:
+    """The regression on fine bins. An alignment x (4,): planned time at the log's middle [s], ln override, lead-in, lead-out
+    [m]; slip (n,) [s] is added to the planned time of each bin."""
+
+    def __init__(self, program: ProgramTime, bins: Bins, middle: float) -> None:
+        kept = bins.weight > 0
+        self.program, self.time, self.middle = program, bins.time[kept], middle
+        self.force = bins.force[kept] - bins.force[kept].mean(axis=0)
+        self.energy = float(np.sum(self.force**2))
+
+    def planned(self, x: Array) -> Array:
+        """Planned time (n,) [s] of each bin without slip."""
+        return np.asarray(x[0] + np.exp(x[1]) * (self.time - self.middle))
+
+    def design(self, x: Array, slip: Array | float = 0.0) -> Array:
+        """What the force (n, 3) is regressed on (n, 13)."""
+        engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
+        kind = self.program.kind[move]
+        return np.column_stack([np.ones(len(kind)), *(engagement * (kind == number)[:, None] for number in range(KINDS + 1))])
+
+    def fit(self, x: Array, slip: Array | float = 0.0) -> Fit:
+        """Least squares, with a ridge where the log sees no cut of some kind."""
+        design = self.design(x, slip)
+        gram = design.T @ design + 1e-6 * len(design) * np.eye(design.shape[1])
+        coefficients = np.linalg.solve(gram, design.T @ self.force)
+        return Fit(coefficients, self.force - design @ coefficients)
+
+    def value(self, x: Array, slip: Array | float = 0.0, independent: float = 100.0) -> float:
+        """Minus the log likelihood over `independent`, with the prior that lead-in and lead-out are alike."""
+        spread = LEAD_SHARE * max(float(x[2] + x[3]), 0.0) + LEAD_LEAST
+        prior = ((x[2] - x[3]) / spread) ** 2 + np.sum(np.minimum(x[2:] / LEAD_LEAST, 0.0) ** 2)
+        return 0.5 * float(np.log(np.sum(self.fit(x, slip).residual ** 2) / self.energy) + prior / independent)
+
+    def refine(self, x: Array, slip: Array | float = 0.0) -> Array:
+        """The likeliest alignment near x, lead-in and lead-out included, with this slip (n,) [s] beside it."""
+        from scipy.optimize import minimize
+
+        length, period = self.program.length, self.program.period
+        typical = np.median([length[b] - length[a] for a, b in self.program.stretches] or [0.0])
+        starts = [np.append(x[:2], [lead * typical, lead * typical]) for lead in (0.0, 0.03, 0.1, 0.2, 0.3)]
+        best = min((x, *starts), key=lambda start: self.value(start, slip))
+        steps = np.array([0.1 * period, 0.1 * period / max(self.time[-1] - self.time[0], 1e-3), 0.05 * typical, 0.05 * typical])
+        for _ in range(2):
+            simplex = best + np.concatenate([np.zeros((1, 4)), np.diag(steps)])
+            best = minimize(self.value, best, (slip,), method="Nelder-Mead",
+                            options={"initial_simplex": simplex, "maxfev": 100, "xatol": 1e-6, "fatol": 1e-5}).x
+            steps = 0.2 * steps
+        return np.asarray(best)
+
+    def covariance(self, x: Array, slip: Array, independent: float) -> Array:
+        """Of x (4, 4), from the curvature of the log likelihood by differences about as wide as the answer is uncertain."""
+        steps = np.array([0.05, 0.2 / max(self.time[-1] - self.time[0], 1e-3), 1e-3, 1e-3])
+        covariance = np.diag(steps**2)
+        for _ in range(2):
+            hessian = self._hessian(x, steps, slip, independent) * independent
+            values, vectors = np.linalg.eigh(hessian * np.outer(steps, steps))
+            covariance = (vectors / np.maximum(values, 1e-2)) @ vectors.T * np.outer(steps, steps)
+            steps = np.clip(np.sqrt(np.diag(covariance)), 0.3 * steps, 10 * steps)
+        return np.asarray(covariance)
+
+    def _hessian(self, x: Array, steps: Array, slip: Array, independent: float) -> Array:
+        hessian = np.empty((4, 4))
+        for i in range(4):
+            for j in range(i, 4):
+                a, b = np.zeros(4), np.zeros(4)
+                a[i], b[j] = steps[i], steps[j]
+                values = [self.value(x + step, slip, independent) for step in (a + b, a - b, b - a, -a - b)]
+                hessian[i, j] = hessian[j, i] = (values[0] - values[1] - values[2] + values[3]) / (4 * steps[i] * steps[j])
+        return hessian

@@ -1,0 +1,60 @@
+"""Which targets show a force: a mean that is told apart from zero by its own scatter, or by what the sensor shows in air."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.target_rows import BATCHES, TargetRows
+from identification.common.arrays import Array
+
+Flags = NDArray[np.bool_]
+# A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
+SIGMAS, GROW, GAP = 5.0, 2.0, 3
+
+
+def over_noise(mean: Array, rows: TargetRows, noise: Array) -> Flags:
+    """Targets (N,) whose mean (N, 6) is other than zero by 5 sigma of a sensor with this noise (6,) of one sample in air."""
+    # A component without noise (no moments logged, a clean simulation) shows a force by being other than zero.
+    sigma = np.abs(mean) / np.maximum(noise / np.sqrt(np.maximum(rows.samples, 1))[:, None], 1e-12)
+    return np.asarray((rows.samples > 0) & (sigma > SIGMAS).any(axis=1))
+
+
+def over_scatter(mean: Array, standard_error: Array, rows: TargetRows) -> Flags:
+    """Runs of targets (N,) whose mean force is other than zero by its own scatter: each target by 2 sigma, and one of them,
+    or their common mean, by 5.
+
+    The error of one target comes from 8 batches; it is steadied by the lower quartile of all targets, which is the noise of
+    air where there is air. Under 8 rows of the log any mean that is not zero is a force.
+    """
+    few = (rows.rows > 0) & (rows.rows < BATCHES)
+    many = np.flatnonzero(rows.rows >= BATCHES)
+    other = np.any(mean != 0, axis=1)
+    if not len(many):
+        return np.asarray(few & other)
+    samples = rows.samples[many, None]
+    variance = np.full((rows.count, 3), np.inf)
+    own = standard_error[many] ** 2 * samples
+    variance[many] = np.maximum(0.5 * (own + np.quantile(own, 0.25, axis=0)) / samples, 1e-24)
+    sigmas = np.max(np.abs(mean[:, :3]) / np.sqrt(variance), axis=1)
+    # Moments and single samples have no such error: they count as they are.
+    sigmas[other & (few | np.any(mean[:, 3:] != 0, axis=1))] = np.inf
+    possible = sigmas > GROW
+    run = np.cumsum(np.diff(possible, prepend=False))
+    total, spread = np.zeros((run.max() + 1, 3)), np.zeros((run.max() + 1, 3))
+    np.add.at(total, run, mean[:, :3])
+    np.add.at(spread, run, np.where(np.isfinite(variance), variance, 0.0))
+    together = np.max(np.abs(total) / np.sqrt(np.maximum(spread, 1e-24)), axis=1) > SIGMAS
+    alone = np.bincount(run, sigmas > SIGMAS) > 0
+    return np.asarray(possible & (together | alone)[run])
+
+
+def without_gaps(forced: Flags, sampled: Flags) -> Flags:
+    """A stretch of at most GAP sampled targets between targets with force belongs to the cut: no step in the surface."""
+    filled = forced.copy()
+    targets = np.flatnonzero(forced)
+    step = np.diff(targets)
+    for gap in np.flatnonzero((step > 1) & (step <= GAP + 1)):
+        inside = slice(targets[gap] + 1, targets[gap + 1])
+        filled[inside] = sampled[inside]
+    return filled

@@ -1,0 +1,104 @@
+"""A force log with time alone, placed on a program: what is refused, and what is said of the alignment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from compensator.forces.log import ForceLog
+from compensator.forces.program_time import HINT, ProgramTime, program_time
+from compensator.forces.time_alignment import LOWEST_SCORE, LOWEST_SHARE, MOST_ODD, TimeAlignment, align
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+from identification.common.findings import Finding, Refused, counted, error
+
+# Fewer samples than this say nothing about time.
+FEWEST_SAMPLES = 100
+
+
+def place_by_time(log: ForceLog, path: RobotPath) -> ForceLog:
+    """A log with time alone as one placed by path length, NaN outside the program, with the spread of each row.
+
+    Raises CompstiffError: CS3060 a move without known time, CS3062 time runs backwards, CS3063 a log that says nothing; Refused
+    (CS3061) where no alignment is believed.
+    """
+    _check_times(log)
+    program = program_time(path)
+    if not program.time[-1] > 0:
+        raise error("CS3063", "the program takes no time: it has no move of known length", file=log.source, hint=HINT)
+    alignment = align(program, log.place, log.force)
+    if not alignment.believed:
+        raise Refused(_not_believed(log, path, program, alignment))
+    spread = _spread(program, alignment)
+    findings = [_placed(log, alignment, spread), *_odd_stretch(path, program, alignment)]
+    return replace(log, key="path_mm", place=alignment.length, spread=np.nan_to_num(spread),
+                   findings=(*log.findings, *findings))
+
+
+def _check_times(log: ForceLog) -> None:
+    """Raises CompstiffError (CS3062, CS3063) for times that say nothing about a place."""
+    time, source = log.place, log.source
+    if len(time) < FEWEST_SAMPLES:
+        raise error("CS3063", f"{counted(len(time), 'sample')} {'is' if len(time) == 1 else 'are'} too few to place a log by "
+                    f"time alone, at least {FEWEST_SAMPLES} are needed", file=source, hint=HINT)
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise error("CS3062", f"time_s {time[row]:g} stands before the one above it, {time[row - 1]:g}", file=source,
+                    line=int(log.line[row]), hint="samples must be in the order of time, one pass a file")
+    if not np.ptp(log.force, axis=0).any() or time[-1] == time[0]:
+        raise error("CS3063", "the force never changes, or time does not: nothing says where the cut begins", file=source,
+                    hint=HINT)
+
+
+def _not_believed(log: ForceLog, path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> Finding:
+    odd = "every stretch follows the program"
+    if alignment.odd:
+        ends = [np.searchsorted(program.time, stretch) for stretch in alignment.odd[:5]]
+        targets = ", ".join(f"{low} to {high}" for low, high in ends)
+        odd = (f"in {len(alignment.odd)} of its stretches (targets {targets}{' ...' if len(alignment.odd) > 5 else ''}) the "
+               f"force does not follow the program, at most {MOST_ODD} may be so")
+    return Finding(
+        "CS3061", "error", f"the log cannot be placed by time alone: {100 * alignment.share:.0f} % of the force follows the "
+        f"program, at least {100 * LOWEST_SHARE:.0f} % must; its score is {alignment.score:.1f} against {_rival(alignment)}, "
+        "at "
+        f"least {LOWEST_SCORE:g} is needed; {odd}", file=log.source,
+        hint=f"is it the log of {path.toolpath.source}, from before its start to after its end? Passes that are alike cannot "
+        "be "
+             f"told apart: {HINT}")
+
+
+def _placed(log: ForceLog, alignment: TimeAlignment, spread: Array) -> Finding:
+    typical, largest = 1e3 * np.nanquantile(spread, [0.5, 0.95])
+    return Finding(
+        "CS3064", "warning", f"placed by time alone: the program starts at {alignment.start:.2f} s of the log's clock, "
+        "override "
+        f"{100 * alignment.override:.1f} %, stretches slip by up to {alignment.slip:.2f} s; {100 * alignment.share:.0f} % of "
+        "the "
+        f"force follows the program, score {alignment.score:.0f} against {_rival(alignment)}; 1 sigma of the time "
+        f"{np.median(alignment.std):.3f} s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)",
+        file=log.source)
+
+
+def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> list[Finding]:
+    """The one stretch that may be odd."""
+    if not alignment.odd:
+        return []
+    low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in alignment.odd[0])
+    return [Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the program: is there no "
+                    "stock, or did the program stand still?", file=path.toolpath.source, line=int(path.toolpath.line[low]),
+                    target=low)]
+
+
+def _rival(alignment: TimeAlignment) -> str:
+    return f"the best other place {alignment.rival:.1f} s away" if np.isfinite(alignment.rival) else "no other place"
+
+
+def _spread(program: ProgramTime, alignment: TimeAlignment) -> Array:
+    """1 sigma (M,) [m] of each sample's place: that of its time at the speed of the move it lies on; NaN outside."""
+    inside = ~np.isnan(alignment.length)
+    move = np.minimum(np.searchsorted(program.length, np.where(inside, alignment.length, 0.0)), len(program.length) - 1)
+    step, duration = np.diff(program.length, prepend=0.0), np.diff(program.time, prepend=0.0)
+    speed = step / np.maximum(duration, 1e-9) * (duration > 0)
+    return np.where(inside, alignment.std * speed[move], np.nan)

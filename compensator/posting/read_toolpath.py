@@ -1,0 +1,61 @@
+"""A toolpath of any format as the planned RAPID program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
+from compensator.posting.settings import PostingSettings
+from compensator.rapid import RapidProgram, read_rapid
+from compensator.toolpath import Toolpath
+from identification.common.findings import error
+from identification.model.cell import Cell
+
+RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
+# What is taken for a toolpath in a folder; a table is one only where it is named.
+TOOLPATH_SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES)
+AS_POSTED = PostingSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedProgram:
+    """The program as the CAM system means it. text: its RAPID text as read, or as posted. air (N,): the targets that are known
+    to be reached in the air. source: the file it was read from, None: none."""
+
+    text: RapidProgram
+    air: NDArray[np.bool_]
+    source: Path | None = None
+
+    @property
+    def toolpath(self) -> Toolpath:
+        """Its targets."""
+        return self.text.toolpath
+
+
+def read_toolpath(file: Path, cell: Cell, settings: PostingSettings = AS_POSTED) -> PlannedProgram:
+    """Reads a toolpath by its suffix; APT and CSV are posted first (post.py).
+
+    Raises CompstiffError: CS4201 for formats that are not read, and what the readers and `post` raise.
+    """
+    suffix = file.suffix.lower()
+    if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
+        posted = post(read_cam_path(file, settings), cell, settings, f"{file} (posted)")
+        return PlannedProgram(posted.program, posted.rapid, file)
+    if suffix not in RAPID_SUFFIXES:
+        raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "
+                    f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
+                    file=str(file), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
+    try:
+        text = read_rapid(file.read_bytes(), str(file))
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
+    return PlannedProgram(text, np.zeros(len(text.toolpath), dtype=bool), file)
+
+
+def rapid_suffix(toolpath: Path) -> str:
+    """The suffix of the RAPID program made from a toolpath."""
+    return toolpath.suffix if toolpath.suffix.lower() in RAPID_SUFFIXES else ".mod"

@@ -1,0 +1,124 @@
+"""DesignPlan: what `design` answers, as JSON values, for the terminal, as a measurement file and as a RAPID program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from identification.common.findings import Finding
+from identification.design.comparison import Comparison
+from identification.design.discrimination import Discrimination
+from identification.design.forecast import Forecast
+from identification.design.program import RapidProgram, rapid_program
+from identification.design.request import Prepared
+from identification.design.search import Design
+from identification.design.sheet import Sheet, sheet_text
+
+CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mean variance of ln k",
+            "A in raw k": "the mean variance of k, as published", "E": "the longest axis of the confidence ellipsoid of ln k",
+            "I": "the mean variance of the deflection predicted along the program"}
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPlan:
+    """A plan and all that there is to say of it: the task, the design that was found for it, its rows, what they will tell.
+    discrimination: which rival causes they are to tell apart, gain: over plainer loads, None where that was not asked for.
+    further: rows were measured before, and the forecast is of them together. seed: of the random starts."""
+
+    prepared: Prepared
+    design: Design
+    sheet: Sheet
+    forecast: Forecast
+    discrimination: Discrimination | None
+    gain: Comparison | None
+    further: bool
+    seed: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def prediction_std_um(self) -> tuple[float, float] | None:
+        """RMS uncertainty [um] of the deflection predicted along the program before and after the plan, None without one."""
+        weight = self.prepared.weight
+        if weight is None:
+            return None
+        before = np.linalg.inv(self.prepared.task.prior)
+        first, last = (float(1e6 * np.sqrt(np.sum(weight * covariance))) for covariance in (before, self.design.covariance))
+        return first, last
+
+    @property
+    def certified(self) -> str:
+        """The certificate in words; of runs that discriminate between rivals it judges what they were not chosen for."""
+        certified = self.design.certificate.sentence
+        if self.discrimination is None:
+            return certified
+        return f"by criterion {self.design.task.criterion.name} alone, for which they were not chosen, the runs are {certified}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        design, prediction = self.design, self.prediction_std_um
+        return {
+            "format": "compstiff-design", "version": 1, "criterion": design.task.criterion.name, "seed": self.seed,
+            "measurements": len(design.task.demand), "replicates": design.task.replicates, "rows": len(self.sheet.visit),
+            "place": self.prepared.place, "before": self.prepared.before,
+            "certificate": design.certificate.as_dict(),
+            "search": {"tried": design.tried, "ended_infeasible": design.failed, "ended_as_good": design.same,
+                       "pool": len(design.pool),
+                       "sampled_pool_exchange_efficiency": design.single / design.certificate.bound},
+            "prediction_std_um": None if prediction is None else {"before": prediction[0], "after": prediction[1]},
+            "settles": None if self.discrimination is None else self.discrimination.as_dict(),
+            "gain": None if self.gain is None else self.gain.as_dict(),
+            "forecast": self.forecast.as_dict(),
+            "visits": self.sheet.visits_as_dicts(),
+        }
+
+    def lines(self) -> list[str]:
+        """The visits, then what the plan is worth and what it will tell."""
+        return [*self.sheet.lines(), *self.worth()]
+
+    def worth(self, joints: bool = True) -> list[str]:
+        """What the plan is worth and what it will tell, in words; joints: a line for each, which a table may say as well."""
+        sheet, criterion = self.sheet, self.design.task.criterion.name
+        kept = int(sheet.validate.sum())
+        lines = [
+            f"{len(sheet.label)} poses" + (f" ({kept} of them never fitted)" if kept else "")
+            + f", {len(sheet.visit)} rows, about {sheet.time[-1] / 60:.0f} min; {self.prepared.place}"]
+        if self.discrimination is not None:
+            lines += self.discrimination.lines()
+        lines += [f"criterion {criterion}: {CRITERIA[criterion]}", self.certified]
+        if self.gain is not None:
+            lines += self.gain.lines()
+        if joints:
+            lines += [f"expected, starting from {self.prepared.before}:", *self.forecast.joint_lines()]
+        prediction = self.prediction_std_um
+        if prediction is not None:
+            lines.append(f"deflection along the program (per 100 N where no force log was given): uncertain by "
+                         f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
+        lines += self.forecast.cause_lines(", with what was measured before," if self.further else "")
+        return lines + (self.forecast.length_lines() if self.discrimination is None else [])
+
+    def csv(self) -> bytes:
+        """The measurement file, its deflection columns still empty."""
+        return sheet_text(self.sheet, self._head()).encode()
+
+    def rapid(self, name: str) -> RapidProgram:
+        """The program that drives through the visits; name: of its module, made an identifier."""
+        return rapid_program(self.prepared.task.domain, self.sheet, name, self._head())
+
+    def _head(self) -> list[str]:
+        """The head of the written files."""
+        task = self.design.task
+        kept = int(self.sheet.validate.sum())
+        lines = [
+            f"Measurement plan by compstiff design, {len(task.demand)} runs"
+            + (f" and {kept} that are never fitted (purpose validate)" if kept else "")
+            + f", criterion {task.criterion.name}; {self.prepared.place}",
+            self.certified,
+            "Deflection: loaded minus unloaded TCP, base frame. Fill in dx_um dy_um dz_um of every row, the zero readings too,",
+            "with the sensors set to zero anew at each pose, and put the true times in time_s; planned ones stand there.",
+            "Collisions were not checked: drive the poses in manual mode first.",
+        ]
+        if self.discrimination is not None:
+            lines += ["Append the rows to what was measured before, then diagnose again.", *self.discrimination.lines()]
+        return lines

@@ -1,0 +1,101 @@
+"""What effects of one kind have in common, so that the file of an effect holds its law and its data alone."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from identification.common.arrays import Array
+from identification.model.effects.base import Effect, Parameter, Signature
+from identification.model.joint_log import JointLog
+from identification.model.load_state import LoadState
+
+
+class AtJoint(Effect):
+    """An effect that sits at a joint."""
+
+    of_robot = True
+
+    def index(self, joint: int | None) -> int:
+        """Place of the joint in the arrays of a LoadState, from 0; of the first it may sit at where none is given."""
+        return (joint or self.joints[0]) - 1
+
+
+class GearTwist(AtJoint):
+    """A gear twists beyond its spring, which moves the TCP by `J_i twist`: one of the laws of a gear."""
+
+    family = "gear"
+    joints: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6)
+    gear_law = True
+
+    @abstractmethod
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        """Twist (n,) [rad] of the gear beyond its spring; i its place in the arrays of `rows`, values (P,)."""
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        i = self.index(joint)
+        return np.asarray(rows.jacobian[:, :, i] * self.twist(rows, i, values)[:, None])
+
+
+class OfWrench(Effect):
+    """What acted is not the wrench that was reported: the springs answer to the difference."""
+
+    of_robot = False
+
+    @abstractmethod
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array: ...
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
+
+
+class OfReading(Effect):
+    """The deflection sensors read something else than the tool's displacement."""
+
+    family = "deflection measurement"
+    of_robot = False
+
+    @abstractmethod
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        """Reading minus displacement (n, 3) [m]; values (P,)."""
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        read = np.zeros((len(rows), 6))
+        read[:, :3] = self.misread(rows, values)
+        return read
+
+
+class InMotion(Effect):
+    """An effect that shows in logs taken in motion alone."""
+
+    def missing(self, rows: LoadState) -> str:
+        return "it shows only in logs taken in motion"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return np.zeros((len(rows), 6))
+
+    @abstractmethod
+    def log_contribution(self, log: JointLog, values: Array) -> Array: ...
+
+
+class SizeAndAngle(Effect):
+    """A size a and an angle phi that enter as a cos phi and a sin phi: one signature, linear in these two."""
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        columns = [self.contribution(rows, joint, np.array([1.0, angle]))[:, :3] for angle in (0.0, np.pi / 2)]
+        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, _polar, self)]
+
+
+def _polar(coefficients: Array) -> Array:
+    """(a cos phi, a sin phi) of `a cos(x + phi) = (a cos phi) cos x + (a sin phi) cos(x + pi/2)`, as (a, phi)."""
+    return np.array([np.hypot(*coefficients), np.arctan2(coefficients[1], coefficients[0])])
+
+
+def along_axes(
+    name: str, unit: str, typical: float, bound: float, *, source: str = "", bounds_source: str = "",
+) -> tuple[Parameter, ...]:
+    """Three parameters of either sign, alike along x, y and z: `{}` in the name stands for the axis."""
+    return tuple(Parameter(name.format(axis), unit, typical, -bound, bound, source=source, bounds_source=bounds_source)
+                 for axis in "xyz")

@@ -1,0 +1,105 @@
+"""AxisDiagnosis: what a log says of one joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.arrays import read_only
+from identification.motion.axis import Axis
+from identification.motion.causes import LogCause
+from identification.motion.prediction import Gain
+from identification.motion.remainder import Remainder
+from identification.motion.search import Hypothesis
+from identification.motion.stiffness import AxisStiffness
+
+Array = NDArray[np.float64]
+Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
+MICRO = 1e6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AxisDiagnosis:
+    """One joint. named: the hypothesis of the certain causes only, which the gain is about. causes: certain; alternatives:
+    others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band. deflection
+    (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict."""
+
+    axis: Axis
+    verdict: Verdict
+    p_value: float
+    hypotheses: tuple[Hypothesis, ...]
+    named: Hypothesis
+    left: Remainder
+    stiffness: AxisStiffness
+    deflection: Array
+    residuals: Array
+    causes: tuple[LogCause, ...] = ()
+    alternatives: tuple[LogCause, ...] = ()
+    withdrawn: tuple[str, ...] = ()
+    explained: float = 0.0
+    gain: Gain | None = None
+
+    def __post_init__(self) -> None:
+        read_only(self.deflection, self.residuals)
+
+    @property
+    def joint(self) -> int:
+        """From 1."""
+        return self.axis.joint
+
+    @property
+    def fitted_std(self) -> tuple[float, float]:
+        """Standard deviation [rad] of what the plain and the extended model leave, at full rate."""
+        return float(np.std(self.residuals[:, 0])), float(np.std(self.residuals[:, 1]))
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        total = float(np.var(self.deflection))
+        shares = [1 - float(np.var(self.residuals[:, k])) / total for k in range(2)]
+        before, after = self.fitted_std
+        return {
+            "joint": self.joint, "verdict": self.verdict, "p_value": self.p_value,
+            "causes": [cause.label for cause in self.causes], "withdrawn": list(self.withdrawn),
+            "fitted": {
+                "rms_before_urad": MICRO * before, "rms_after_urad": MICRO * after,
+                "variance_explained_before": shares[0], "variance_explained_after": shares[1]},
+            "sets": [{"causes": list(hypothesis.names), "probability": hypothesis.probability,
+                      "compliance_rad_per_nm": float(hypothesis.solved.coefficients[len(self.axis.lengths)])}
+                     for hypothesis in self.hypotheses[:6]],
+            "left": self.left.as_dict(), "stiffness": self.stiffness.as_dict(),
+        }
+
+    def lines(self) -> list[str]:
+        """In plain words."""
+        total = float(np.var(self.deflection))
+        before, after = self.fitted_std
+        lines = [f"joint {self.joint}: a straight line through the gear-side torque leaves {MICRO * before:.0f} urad RMS and "
+                 f"explains {100 * (1 - before**2 / total):.0f} % of the variance (p = {self.p_value:.2g})", *self._answer()]
+        if self.withdrawn:
+            lines.append(f"  withdrawn: {', '.join(self.withdrawn)} fits here but does not predict what was not fitted")
+        if self.causes:
+            lines.append(f"  extended model: {MICRO * after:.0f} urad RMS, {100 * (1 - after**2 / total):.1f} % of the "
+                         "variance")
+        gain = self.gain
+        if gain is not None:
+            lines.append(f"  gain where it was not fitted ({gain.held_out}): {MICRO * gain.before:.0f} -> "
+                         f"{MICRO * gain.after:.0f} urad RMS, ratio {gain.ratio:.1f} ({gain.interval[0]:.1f} ... "
+                         f"{gain.interval[1]:.1f})")
+        return [*lines, f"  {self.stiffness.sentence}"]
+
+    def _answer(self) -> list[str]:
+        """The names, certain and not."""
+        lines = ["  adequate: the plain spring explains the log to its noise"] if self.verdict == "adequate" else []
+        lines += [f"  named: {cause.sentence} ({cause.label}: {cause.estimates}; probability {cause.probability:.3f})"
+                  for cause in self.causes]
+        others = [f"{cause.label} {cause.probability:.2f}" for cause in self.alternatives]
+        if self.verdict == "ambiguous":
+            lines.append("  ambiguous: " + ", ".join(others))
+        elif self.verdict == "unknown":
+            lines.append("  unknown: no cause in the dictionary explains it")
+        elif others:
+            lines.append("  beside it perhaps (this log does not settle it): " + ", ".join(others[:5]))
+        return lines
