@@ -8,10 +8,11 @@ from identification.common.autocorrelation import FEWEST_BLOCKS, autocorrelation
 
 
 def autoregression(phi: float, count: int, columns: int = 1, seed: int = 1) -> np.ndarray:
-    """x_k = phi x_(k-1) + white noise (count, columns), from its stationary state; its time is (1 + phi) / (1 - phi)."""
+    """x_k = phi x_(k-1) + white noise (count, columns), from its stationary state, about zero; its time is (1 + phi) / (1 - phi)."""
     rng = np.random.default_rng(seed)
     noise = rng.standard_normal((count, columns))
-    return lfilter([np.sqrt(1 - phi**2)], [1, -phi], noise, axis=0, zi=phi * rng.standard_normal((1, columns)))[0]
+    series = lfilter([np.sqrt(1 - phi**2)], [1, -phi], noise, axis=0, zi=phi * rng.standard_normal((1, columns)))[0]
+    return series - series.mean(axis=0)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.8, 0.9])
