@@ -32,7 +32,10 @@ def mean_along(values: Array) -> Mean:
     from scipy.special import stdtrit
 
     count, mean = len(values), float(values.mean())
-    correlation = autocorrelation_time(values - mean)
+    residual = values - mean
+    # What rounding leaves of equal values has no correlation.
+    equal = float(residual @ residual) <= 1e-30 * max(float(values @ values), 1e-300)
+    correlation = autocorrelation_time(np.zeros(count) if equal else residual)
     if count < FEWEST_BLOCKS:
         return Mean(mean, None, count, correlation)
     blocks = int(np.clip(count // correlation.block, FEWEST_BLOCKS, MOST_BLOCKS))

@@ -41,19 +41,16 @@ class AutocorrelationTime:
         return self.count < FEWEST_BLOCKS * self.block
 
 
-def autocorrelation_time(series: Array, floor: float | None = None, most: int | None = None) -> AutocorrelationTime:
-    """Of a series (n,), or of (n, C) columns that share it. Summed over Sokal's window, or up to the first rho below `floor`,
-    at most `most` lags. A series of under FEWEST_BLOCKS values tells nothing: its time is 1, and `short`."""
-    count = len(series)
+def autocorrelation_time(residual: Array, floor: float | None = None, most: int | None = None) -> AutocorrelationTime:
+    """Of a series (n,), or of (n, C) columns that share it, whose mean is zero. Summed over Sokal's window, or up to the first
+    rho below `floor`, at most `most` lags. Under FEWEST_BLOCKS values tell nothing: their time is 1, and `short`."""
+    count = len(residual)
     if count < FEWEST_BLOCKS:
         return AutocorrelationTime(1.0, count)
-    centred = (series - series.mean(axis=0)).reshape(count, -1)
-    power = float(np.vdot(centred, centred))
-    if power <= 1e-30 * max(float(np.vdot(series, series)), 1e-300):
-        return AutocorrelationTime(1.0, count)
     size = 1 << (2 * count - 1).bit_length()
-    spectrum = np.fft.rfft(centred, size, axis=0)
-    rho = np.fft.irfft(np.sum(spectrum * spectrum.conj(), axis=1), size)[:count] / power
+    spectrum = np.fft.rfft(residual.reshape(count, -1), size, axis=0)
+    covariance = np.fft.irfft(np.sum(spectrum * spectrum.conj(), axis=1), size)[:count]
+    rho = covariance / max(float(np.vdot(residual, residual)), 1e-300)
     if floor is None:
         times = 2 * np.cumsum(rho) - 1
         window = np.flatnonzero(np.arange(count) >= SOKAL * times)

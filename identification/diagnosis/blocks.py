@@ -102,6 +102,6 @@ def residual_memory(cell: Cell, rows: Measurements) -> AutocorrelationTime:
             smooth = np.convolve(series, np.ones(window) / window, mode="same")
             fast = (series - smooth)[window // 2: -window // 2]
             # Summed up to the first lag that is not above its own noise.
-            memory = autocorrelation_time(fast, 2.0 / np.sqrt(len(fast)), window // 2)
+            memory = autocorrelation_time(fast - fast.mean(), 2.0 / np.sqrt(len(fast)), window // 2)
             longest = max(longest, memory, key=lambda time: time.values)
     return longest
