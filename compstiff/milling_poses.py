@@ -21,6 +21,12 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> MillingPos
     """The reached targets of a program (with force, where a log is given), evenly thinned where there are very many.
 
     Raises what the readers raise, and CompstiffError (CS1602) where the robot reaches none of them.
+
+    >>> from pathlib import Path
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> poses = compstiff.milling_poses(cell, Path("insert.mod"), Path("insert.forces.parquet"))
+    >>> poses.theta.shape
+    ?
     """
     path = robot_path(read_toolpath(toolpath, cell).toolpath, cell)
     wanted = path.reached.copy()

@@ -21,7 +21,13 @@ REPORTS = {
 
 
 def report(result: object) -> str:
-    """The HTML report of a result: one page that opens offline. Raises TypeError for a value that has none."""
+    """The HTML report of a result: one page that opens offline. Raises TypeError for a value that has none.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> fit = compstiff.fit_stiffness(cell, compstiff.read_measurements("measurements.csv", cell.robot))
+    >>> compstiff.report(fit).lstrip()[:15]
+    '<!doctype html>'
+    """
     where = REPORTS.get(type(result).__name__)
     if where is None:
         raise TypeError(f"there is no report of {type(result).__name__}; there is one of {', '.join(REPORTS)}")
@@ -34,6 +40,8 @@ def write(files: Mapping[str | Path, bytes | str | Mapping[str, Any]], *, overwr
     """Writes all files or none: bytes, text, or JSON values.
 
     Raises CompstiffError: CS0003 a file exists and `overwrite` is not set, CS0004 it cannot be written.
+
+    >>> compstiff.write({"notes.txt": "as planned", "notes.json": {"planned": True}})
     """
     from identification.common.files import check_writable, json_bytes, write_whole
 

@@ -73,6 +73,11 @@ def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = Fa
     Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
     CS1002 joint outside its limits, CS1003 sigma not positive, CS1004 loaded row without any deflection, CS1005 no load,
     CS1006 deflections whose unit cannot be right.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> measurements = compstiff.read_measurements("measurements.csv", cell.robot)
+    >>> measurements.theta.shape, int(measurements.validate.sum())
+    ((112, 6), 28)
     """
     table = read_table(
         path, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),

@@ -92,6 +92,13 @@ def correct(planned: Predicted) -> Corrected:
     the text, and what it commands.
 
     Raises what `logged_pass`, `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
+    >>> corrected = compstiff.correct(predicted)
+    >>> corrected.as_dict()["corrected"], len(corrected.content) > 0
+    ?
     """
     settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged = logged_pass(planned)

@@ -21,7 +21,12 @@ from identification.model.stiffness_file import read_stiffness
 
 @dataclass(frozen=True)
 class Inputs:
-    """The files of one job."""
+    """The files of one job.
+
+    >>> from pathlib import Path
+    >>> compstiff.Inputs(Path("cell.yaml"), Path("insert.mod"), Path("stiffness.json"), Path("insert.forces.parquet")).toolpath.name
+    'insert.mod'
+    """
 
     cell: Path
     toolpath: Path
@@ -31,7 +36,12 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What a correction writes: the program with its record beside it, the offsets and the report where they are wanted."""
+    """What a correction writes: the program with its record beside it, the offsets and the report where they are wanted.
+
+    >>> from pathlib import Path
+    >>> [file.name for file in compstiff.Outputs(Path("part_corrected.mod"), offsets=Path("offsets.csv"), report=None).files]
+    ?
+    """
 
     program: Path
     offsets: Path | None = None
@@ -58,7 +68,15 @@ def correct_files(
     inputs: Inputs, outputs: Outputs, settings: Settings, *, overwrite: bool,
     before_writing: Callable[[], None] | None = None,
 ) -> Corrected:
-    """Corrects one program and writes all its files, or none. What `before_writing` raises stops it at the last moment."""
+    """Corrects one program and writes all its files, or none. What `before_writing` raises stops it at the last moment.
+
+    >>> from pathlib import Path
+    >>> inputs = compstiff.Inputs(Path("cell.yaml"), Path("insert.mod"), Path("stiffness.json"), Path("insert.forces.parquet"))
+    >>> outputs = compstiff.Outputs(Path("part_corrected.mod"), offsets=Path("part_offsets.csv"), report=None)
+    >>> corrected = compstiff.correct_files(inputs, outputs, compstiff.Settings.of(tare=((0, 2),)), overwrite=False)
+    >>> Path("part_corrected.mod.json").is_file()
+    True
+    """
     check_distinct(inputs, outputs.files())
     check_writable(outputs.files(), overwrite=overwrite)
     if not overwrite:

@@ -97,6 +97,12 @@ def predict(
 
     Raises CompstiffError (CS4202) for a program without a move, and what `read_force_log`, `place_forces`,
     `targets_to_correct` and `predict_path` raise.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
+    >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
+    ?
     """
     if settings.correction.scale != EXACTLY_ONE:
         model = model.scaled(*settings.correction.scale)

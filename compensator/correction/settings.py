@@ -58,7 +58,12 @@ class FeedSettings:
 
 @dataclass(frozen=True)
 class Settings:
-    """All of them. No name stands in two groups."""
+    """All of them. No name stands in two groups.
+
+    >>> settings = compstiff.Settings.of(tare=((0, 2),), check_feed=True)
+    >>> settings.log.tare, settings.correction.tolerance
+    (((0, 2),), 5e-06)
+    """
 
     log: LogSettings = field(default_factory=LogSettings)
     correction: CorrectionSettings = field(default_factory=CorrectionSettings)

@@ -66,6 +66,10 @@ def read_force_log(
     overrides the form's. borders (N - 1,) [m]: path lengths half way between targets: no row of a long log placed by path
     length reaches over one. Raises CompstiffError: CS0201 to CS0203, CS3001 no column places the samples, CS3002 empty,
     CS3004 no target number, CS3020 no header, CS3022 counts without a scale.
+
+    >>> log = compstiff.read_force_log("insert.forces.parquet")
+    >>> log.key, log.force.shape
+    ?
     """
     source = open_force_log(Path(file), form, log_format)
     if not source.rows:

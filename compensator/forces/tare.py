@@ -98,6 +98,11 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
 
     Raises CompstiffError: CS3037 (a log in the base frame, without joint angles, or with forces that vary as under load),
     CS3034 (the orientations do not tell the mass from the bias), CS3042 (the mass is negative).
+
+    >>> cell = compstiff.read_cell("tare.yaml")
+    >>> stills = compstiff.still_payload(compstiff.read_force_log("still.csv", cell.force_log.form), cell)
+    >>> stills.orientations
+    ?
     """
     form = cell.force_log
     _check_log(log, form)

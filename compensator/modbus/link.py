@@ -31,7 +31,11 @@ NAMES = {1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "de
 
 @dataclass(frozen=True)
 class Address:
-    """Where the device listens. timeout_s bounds the connection and every reply, retries how often a request is repeated."""
+    """Where the device listens. timeout_s bounds the connection and every reply, retries how often a request is repeated.
+
+    >>> compstiff.Address("127.0.0.1", 1502, unit=1).port
+    1502
+    """
 
     host: str
     port: int

@@ -54,6 +54,10 @@ def read_offsets(path: Path, reach_mm: float) -> Offsets:
 
     reach_mm: distance between TCP and cutting edge for which the error of the turn not sent is stated. Raises
     CompstiffError: CS5001 targets that are not consecutive, CS5006 an offset with some cells empty, and those of read_table.
+
+    >>> offsets = compstiff.read_offsets("offsets.csv", reach_mm=10.0)
+    >>> len(offsets)
+    ?
     """
     from identification.common.tables import read_table
 

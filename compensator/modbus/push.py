@@ -137,6 +137,12 @@ def push(
     CS5004 too large for a register, CS5010 another device, CS5011 over the device's limit, CS5014 another writer;
     Unconfirmed: CS5012 the device is lost or does not confirm (of a dry run a warning, CS5015), CS5013 busy, CS5016 no sign
     of the robot; Interrupted (CS5018); CompstiffError: CS0003 the receiver exists, CS0004 a file cannot be written.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> address = compstiff.Address(cell.modbus.host, cell.modbus.port, cell.modbus.unit)
+    >>> dry_run = compstiff.push(cell, compstiff.read_offsets("offsets.csv", reach_mm=10.0), address)
+    >>> print(dry_run.lines()[-1])
+    dry run: nothing was sent
     """
     check_offsets(offsets, cell.max_offset)
     result = _compared(cell, offsets, address, needed=apply)

@@ -45,6 +45,11 @@ def post_files(
 
     Raises CompstiffError: CS4201 (a format that is not posted), CS0003 (a file is there already, and not `overwrite`), CS0006
     (an output is an input), and what `read_cell`, `read_cam_path`, `post` and `split_files` raise.
+
+    >>> from pathlib import Path
+    >>> posted = compstiff.post_files(Path("post.yaml"), Path("part.apt"), Path("part.mod"), compstiff.Settings().posting)
+    >>> posted.as_dict()["targets"]
+    ?
     """
     inputs, record_file = [cell_file, toolpath_file], output.with_name(output.name + ".json")
     check_outputs(inputs, [output, record_file])

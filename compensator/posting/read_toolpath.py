@@ -40,6 +40,11 @@ def read_toolpath(file: Path, cell: Cell, settings: PostingSettings = AS_POSTED)
     """Reads a toolpath by its suffix; APT and CSV are posted first (post.py).
 
     Raises CompstiffError: CS4201 for formats that are not read, and what the readers and `post` raise.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program = compstiff.read_toolpath("insert.mod", cell)
+    >>> len(program.toolpath), program.toolpath.position[0].round(4).tolist()
+    ?
     """
     suffix = file.suffix.lower()
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):

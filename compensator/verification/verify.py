@@ -72,6 +72,11 @@ def verify(
     predicted_file: deviation.csv or offsets.csv of the measured program. tolerance_um: largest deviation that is accepted.
     within [m]: how far apart places may be that belong together. frame: of the readings' components. Raises CompstiffError:
     what `read_readings`, `pair` and `predicted_at` raise, CS6020 no component in both passes, CS6028 nothing predicted.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> verification = compstiff.verify(cell, "before.csv", "after.csv", tolerance_um=20.0)
+    >>> verification.accepted, round(verification.comparison.ratio, 1)
+    ?
     """
     before, after = read_readings(before_file, cell), read_readings(after_file, cell)
     rows_before, rows_after = pair(before, after, within)

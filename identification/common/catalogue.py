@@ -21,7 +21,11 @@ def catalogue() -> dict[str, dict[str, str]]:
 
 
 def explain_code(code: str) -> dict[str, str]:
-    """One page, with its code. Raises CompstiffError (CS0009) for a code that does not exist."""
+    """One page, with its code. Raises CompstiffError (CS0009) for a code that does not exist.
+
+    >>> compstiff.explain_code("CS1012")["title"]
+    ?
+    """
     name = code.upper()
     pages = catalogue()
     if name not in pages:

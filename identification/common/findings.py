@@ -20,6 +20,9 @@ class Finding:
     code: "CSnnnn", a page of the catalogue. message: what was found, with the number and the limit or what was
     expected. hint: what to do. line and column count from 1; target counts from 0 (docs/formats.md#force-logs).
     count: how many places this finding stands for (`fold`); line, column and target are then the first one's.
+
+    >>> print(compstiff.Finding("CS3003", "note", "12 samples, placed by target", file="part.forces.csv"))
+    part.forces.csv: note CS3003: 12 samples, placed by target
     """
 
     code: str
@@ -46,7 +49,14 @@ class Finding:
 
 
 class CompstiffError(ValueError):
-    """The job could not be done: bad content, no solution, file trouble (exit code 1)."""
+    """The job could not be done: bad content, no solution, file trouble (exit code 1).
+
+    >>> try:
+    ...     compstiff.read_cell("no_such_cell.yaml")
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    ?
+    """
 
     exit_code = 1
 

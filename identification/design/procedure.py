@@ -36,6 +36,11 @@ def design_plan(
     no run is admissible, CS1602 for the criterion I without `milling`, and what `fit_stiffness` raises on measured rows.
 
     The matrices are six by six: with OPENBLAS_NUM_THREADS=1 set before numpy is imported it takes a fraction of the time.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> plan = compstiff.design_plan(cell, compstiff.Request(measurements=2), quick=True)
+    >>> plan.as_dict()["format"], len(plan.csv()) > 0
+    ('compstiff-design', True)
     """
     prepared = prepare(cell, request, milling)
     task, rng, effort = prepared.task, np.random.default_rng(seed), QUICK if quick else Effort()

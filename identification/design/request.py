@@ -38,6 +38,9 @@ class Request:
     stays between. phi_deg: window of the tool's orientation, 180 for none. replicates: visits to each pose. preset: "paper" or
     "outlook". measured: rows after which the runs come; diagnosis: what a diagnosis of them says, whose rivals the runs shall
     tell apart. kept_back: further poses that are never fitted. Raises ValueError for what excludes each other.
+
+    >>> compstiff.Request(measurements=8, axes="xz", force_n=200.0).protocol
+    'cycle'
     """
 
     measurements: int | None = None

@@ -75,6 +75,12 @@ def fit_stiffness(
     """Identifies the stiffnesses from the rows with purpose `identify`.
 
     prior_kind "gaussian" is the paper's prior in k with weight gamma (eq. 11). Raises what `posterior` raises.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> fit = compstiff.fit_stiffness(cell, compstiff.read_measurements("measurements.csv", cell.robot))
+    >>> print(fit.lines()[1])
+    k1      1.549e+06               1.543e+06 ... 1.556e+06      reliable
+    >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
     rows = measurements.select(~measurements.validate)
     prior = PriorModel(cell.prior, prior_kind, gamma)

@@ -58,6 +58,9 @@ def convert_log(
 
     rate: samples a second (metallicadour, net-ft); channels: names of the force, then the moment channels (lvm); counts: per
     newton and per newton metre (net-ft). Raises what the form's reader raises.
+
+    >>> Path("log.txt").write_text("?")
+    ?
     """
     if form == "kuka-kr300":
         from identification.formats.kuka_kr300 import read_kuka_kr300

@@ -186,6 +186,10 @@ def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
     """Reads cell.yaml and the robot file it names; geometry: whether the robot must have joints.
 
     Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints).
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> cell.robot.name, (1e3 * cell.flange_from_tcp.position).round(3).tolist()
+    ('irb6660-205-1.90', [120.0, 0.0, 250.0])
     """
     path = Path(path)
     file = read_yaml(path, CellFile)

@@ -170,7 +170,11 @@ class RobotModel:
 
 
 def built_in_robots() -> dict[str, Path]:
-    """Names of the robots that come with the program, and their files."""
+    """Names of the robots that come with the program, and their files.
+
+    >>> list(compstiff.built_in_robots())
+    ['irb4400-60', 'irb6640-235-2.55', 'irb6660-205-1.90', 'irb6700-200-2.60']
+    """
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 

@@ -72,6 +72,11 @@ def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
 
     Raises CompstiffError: CS1201 not such a file, CS1202 another robot or load path than the cell's, or another tool where an
     effect depends on it, CS1203 numbers that are no covariance or outside physical bounds, CS1204 effects that cannot be used.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> model = compstiff.read_stiffness("stiffness.json", cell)
+    >>> [f"{k:.2e}" for k in model.stiffness[:2]]
+    ['1.55e+06', '4.04e+06']
     """
     name = str(path)
     file = _parse(path, name)

@@ -117,6 +117,12 @@ def diagnose_joint_logs(
 
     alarm: rate of false alarms over the whole dictionary and all joints; replicates: simulated data sets behind the p-values.
     Raises CompstiffError (CS1501) where the held-out log lacks a joint.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> log, other = compstiff.read_motion_log("log_a.csv"), compstiff.read_motion_log("log_b.csv")
+    >>> diagnosis = compstiff.diagnose_joint_logs(cell, [log], other, replicates=49)
+    >>> diagnosis.as_dict()["verdict"]
+    ?
     """
     return JointLogDiagnosis(cell, tuple(logs), diagnose_axes(list(logs), held_out, alarm=alarm, replicates=replicates),
                              1 / (replicates + 1))

@@ -48,7 +48,13 @@ class JointLogFit:
 
 
 def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
-    """Identifies the stiffnesses from one or more joint deflection logs; the cell's robot needs no geometry."""
+    """Identifies the stiffnesses from one or more joint deflection logs; the cell's robot needs no geometry.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> fit = compstiff.fit_joint_logs(cell, [compstiff.read_motion_log("log_a.csv")])
+    >>> print(fit.lines()[2])
+    ?
+    """
     numbers = sorted({joint for log in logs for joint in log.joints})
     joints = tuple(axis_stiffness(joint, list(logs)) for joint in numbers)
     return JointLogFit(identified_model(cell, joints), joints, stiffness_findings(logs, joints))

@@ -71,6 +71,10 @@ def read_motion_log(path: str | Path) -> MotionLog:
 
     Raises what `tables.read_table` raises, and CompstiffError CS1501: no joint with both encoders and torque, uneven time,
     too short.
+
+    >>> log = compstiff.read_motion_log("log_a.csv")
+    >>> log.joints, round(log.rate)
+    ((2,), 250)
     """
     path = Path(path)
     line: NDArray[np.intp] | None = None
