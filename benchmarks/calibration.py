@@ -75,7 +75,7 @@ def write_cells(folder: Path) -> None:
 
 
 def draw_sizes(noise: str, rng: np.random.Generator) -> Sizes:
-    """The true noise. Drawn: as size_prior.py and noise.py take it beforehand, written out again here."""
+    """The true noise. Drawn: as variance_prior.py and noise.py take it beforehand, written out again here."""
     if noise == "white":
         return Sizes()
     if not noise.startswith("drawn"):

@@ -1,7 +1,7 @@
 """Runs after a diagnosis that could not decide: those under which the rivals, each fitted to what was measured, differ most.
 
 The rivals are fitted again from the measurements, among the names that diagnosis.json lists; the choice among the admissible
-runs is diagnosis/settle.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
+runs is diagnosis/discrimination.py's. Where fewer runs than asked for leave hardly any doubt, the others are the criterion's.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from identification.design.exchange import Demand, many_exchanges
 from identification.design.procedure import Design, Effort, Task, refined, total_information
 from identification.design.sheet import DWELL_S
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.discrimination import Separation, planned_rows, rivals_of, separation, settling
-from identification.diagnosis.procedure import converged
+from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
+from identification.diagnosis.naming import converged
 from identification.diagnosis.record import FORMAT
-from identification.fit.posterior import Posterior, posterior
-from identification.fit.priors import PriorModel
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -115,22 +115,21 @@ def read_diagnosis(path: Path, cell: Cell) -> Diagnosed:
     return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(path))
 
 
-def fitted_rivals(cell: Cell, measurements: Measurements, told: Diagnosed) -> dict[str, tuple[Posterior, float]]:
+def fitted_rivals(cell: Cell, measurements: Measurements, told: Diagnosed) -> Rivals:
     """The rivals, fitted to the rows that the diagnosis used, with their probabilities, the likeliest first."""
     rows = in_blocks(cell, measurements)[0]
     rows = rows.select(~rows.validate & ~np.isin(rows.row, told.bad_rows))
-    prior = PriorModel(cell.prior)
-    plain = posterior(cell, rows, prior)
+    data = LoadTest.of(cell, rows)
     catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in told.names}
-    seen, _, fitted = converged(cell, rows, prior, plain, catalogue, 2)
-    wanted = set(told.names)
+    seen, _, fitted = converged(posterior(data), catalogue, 2)
+    wanted, entries = set(told.names), seen.dictionary.entries
     listed = tuple(one for one in seen.hypotheses
-                   if {(seen.words.entries[k].effect.name, seen.words.entries[k].joint) for k in one.entries} <= wanted)
-    return rivals_of(cell, rows, prior, replace(seen, hypotheses=listed), fitted.map[:6])
+                   if {(entries[k].effect.name, entries[k].joint) for k in one.entries} <= wanted)
+    return rivals_of(data, replace(seen, hypotheses=listed), fitted.log_compliance)
 
 
 def settling_design(
-    task: Task, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, effort: Effort | None = None
+    task: Task, rivals: Rivals, rng: np.random.Generator, effort: Effort | None = None
 ) -> tuple[Design, Settled]:
     """A plan whose runs settle the diagnosis first, and what it is worth by the task's criterion. Raises CompstiffError
     (CS1601) where no run is admissible."""
@@ -146,7 +145,7 @@ def settling_design(
 
 
 def settling_runs(
-    task: Task, rivals: dict[str, tuple[Posterior, float]], pool: Pool, rng: np.random.Generator
+    task: Task, rivals: Rivals, pool: Pool, rng: np.random.Generator
 ) -> tuple[Pool, Settled]:
     """The runs of a random pool that settle the diagnosis, as many as the task asks for or as are needed. They are taken as
     they are: what they settle does not hang on a degree."""
@@ -154,9 +153,9 @@ def settling_runs(
     tried = pool.take(_spread_of(pool, len(domain.slots), rng))
     forces = np.stack([domain.slots[s].along(line) for s, line in zip(tried.slot, tried.line, strict=True)])
     rows = planned_rows(tried.theta, forces, DWELL_S)
-    found = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
+    found = separation(rows, rivals)
     _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
-    chosen = np.array(settling(found, len(task.demand), pose.ravel()), dtype=np.intp)
+    chosen = np.array(discriminating(found, len(task.demand), pose.ravel()), dtype=np.intp)
     # Nobody errs more than by always naming the likeliest: the bound may say more than that.
     most = 1.0 - float(found.probability.max())
     doubt = [min(most, float(found.mistaken(found.of(chosen[:k])))) for k in range(len(chosen) + 1)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.design.exchange import Demand, exchange
 from identification.design.procedure import Design
 from identification.design.sheet import Sheet, as_measurements
-from identification.diagnosis.plan import Outlook, outlook
+from identification.diagnosis.plan import Outlook, judge_plan
 from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
 from identification.measurements import Measurements
 
@@ -64,12 +64,12 @@ def forecast(found: Design, rows: Sheet, measured: Measurements | None, rng: np.
     planned = as_measurements(rows)
     if measured is not None:
         planned = measured.select(~measured.validate).followed_by(planned)
-    causes, left_out = outlook(found.task.domain.rig.cell, planned)
+    outlook = judge_plan(found.task.domain.rig.cell, planned)
     count = len(found.task.demand)
     free = len(found.task.demand.counts) == 1
     runs = tuple(sorted({*range(1, min(count, 4) + 1), count, *(round(count * share) for share in (0.5, 1.5, 2.0))} - {0}))
     curve = [_length(found, n, rng) for n in runs] if free else []
-    return Forecast(joint_forecasts(found), tuple(causes), left_out, runs if free else (),
+    return Forecast(joint_forecasts(found), outlook.effects, outlook.left_out, runs if free else (),
                     tuple(value for value, _ in curve), tuple(std for _, std in curve))
 
 

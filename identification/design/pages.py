@@ -17,7 +17,6 @@ from identification.design.loads import FREE
 from identification.design.procedure import Design, approximate_information
 from identification.design.record import Plan, along, spread, worth
 from identification.design.sheet import Sheet
-from identification.diagnosis.plan import shown_size
 from identification.model.kinematics import chain
 
 Array = NDArray[np.float64]
@@ -77,7 +76,7 @@ def _causes(expected: Forecast) -> ReportTable:
     return ReportTable("What it will tell of causes beyond the springs: the smallest size found, and named, in 4 of 5 cases",
                        ["cause", "found from", "named from", "typical", "unit", "parameter", "at its typical size",
                         "not told from"],
-                       [[one.entry.label, shown_size(one, one.detectable), shown_size(one, one.identifiable),
+                       [[one.entry.label, one.shown(one.detectable), one.shown(one.identifiable),
                          f"{one.typical:.2g}", "" if one.unit == "1" else one.unit, one.parameter, one.grade,
                          ", ".join(one.alike)] for one in ranked], numbers=(1, 2, 3))
 

@@ -1,8 +1,8 @@
 """Machined passes: rows along a path are neighbours in time, and their noise is not independent.
 
-Rows of a pass are averaged over blocks longer than the noise remembers; a block counts as one reading, and how many readings
-the rows are really worth is reported. The memory is the integrated autocorrelation time of the residual's fast part (what a
-running mean over `SLOW` rows leaves), since a misfit of the model is slow along the path and must stay.
+Rows of a pass are averaged over blocks longer than the noise is correlated; a block counts as one reading, and how many
+readings the rows are really worth is reported. That length comes from the integrated autocorrelation time of the residual's
+fast part (what a running mean over `SLOW` rows leaves), since a misfit of the model is slow along the path and must stay.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.fitted_model import predicted_deflection
+from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
-from identification.fit.priors import PriorModel
-from identification.measurements import Measurements
+from identification.measurements import Measurements, run_numbers
 from identification.model.cell import Cell
 from identification.model.compliance import joint_torque
 
@@ -25,7 +24,7 @@ MOST_BLOCKS = 1200
 # Rows, evenly spread, that the residual's model is fitted to.
 THINNED = 1500
 # A block is so many autocorrelation times long: neighbouring means then share under a tenth of their variance.
-MEMORIES = 5.0
+BLOCK_TIMES = 5.0
 NO_TORQUE_NM = 5.0
 # Each pass is held out in so many stretches.
 STRETCHES = 10
@@ -37,7 +36,7 @@ class Thinning:
 
     rows: int
     blocks: int
-    memory: float
+    autocorrelation_time: float
 
 
 def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thinning | None]:
@@ -45,18 +44,18 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
     on_path = measurements.machined_pass != ""
     if not on_path.any():
         return measurements, None
-    memory = autocorrelation_time(cell, measurements.select(on_path))
+    correlated = autocorrelation_time(LoadTest.of(cell, measurements.select(on_path)))
     count = int(on_path.sum())
-    length = max(1, int(np.ceil(max(count / MOST_BLOCKS, MEMORIES * memory if memory > 1.2 else 1.0))))
+    length = max(1, int(np.ceil(max(count / MOST_BLOCKS, BLOCK_TIMES * correlated if correlated > 1.2 else 1.0))))
     block = np.arange(len(measurements), dtype=np.intp)
     # A gear's play or soft zone is crossed where a torque changes sign: no block reaches over that.
     torque = joint_torque(cell.robot, measurements.theta, cell.flange_from_tcp, measurements.wrench)
     signs = np.sign(np.where(np.abs(torque) > NO_TORQUE_NM, torque, 0.0))
     stretch = np.full(len(measurements), "", dtype=object)
     key = measurements.visit * 2 + measurements.validate
-    for one in np.unique(key[on_path]):
-        rows = np.flatnonzero(on_path & (key == one))
-        block[rows] = rows[0] + _runs(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
+    for number in np.unique(key[on_path]):
+        rows = np.flatnonzero(on_path & (key == number))
+        block[rows] = rows[0] + run_numbers(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
         part = np.arange(len(rows)) * STRETCHES // len(rows)
         stretch[rows] = [f"{measurements.machined_pass[rows[0]]} part {k + 1}" for k in part]
     _, first, member = np.unique(block, return_index=True, return_inverse=True)
@@ -70,29 +69,24 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
         np.add.at(counts, member, known)
         return np.divide(total, counts, out=np.full_like(total, np.nan), where=counts > 0)
 
-    worth = np.sqrt(size / min(memory, length))[:, None]
+    worth = np.sqrt(size / min(correlated, length))[:, None]
     stated = np.where(np.isnan(measurements.sigma), cell.noise.deflection, measurements.sigma)
     picked = measurements.select(np.isin(np.arange(len(measurements)), first))
     averaged = replace(
         picked, theta=mean(measurements.theta), wrench=mean(measurements.wrench), deflection=mean(measurements.deflection),
         sigma=mean(stated) / np.maximum(worth, 1.0), time=mean(measurements.time), dwell=mean(measurements.dwell),
         pose=np.where(stretch[first] == "", picked.pose, stretch[first]))
-    return averaged, Thinning(count, len(np.unique(block[on_path])), memory)
+    return averaged, Thinning(count, len(np.unique(block[on_path])), correlated)
 
 
-def _runs(labels: Array) -> NDArray[np.intp]:
-    """Number (n,) of the run of equal consecutive rows of labels (n, m)."""
-    return np.concatenate([[0], np.cumsum(np.any(labels[1:] != labels[:-1], axis=1))]).astype(np.intp)
-
-
-def autocorrelation_time(cell: Cell, rows: Measurements) -> float:
+def autocorrelation_time(data: LoadTest) -> float:
     """Integrated autocorrelation time [rows] of the fast part of the residual, the largest of the three components."""
+    rows = data.rows
     every = max(1, len(rows) // THINNED)
-    fitted = posterior(cell, rows.select(np.arange(len(rows)) % every == 0), PriorModel(cell.prior))
-    residual = rows.deflection - predicted_deflection(cell, rows, fitted.map)
+    residual = posterior(data.with_rows(rows.select(np.arange(len(rows)) % every == 0))).residual_of(data)
     longest = 1.0
-    for one in np.unique(rows.visit):
-        mine = residual[rows.visit == one]
+    for visit in np.unique(rows.visit):
+        mine = residual[rows.visit == visit]
         window = min(SLOW, len(mine) // 4)
         if window < 8:
             continue
