@@ -32,16 +32,17 @@ from scipy.stats import beta, chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from identification.diagnosis.dictionary import dictionary
-from identification.diagnosis.procedure import Diagnosis, diagnose
+from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.projection import Base, scores
-from identification.diagnosis.record import record
-from identification.fit.fitted_model import response, situation_of
-from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.fitted_model import response
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import VarianceComponents, noise_model
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
+from identification.model.effects_in_force import SPRINGS
 from tests.runs.hidden_effects.cases import KINDS, hidden_in
 from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, label, truth_names
 from tests.runs.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
@@ -109,32 +110,34 @@ def one(arguments: tuple[str, str, int]) -> Result:
     before = time.perf_counter()
     found = diagnose(cell, measurements)
     seconds = time.perf_counter() - before
-    given = answer(record(cell, measurements, found))
+    given = answer(found.as_dict())
     truth = truth_names(case.truth)
     outcome = judge(truth, given)
-    models = (found.plain, found.carried or found.plain)
-    adequacy = found.adequacy.p_value if found.adequacy else None
+    judgement = found.judgement
+    models = (judgement.plain, judgement.carried or judgement.plain)
+    adequacy = judgement.adequacy.p_value if judgement.adequacy else None
     return Result(
         seed, kind, truth, tuple(hidden.factor for hidden in case.hidden), seen, given, outcome,
-        (found.detection.p_value, adequacy), held_out(cell, measurements, case, found) if kind in ("single", "pair") else None,
+        (judgement.detection.p_value, adequacy),
+        held_out(cell, measurements, case, found) if kind in ("single", "pair") else None,
         *coverage(case, models), standardised(case, found) if outcome == "right" else (), baselines(cell, measurements, found),
         seconds)
 
 
 def held_out(cell: Cell, measurements: Measurements, case: Case, found: Diagnosis) -> Held | None:
     """Squares left on the validation rows, beside those of the model that is told the true effects."""
-    told = oracle(cell, measurements, case)
-    if told is None:
+    informed, judgement = oracle(cell, measurements, case), found.judgement
+    if informed is None:
         return None
-    return Held(*(squares_left(cell, measurements, model) for model in (
-        found.plain, found.carried or found.plain, told)))
+    return Held(*(squares_left(measurements, model) for model in (
+        judgement.plain, judgement.carried or judgement.plain, informed)))
 
 
 def coverage(case: Case, models: Sequence[Posterior]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Of each model: squared distance of the true ln k, and the share of single 95 % intervals that hold it."""
     distance, singles = [], []
     for model in models:
-        off, covariance = model.mean[:6] + np.log(case.stiffness), model.covariance[:6, :6]
+        off, covariance = model.mean[SPRINGS] + np.log(case.stiffness), model.covariance[SPRINGS, SPRINGS]
         distance.append(float(off @ np.linalg.solve(covariance, off)))
         singles.append(float(np.mean(np.abs(off) <= 1.96 * np.sqrt(np.diag(covariance)))))
     return (distance[0], distance[1]), (singles[0], singles[1])
@@ -144,7 +147,7 @@ def standardised(case: Case, found: Diagnosis) -> tuple[float, ...]:
     """Errors of the named effects' parameters in stated standard deviations, where the hidden law is the dictionary's."""
     errors, place = [], 6
     true = {label(truth["effect"], truth["joint"]): truth["parameters"] for truth in case.truth}
-    model = found.extended
+    model = found.judgement.extended
     for term in model.terms:
         for k, parameter in enumerate(term.effect.parameters, start=place):
             values = true.get(label(term.effect.name, term.joint), {})
@@ -163,19 +166,19 @@ def baselines(cell: Cell, measurements: Measurements, found: Diagnosis) -> tuple
     nothing = np.zeros(3)
     white = replace(cell, noise=replace(cell.noise, force=nothing, force_relative=0.0, pose_offset=nothing, force_stated=True,
                                         offset_stated=True))
-    x = found.plain.map
-    noise = noise_model(white, rows, np.exp(x))
-    position, slope = response(cell, rows, x)
+    x, data = found.judgement.plain.map, LoadTest.of(white, rows)
+    noise = noise_model(data, np.exp(x))
+    position, slope = response(data, x)
     residual = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(rows.deflection) - position)
-    base = Base(noise.rotation @ slope, residual, noise.weights(NoiseSize()), 1e-6 * np.eye(6), np.zeros(6))
-    words = dictionary(situation_of(cell, rows, np.exp(x)), noise, effects())
-    ratio = np.where(scores(base, words).visible, scores(base, words).ratio, 0.0)
+    base = Base(noise.rotation @ slope, residual, noise.weights(VarianceComponents()), 1e-6 * np.eye(6), np.zeros(6))
+    dictionary = dictionary_of(data.load_state(np.exp(x)), noise, effects())
+    ratio = np.where(scores(base, dictionary).visible, scores(base, dictionary).ratio, 0.0)
     free = residual.reshape(-1) - base.design.reshape(-1, 6) @ base.step(residual)
-    names = [label(words.entries[k].effect.name, words.entries[k].joint) for k in words.entry_of]
-    p_value = chi2.sf(ratio, words.widths)
+    names = [label(dictionary.entries[k].effect.name, dictionary.entries[k].joint) for k in dictionary.entry_of]
+    p_value = chi2.sf(ratio, dictionary.widths)
     strongest, count, squares = int(np.argmin(p_value)), free.size, float(free @ free)
     worth = (count * np.log(squares / np.maximum(squares - ratio, 1e-9 * squares))
-             - words.widths * np.log(count))
+             - dictionary.widths * np.log(count))
 
     def said(significant: bool, which: int) -> Answer:
         return Answer("named", frozenset([names[which]])) if significant else Answer("adequate")

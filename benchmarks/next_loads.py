@@ -20,8 +20,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.discrimination import CYCLE, candidate_rows
-from identification.diagnosis.procedure import Diagnosis, diagnose
 from identification.fit.fitted_model import response
 from identification.measurements import read_measurements
 from identification.model.cell import Cell, read_cell
@@ -56,13 +56,14 @@ def chosen(policy: str, cell: Cell, found: Diagnosis, rng: np.random.Generator) 
     poses = np.repeat(random_poses(cell.robot, CANDIDATES, rng, share=0.6), 3, axis=0)
     axes = np.tile(np.arange(3), CANDIDATES)
     which, forces = int(rng.integers(len(poses))), FORCE_N * np.array(CYCLE)
-    if policy == "asked" and found.next_loads:
-        asked = found.next_loads[0]
+    if policy == "asked" and found.judgement.next_loads:
+        asked = found.judgement.next_loads[0]
         return asked.theta, np.outer(asked.forces, np.eye(3)[asked.axis])
     if policy == "D-optimal":
-        at = found.plain
-        slope = response(cell, candidate_rows(poses, axes, FORCE_N), at.map[:6])[1].reshape(len(poses), -1, 6)
-        scaled = slope / (at.size.sensor * float(np.mean(cell.noise.deflection)))
+        at = found.judgement.plain
+        trial = at.data.with_rows(candidate_rows(poses, axes, FORCE_N))
+        slope = response(trial, at.map)[1].reshape(len(poses), -1, 6)
+        scaled = slope / (at.components.sensor * float(np.mean(cell.noise.deflection)))
         now = np.linalg.inv(at.laplace)
         which = int(np.argmax(np.linalg.slogdet(now + np.swapaxes(scaled, 1, 2) @ scaled)[1]))
     return poses[which], np.outer(forces, np.eye(3)[axes[which]])

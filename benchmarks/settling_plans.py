@@ -29,7 +29,7 @@ from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.request import measured_place
 from identification.design.task import Task, free_demand
-from identification.diagnosis.procedure import Diagnosis
+from identification.diagnosis.diagnose import Diagnosis
 from identification.model.cell import Cell
 from identification.model.kinematics import forward
 from tests.runs.hidden_effects.cases import hidden_in
@@ -43,12 +43,12 @@ POSES = 1000
 
 def task_after(cell: Cell, found: Diagnosis, runs: int) -> Task:
     """D-optimal runs given what was measured, as `design --add` sets it up."""
-    model = found.plain
-    rig = instrument(cell, np.exp(model.mean[:6]))
+    model = found.judgement.plain
+    rig = instrument(cell, np.exp(model.mean))
     slots = tuple(slot(axis, "cycle", FORCE_N) for axis in "xyz")
-    tcp = forward(cell.robot, found.rows.theta, cell.flange_from_tcp).position
+    tcp = forward(cell.robot, found.judgement.rows.theta, cell.flange_from_tcp).position
     domain = Domain(rig, slots, *measured_place(tcp))
-    return Task(domain, d_criterion(), np.linalg.inv(model.covariance[:6, :6]), free_demand(3, runs))
+    return Task(domain, d_criterion(), np.linalg.inv(model.covariance), free_demand(3, runs))
 
 
 def planned(policy: str, cell: Cell, found: Diagnosis, runs: int, rng: np.random.Generator) -> Pool:
@@ -60,8 +60,8 @@ def planned(policy: str, cell: Cell, found: Diagnosis, runs: int, rng: np.random
     settling = pool.take(np.zeros(0, dtype=np.intp))
     if policy == "settling":
         told = Diagnosed(found.verdict, tuple((one.effect.name, one.joint) for one in found.alternatives),
-                         tuple(bad.row for bad in found.bad_rows), "")
-        rivals = rival_models(cell, found.rows, told)
+                         tuple(bad.row for bad in found.judgement.bad_rows), "")
+        rivals = rival_models(cell, found.judgement.rows, told)
         if len(rivals) > 1:
             settling = discriminating_runs(task, rivals, pool, rng)[0]
     left = runs - len(settling)

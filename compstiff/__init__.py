@@ -8,9 +8,9 @@
     corrected = compstiff.correct(compstiff.predict(cell, toolpath, fit.model, "part.forces.csv"))
     compstiff.write({"part_corrected.mod": corrected.content, "correct.html": compstiff.report(corrected)})
 
-Lengths are in metres, angles in radians, forces in newton, frames named by their direction (`base_from_tcp`); what differs has
-its unit in the name. What is wrong with a file is raised as `CompstiffError`, with file, line, column and a hint; every result has
-`findings` (what to know before trusting it), `as_dict()` and `lines()`.
+Lengths are in metres, angles in radians, forces in newton, frames named by direction (`base_from_tcp`); what differs has
+its unit in the name. What is wrong with a file is raised as `CompstiffError`, with file, line, column and a hint; every result
+has `findings` (what to know before trusting it), `as_dict()` and `lines()`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identification.diagnosis.diagnose import diagnose
-
     from compensator.correction.correct import correct
     from compensator.correction.files import Inputs, Outputs, correct_files
     from compensator.correction.predict import predict
@@ -38,6 +36,7 @@ if TYPE_CHECKING:
     from identification.common.findings import CompstiffError, Finding
     from identification.design.procedure import design_plan
     from identification.design.request import Request
+    from identification.diagnosis.diagnose import diagnose
     from identification.diagnosis.plan import judge_plan
     from identification.fit.fit import fit_stiffness
     from identification.formats.convert import convert_log

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from compensator.correction.files import Inputs, Outputs, correct_files
 from compensator.correction.settings import Settings
-from compstiff.cli.identify import stiffness_lines
 from compstiff.outcome import Outcome, Session
 from identification.common.files import check_writable, json_bytes, write_whole
 from identification.common.shipped import shipped
@@ -45,7 +44,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     session.inputs += [at[name] for name in SAMPLES]
     lines = [
         f"$ compstiff identify cell.yaml measurements.csv -o stiffness.json --report identify.html   (in {folder})",
-        *stiffness_lines(fit),
+        *fit.lines(),
         "",
         "$ compstiff correct cell.yaml insert.mod --stiffness stiffness.json --forces insert.forces.parquet "
         f"--tare {TARE[0]}:{TARE[1]} -o insert_corrected.mod --offsets offsets.csv --report correct.html",

@@ -62,8 +62,9 @@ class Measurements:
         after = {"visit": self.visit.max() + 1, "reference": self.reference.max() + 1, "row": self.row.max(),
                  "line": self.line.max(), "time": np.nanmax(self.time, initial=0.0)}
         arrays = {name: np.concatenate([getattr(self, name), getattr(other, name) + after.get(name, 0)]) for name in (
-            "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "validate", "row", "line")}
-        labels = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("machined_pass", "pose")}
+            "theta", "wrench", "deflection", "sigma", "time", "dwell", "visit", "reference", "row", "line")}
+        labels = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in (
+            "validate", "machined_pass", "pose")}
         return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
 
 
@@ -119,13 +120,13 @@ def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = Fa
     return Measurements(
         source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
         time=table.numbers.get("time_s", nothing), dwell=table.numbers.get("dwell_s", nothing),
-        visit=_visits(table, theta), reference=_runs(table.texts.get("reference", np.full(count, "", dtype=object))),
+        visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold(findings))
 
 
-def _runs(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:
+def run_numbers(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:
     """Number of the run of equal consecutive labels (N,) each row is in."""
     changed = np.any(np.atleast_2d(np.asarray(label).T)[:, 1:] != np.atleast_2d(np.asarray(label).T)[:, :-1], axis=0)
     return np.concatenate([[0], np.cumsum(changed)]).astype(np.intp)[: len(label)]
@@ -133,12 +134,12 @@ def _runs(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:
 
 def _visits(table: Table, theta: Array) -> NDArray[np.intp]:
     """Pose visits: runs of one label, or of equal joint angles where the file has no labels; a machined pass is one."""
-    visit = _runs(table.texts["pose"]) if "pose" in table.texts else _runs(theta)
+    visit = run_numbers(table.texts["pose"]) if "pose" in table.texts else run_numbers(theta)
     label = table.texts.get("pass")
     if label is None:
         return visit
     on_path = label != ""
-    return _runs(np.column_stack([np.where(on_path, -1, visit), np.where(on_path, _runs(label), -1)]))
+    return run_numbers(np.column_stack([np.where(on_path, -1, visit), np.where(on_path, run_numbers(label), -1)]))
 
 
 def _purposes(table: Table, purpose: NDArray[np.object_]) -> list[Finding]:

@@ -24,7 +24,7 @@ class Inputs:
     """The files of one job.
 
     >>> from pathlib import Path
-    >>> compstiff.Inputs(Path("cell.yaml"), Path("insert.mod"), Path("stiffness.json"), Path("insert.forces.parquet")).toolpath.name
+    >>> compstiff.Inputs(*map(Path, ("cell.yaml", "insert.mod", "stiffness.json", "insert.forces.parquet"))).toolpath.name
     'insert.mod'
     """
 

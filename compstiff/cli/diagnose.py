@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.outcome import Outcome, Session
-
-if TYPE_CHECKING:
-    pass
 
 
 @command("diagnose", writes=True)
@@ -51,8 +47,7 @@ def diagnose(
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.diagnosis.procedure import diagnose
-    from identification.diagnosis.record import diagnosis_findings, record, summary
+    from identification.diagnosis.diagnose import diagnose
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
 
@@ -61,26 +56,23 @@ def diagnose(
     check_writable([output, *optional], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     measurements = read_measurements(measurements_file, cell.robot)
-    found = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
-    content = record(cell, measurements, found)
-    findings = diagnosis_findings(cell, measurements, found)
+    diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
+    content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
     if extended:
-        from identification.diagnosis.extended_model import extended_model
-
-        model = extended_model(cell, found).as_dict()
-        files[extended] = json_bytes(model)
-        if not model["effects"]:
+        model = diagnosis.extended()
+        files[extended] = json_bytes(model.as_dict())
+        if not model.effects:
             session.say(f"{extended} is the model of six springs: no effect of the robot is named")
     if report:
         from identification.diagnosis.pages import diagnosis_report
 
-        files[report] = diagnosis_report(cell, measurements, found, findings).encode()
+        files[report] = diagnosis_report(diagnosis).encode()
     write_whole(files)
     following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
                  "-o PART_corrected.mod") if extended else ""
-    return Outcome(content, findings, summary(cell, found), next_step=following or _next_after(found.verdict, cell_file,
-                                                                                          measurements_file, output))
+    return Outcome(content, diagnosis.findings, diagnosis.lines(), next_step=following or _next_after(
+        diagnosis.verdict, cell_file, measurements_file, output))
 
 
 def _diagnose_log(
@@ -115,20 +107,18 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     """What a plan could and could not tell apart."""
 
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.diagnosis.plan import outlook, plan_lines
+    from identification.diagnosis.plan import judge_plan
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
 
     session.inputs += [cell_file, plan]
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    rows = read_measurements(plan, cell.robot, planned=True)
-    found, left_out = outlook(cell, rows.select(~rows.validate))
-    content = {"format": "compstiff-diagnosis-plan", "version": 1, "effects": [one.as_dict() for one in found],
-               "not_offered": left_out}
+    outlook = judge_plan(cell, read_measurements(plan, cell.robot, planned=True))
+    content = outlook.as_dict()
     if output:
         write_whole({output: json_bytes(content)})
-    return Outcome(content, rows.findings, plan_lines(found, left_out),
+    return Outcome(content, outlook.findings, outlook.lines(),
                    next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
 
 

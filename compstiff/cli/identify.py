@@ -11,7 +11,6 @@ from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.outcome import Outcome, Session
 
 if TYPE_CHECKING:
-    from identification.fit.fit import Fit
     from identification.fit.priors import PriorKind
 
 
@@ -55,14 +54,13 @@ def identify(
     cell = read_cell(cell_file)
     measurements = read_measurements(measurements_file, cell.robot)
     fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
-    content = fit.model.as_dict()
-    files = {output: json_bytes(content)}
+    files = {output: json_bytes(fit.model.as_dict())}
     if report:
         from identification.fit.report import identification_report
 
         files[report] = identification_report(cell, measurements, fit).encode()
     write_whole(files)
-    return Outcome(content | {"details": fit.details()}, fit.findings, stiffness_lines(fit),
+    return Outcome(fit.as_dict(), fit.findings, fit.lines(),
                    next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
                    "-o PART_corrected.mod")
 
@@ -86,24 +84,3 @@ def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], out
     write_whole(files)
     return Outcome(content, fit.findings, fit.lines(),
                    next_step=f"compstiff diagnose {cell_file} {log_files[0]} -o diagnosis.json")
-
-
-def stiffness_lines(fit: Fit) -> list[str]:
-    """The fit as a table for the terminal."""
-    model = fit.model
-    lines = ["joint   stiffness k [N m/rad]   95 % interval                grade"]
-    for joint, (k, (low, high), grade) in enumerate(
-            zip(model.stiffness, model.interval_95, model.grades, strict=True), start=1):
-        digits = 3 if high / low > 1.02 else 4
-        interval = f"{low:.{digits}g} ... {high:.{digits}g}"
-        lines.append(f"k{joint}      {k:<22.{digits}g}  {interval:<27}  {grade}")
-    noise = model.fit["noise"]
-    offset = sum(noise["pose_offset_um"]) / 3
-    lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: sensor "
-                 f"{noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
-    lines.append(fit.ellipsoid.words)
-    if fit.held_out is not None:
-        before, after = fit.held_out
-        lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
-                     "the identified")
-    return lines

@@ -23,18 +23,16 @@ from identification.design.search import Design, Effort, best_refined
 from identification.design.sheet import DWELL_S
 from identification.design.task import Demand, Task
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.discrimination import Separation, planned_rows, rivals_of, separation, settling
-from identification.diagnosis.procedure import converged
+from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
+from identification.diagnosis.naming import converged
 from identification.diagnosis.record import FORMAT
-from identification.fit.posterior import Posterior, posterior
-from identification.fit.priors import PriorModel
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
 
 Array = NDArray[np.float64]
-# Models fitted to what was measured, with their probabilities, by label, the likeliest first.
-Rivals = dict[str, tuple[Posterior, float]]
 # Poses that are compared, and the bound on the probability of a wrong name under which more runs decide nothing.
 POSES = 150
 DECIDED = 0.02
@@ -122,15 +120,13 @@ def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -
     """The rivals, fitted to the rows that the diagnosis used, with their probabilities, the likeliest first."""
     rows = in_blocks(cell, measurements)[0]
     rows = rows.select(~rows.validate & ~np.isin(rows.row, diagnosed.bad_rows))
-    prior = PriorModel(cell.prior)
-    plain = posterior(cell, rows, prior)
+    data = LoadTest.of(cell, rows)
     catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in diagnosed.names}
-    survey, _, fitted = converged(cell, rows, prior, plain, catalogue, 2)
-    named = set(diagnosed.names)
-    entries = survey.words.entries
+    survey, _, fitted = converged(posterior(data), catalogue, 2)
+    named, entries = set(diagnosed.names), survey.dictionary.entries
     listed = tuple(hypothesis for hypothesis in survey.hypotheses
                    if {(entries[k].effect.name, entries[k].joint) for k in hypothesis.entries} <= named)
-    return rivals_of(cell, rows, prior, replace(survey, hypotheses=listed), fitted.map[:6])
+    return rivals_of(data, replace(survey, hypotheses=listed), fitted.log_compliance)
 
 
 def discriminating_design(
@@ -154,9 +150,9 @@ def discriminating_runs(task: Task, rivals: Rivals, pool: Pool, rng: np.random.G
     tried = pool.take(_spread_of(pool, len(domain.slots), rng))
     forces = np.stack([domain.slots[s].along(line) for s, line in zip(tried.slot, tried.line, strict=True)])
     rows = planned_rows(tried.theta, forces, DWELL_S)
-    separated = separation(domain.rig.cell, rows, rivals, next(iter(rivals.values()))[0])
+    separated = separation(rows, rivals)
     _, pose = np.unique(tried.theta, axis=0, return_inverse=True)
-    chosen = np.array(settling(separated, len(task.demand), pose.ravel()), dtype=np.intp)
+    chosen = np.array(discriminating(separated, len(task.demand), pose.ravel()), dtype=np.intp)
     # Nobody errs more than by always naming the likeliest: the bound may say more than that.
     most = 1.0 - float(separated.probability.max())
     doubt = [min(most, float(separated.mistaken(separated.of(chosen[:k])))) for k in range(len(chosen) + 1)]

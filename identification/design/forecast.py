@@ -13,7 +13,7 @@ from identification.design.exchange import exchange
 from identification.design.search import Design
 from identification.design.sheet import Sheet, as_measurements
 from identification.design.task import Demand
-from identification.diagnosis.plan import Outlook, not_told_apart, outlook
+from identification.diagnosis.plan import Outlook, judge_plan, not_told_apart
 from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSEEN_SHRINKAGE
 from identification.measurements import Measurements
 
@@ -101,12 +101,12 @@ def forecast(design: Design, sheet: Sheet, measured: Measurements | None, rng: n
     planned = as_measurements(sheet)
     if measured is not None:
         planned = measured.select(~measured.validate).followed_by(planned)
-    causes, left_out = outlook(design.task.domain.rig.cell, planned)
+    outlook = judge_plan(design.task.domain.rig.cell, planned)
     count = len(design.task.demand)
     free = len(design.task.demand.counts) == 1
     runs = tuple(sorted({*range(1, min(count, 4) + 1), count, *(round(count * share) for share in (0.5, 1.5, 2.0))} - {0}))
     curve = [_of_length(design, n, rng) for n in runs] if free else []
-    return Forecast(joint_forecasts(design), tuple(causes), left_out, runs if free else (),
+    return Forecast(joint_forecasts(design), outlook.effects, outlook.left_out, runs if free else (),
                     tuple(value for value, _ in curve), tuple(std for _, std in curve))
 
 

@@ -16,7 +16,6 @@ from identification.design.plan import DesignPlan
 from identification.design.program import RapidProgram
 from identification.design.search import Design
 from identification.design.sheet import Sheet
-from identification.diagnosis.plan import shown_size
 from identification.model.kinematics import chain
 
 Array = NDArray[np.float64]
@@ -76,7 +75,7 @@ def _causes(expected: Forecast) -> ReportTable:
     return ReportTable("What it will tell of causes beyond the springs: the smallest size found, and named, in 4 of 5 cases",
                        ["cause", "found from", "named from", "typical", "unit", "parameter", "at its typical size",
                         "not told from"],
-                       [[cause.entry.label, shown_size(cause, cause.detectable), shown_size(cause, cause.identifiable),
+                       [[cause.entry.label, cause.shown(cause.detectable), cause.shown(cause.identifiable),
                          f"{cause.typical:.2g}", "" if cause.unit == "1" else cause.unit, cause.parameter, cause.grade,
                          ", ".join(cause.alike)] for cause in ranked], numbers=(1, 2, 3))
 

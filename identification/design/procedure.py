@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.common.findings import Finding
 from identification.design.comparison import compared
-from identification.design.discrimination import Rivals, discriminating_design, no_rivals, rival_models
+from identification.design.discrimination import discriminating_design, no_rivals, rival_models
 from identification.design.domain import Pool
 from identification.design.forecast import forecast
 from identification.design.kept_back import kept_back
@@ -18,6 +18,7 @@ from identification.design.plan import DesignPlan
 from identification.design.request import Request, prepare
 from identification.design.search import QUICK, Design, Effort, optimal_design
 from identification.design.sheet import Sheet, sheet_of
+from identification.diagnosis.discrimination import Rivals
 from identification.model.cell import Cell
 
 

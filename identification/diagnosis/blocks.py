@@ -1,8 +1,8 @@
 """Machined passes: rows along a path are neighbours in time, and their noise is not independent.
 
-Rows of a pass are averaged over blocks longer than the noise remembers; a block counts as one reading, and how many readings
-the rows are really worth is reported. The memory is the integrated autocorrelation time of the residual's fast part (what a
-running mean over `SLOW` rows leaves), since a misfit of the model is slow along the path and must stay.
+Rows of a pass are averaged over blocks longer than the noise is correlated; a block counts as one reading, and how many
+readings the rows are really worth is reported. That length comes from the integrated autocorrelation time of the residual's
+fast part (what a running mean over `SLOW` rows leaves), since a misfit of the model is slow along the path and must stay.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.autocorrelation import AutocorrelationTime, autocorrelation_time
-from identification.fit.fitted_model import predicted_deflection
+from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
-from identification.fit.priors import PriorModel
-from identification.measurements import Measurements
+from identification.measurements import Measurements, run_numbers
 from identification.model.cell import Cell
 from identification.model.compliance import joint_torque
 
@@ -36,7 +35,7 @@ class Thinning:
 
     rows: int
     blocks: int
-    memory: float
+    autocorrelation_time: float
 
 
 def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thinning | None]:
@@ -44,7 +43,7 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
     on_path = measurements.machined_pass != ""
     if not on_path.any():
         return measurements, None
-    memory = residual_memory(cell, measurements.select(on_path))
+    memory = residual_memory(LoadTest.of(cell, measurements.select(on_path)))
     count = int(on_path.sum())
     length = max(memory.block, -(-count // MOST_BLOCKS))
     block = np.arange(len(measurements), dtype=np.intp)
@@ -53,9 +52,9 @@ def in_blocks(cell: Cell, measurements: Measurements) -> tuple[Measurements, Thi
     signs = np.sign(np.where(np.abs(torque) > NO_TORQUE_NM, torque, 0.0))
     stretch = np.full(len(measurements), "", dtype=object)
     key = measurements.visit * 2 + measurements.validate
-    for one in np.unique(key[on_path]):
-        rows = np.flatnonzero(on_path & (key == one))
-        block[rows] = rows[0] + _runs(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
+    for number in np.unique(key[on_path]):
+        rows = np.flatnonzero(on_path & (key == number))
+        block[rows] = rows[0] + run_numbers(np.column_stack([np.arange(len(rows)) // length, signs[rows]]))
         part = np.arange(len(rows)) * STRETCHES // len(rows)
         stretch[rows] = [f"{measurements.machined_pass[rows[0]]} part {k + 1}" for k in part]
     _, first, member = np.unique(block, return_index=True, return_inverse=True)
@@ -84,14 +83,14 @@ def _runs(labels: Array) -> NDArray[np.intp]:
     return np.concatenate([[0], np.cumsum(np.any(labels[1:] != labels[:-1], axis=1))]).astype(np.intp)
 
 
-def residual_memory(cell: Cell, rows: Measurements) -> AutocorrelationTime:
+def residual_memory(data: LoadTest) -> AutocorrelationTime:
     """Of the fast part of the residual, in rows: the longest of all passes and components."""
+    rows = data.rows
     every = max(1, len(rows) // THINNED)
-    fitted = posterior(cell, rows.select(np.arange(len(rows)) % every == 0), PriorModel(cell.prior))
-    residual = rows.deflection - predicted_deflection(cell, rows, fitted.map)
+    residual = posterior(data.with_rows(rows.select(np.arange(len(rows)) % every == 0))).residual_of(data)
     longest = AutocorrelationTime(1.0, len(rows))
-    for one in np.unique(rows.visit):
-        mine = residual[rows.visit == one]
+    for visit in np.unique(rows.visit):
+        mine = residual[rows.visit == visit]
         window = min(SLOW, len(mine) // 4)
         if window < 8:
             continue

@@ -47,70 +47,71 @@ class Dictionary:
     def shapes(self, entry: int, signature: int) -> Array:
         """Columns (n, 3, m) of an entry whose law is not exactly the dictionary's: its signatures for all values of what does
         not enter linearly, and those of the laws near it; `signature` alone for one that is bound to a place."""
-        one = self.entries[entry]
+        named = self.entries[entry]
         if self.signatures[signature].effect.where:
             members = [signature]
         else:
-            near = [other for other in self.entries if other.joint == one.joint and other.effect.name in one.effect.near_laws]
-            members = [k for each in (one, *near) for k in each.signatures]
+            near = [other for other in self.entries
+                    if other.joint == named.joint and other.effect.name in named.effect.near_laws]
+            members = [k for each in (named, *near) for k in each.signatures]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
 
-    def undecided(self, where: LoadState, noise: NoiseModel, joint: int | None) -> Array:
+    def undecided(self, state: LoadState, noise: NoiseModel, joint: int | None) -> Array:
         """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
         in its typical size: the same in all of them, or turning round with the load."""
-        mask = np.zeros(len(where), dtype=bool)
+        mask = np.zeros(len(state), dtype=bool)
         scale = 0.0
         for entry in self.entries:
             if joint is not None and entry.joint == joint:
-                mine = entry.effect.undecided(where, joint)
+                mine = entry.effect.undecided(state, joint)
                 if mine.any():
-                    mask, scale = mask | mine, max(scale, float(entry.effect.typical(where, joint)[0]))
+                    mask, scale = mask | mine, max(scale, float(entry.effect.typical(state, joint)[0]))
         if joint is None or not mask.any():
-            return np.zeros((len(where), 3, 0))
-        move = where.jacobian[:, :3, joint - 1] * scale
-        force = where.wrench[:, :3]
+            return np.zeros((len(state), 3, 0))
+        move = state.jacobian[:, :3, joint - 1] * scale
+        force = state.wrench[:, :3]
         sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
-        columns = [move * (values * mask * (where.visit == visit))[:, None]
-                   for visit in np.unique(where.visit[mask]) for values in (np.ones(len(where)), sign)]
+        columns = [move * (values * mask * (state.visit == visit))[:, None]
+                   for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
         return np.asarray(noise.rotation @ np.stack(columns, axis=2))
 
     def part(self, entries: list[int]) -> Dictionary:
         """These entries alone."""
         kept = [s for k in entries for s in self.entries[k].signatures]
-        found, place = [], 0
+        part, place = [], 0
         for k in entries:
             count = len(self.entries[k].signatures)
-            found.append(Entry(self.entries[k].effect, self.entries[k].joint, range(place, place + count)))
+            part.append(Entry(self.entries[k].effect, self.entries[k].joint, range(place, place + count)))
             place += count
-        return Dictionary(tuple(found), tuple(self.signatures[s] for s in kept), self.columns[:, :, kept], self.widths[kept],
+        return Dictionary(tuple(part), tuple(self.signatures[s] for s in kept), self.columns[:, :, kept], self.widths[kept],
                           self.positive[kept], {})
 
-    def term(self, where: LoadState, signature: int, coefficients: Array) -> Term:
+    def term(self, state: LoadState, signature: int, coefficients: Array) -> Term:
         """The effect in force with these coefficients (3,) in typical sizes."""
-        one = self.signatures[signature]
-        joint = self.entries[self.entry_of[signature]].joint
-        values = one.values(coefficients[: self.widths[signature]] * one.scale)
-        bounds = np.array([(parameter.low, parameter.high) for parameter in one.effect.parameters])
-        return Term(one.effect, joint, np.clip(values, *bounds.T), one.effect.typical(where, joint), one.effect.neutral(where))
+        shape = self.signatures[signature]
+        joint, effect = self.entries[self.entry_of[signature]].joint, shape.effect
+        values = shape.values(coefficients[: self.widths[signature]] * shape.scale)
+        bounds = np.array([(parameter.low, parameter.high) for parameter in effect.parameters])
+        return Term(effect, joint, np.clip(values, *bounds.T), effect.typical(state, joint), effect.neutral(state))
 
 
-def dictionary(where: LoadState, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
+def dictionary_of(state: LoadState, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
     """All effects of the catalogue (`effects()`) at all their places, as these rows would show them."""
     entries: list[Entry] = []
     signatures: list[Signature] = []
     left_out = {}
     for effect in catalogue.values():
-        why = effect.missing(where)
+        why = effect.missing(state)
         if why:
             left_out[effect.name] = why
             continue
         for joint in effect.places:
-            found = effect.signatures(where, joint)
-            entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(found))))
-            signatures += found
-    columns = np.zeros((len(where), 3, len(signatures), WIDEST))
-    for k, one in enumerate(signatures):
-        columns[:, :, k, : one.rows.shape[2]] = one.rows * one.scale
-    whitened = (noise.rotation @ columns.reshape(len(where), 3, -1)).reshape(columns.shape)
-    return Dictionary(tuple(entries), tuple(signatures), whitened, np.array([one.rows.shape[2] for one in signatures]),
-                      np.array([one.positive for one in signatures]), left_out)
+            shapes = effect.signatures(state, joint)
+            entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
+            signatures += shapes
+    columns = np.zeros((len(state), 3, len(signatures), WIDEST))
+    for k, shape in enumerate(signatures):
+        columns[:, :, k, : shape.rows.shape[2]] = shape.rows * shape.scale
+    whitened = (noise.rotation @ columns.reshape(len(state), 3, -1)).reshape(columns.shape)
+    return Dictionary(tuple(entries), tuple(signatures), whitened, np.array([shape.rows.shape[2] for shape in signatures]),
+                      np.array([shape.positive for shape in signatures]), left_out)

@@ -42,13 +42,13 @@ class LawDiscrepancy(Effect):
 def shapes(effect: Effect, rows: LoadState, joint: int | None) -> Array:
     """Columns (n, 3, m) [m] of an effect's shapes and of the laws near it, each for its typical size."""
     near = [effects()[name] for name in effect.near_laws if name in effects()]
-    return np.stack([one.rows[:, :, 0] * one.scale[0] for each in (effect, *near) for one in each.signatures(rows, joint)],
-                    axis=2)
+    signatures = [signature for law in (effect, *near) for signature in law.signatures(rows, joint)]
+    return np.stack([signature.rows[:, :, 0] * signature.scale[0] for signature in signatures], axis=2)
 
 
 def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """One more term for each whose effect has shapes; its size is told by the term's start."""
-    found = []
+    """One more term for each whose effect has shapes; its size comes from the term's start."""
+    free = []
     for term in terms:
         effect = term.effect
         if effect.where or not uncertain(effect):
@@ -56,9 +56,9 @@ def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
         count = shapes(effect, rows, term.joint).shape[2]
         size = SHARE * abs(float(term.start[0] - term.neutral[0])) / float(effect.typical(rows, term.joint)[0])
         zero = np.zeros(count)
-        found.append(Term(LawDiscrepancy(effect, count), term.joint, scale=np.full(count, max(size, 1e-6) / WIDE), start=zero,
-                          neutral=zero))
-    return tuple(found)
+        free.append(Term(LawDiscrepancy(effect, count), term.joint, scale=np.full(count, max(size, 1e-6) / WIDE), start=zero,
+                         neutral=zero))
+    return tuple(free)
 
 
 def uncertain(effect: Effect) -> bool:

@@ -22,16 +22,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.diagnosis.search import Survey
-from identification.fit.fitted_model import response
+from identification.fit.fitted_model import predicted_deflection, response
+from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior, posterior
-from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# Fitted models and their probabilities by label, the likeliest first.
+Rivals = dict[str, tuple[Posterior, float]]
 CANDIDATES = 120
 # How many rivals are fitted to find loads that separate them.
 MOST_RIVALS = 4
@@ -74,12 +77,12 @@ class Separation:
 
     def squared(self, sums: Sequence[Array]) -> Array:
         """d^2 (P, ...) of sets of runs, whose sums of G (..., k + 1, k + 1) are given pair by pair."""
-        found = []
+        distances = []
         for gram, before in zip(sums, self.before, strict=True):
             across = gram[..., :-1, -1:]
             known = np.swapaxes(across, -1, -2) @ np.linalg.solve(before + gram[..., :-1, :-1], across)
-            found.append(np.maximum(gram[..., -1, -1] - known[..., 0, 0], 0.0))
-        return np.array(found)
+            distances.append(np.maximum(gram[..., -1, -1] - known[..., 0, 0], 0.0))
+        return np.array(distances)
 
     def mistaken(self, sums: Sequence[Array]) -> Array:
         """The bound (...) on the probability of the wrong name."""
@@ -100,84 +103,92 @@ class Separation:
         return (self.names[a], self.names[b]), float(np.sqrt(squared[best]))
 
 
-def separation(
-    cell: Cell, trial: Measurements, rivals: dict[str, tuple[Posterior, float]], noise_from: Posterior
-) -> Separation:
-    """How the visits of `trial`, all with as many rows, separate the rivals: fitted models and probabilities by label.
-    noise_from: the model whose noise sizes and springs carry the noise."""
-    count = int(trial.visit.max()) + 1
-    noise = noise_model(cell, trial, np.exp(noise_from.map[:6]))
-    # Posteriors of planned rows must not see single readings' weights: those belong to what was measured.
-    weights = noise.weights(noise_from.size)
-    told = [response(cell, trial, model.map, model.terms) for model, _ in rivals.values()]
-    pairs, grams, before = tuple(combinations(range(len(rivals)), 2)), [], []
+def separation(trial: Measurements, rivals: Rivals) -> Separation:
+    """How the visits of `trial`, all with as many rows, separate the rivals. The first one's variance components and springs
+    carry the noise."""
     models = [model for model, _ in rivals.values()]
+    data = models[0].data.with_rows(trial)
+    count = int(trial.visit.max()) + 1
+    noise = noise_model(data, models[0].compliance)
+    # Posteriors of planned rows must not see single readings' weights: those belong to what was measured.
+    weights = noise.weights(models[0].components)
+    expected = [response(data, model.map, model.terms) for model in models]
+    pairs, grams, before = tuple(combinations(range(len(rivals)), 2)), [], []
     for a, b in pairs:
-        columns = np.concatenate([told[a][1], -told[b][1], (told[a][0] - told[b][0])[:, :, None]], axis=2)
+        (readings_a, slope_a), (readings_b, slope_b) = expected[a], expected[b]
+        columns = np.concatenate([slope_a, -slope_b, (readings_a - readings_b)[:, :, None]], axis=2)
         columns = noise.rotation @ columns
         shape = (count, -1, columns.shape[2])
         grams.append(np.swapaxes(columns.reshape(shape), 1, 2) @ weights.apply(columns).reshape(shape))
         covariance = [2 * np.linalg.inv(models[k].covariance) for k in (a, b)]
-        size = [len(one) for one in covariance]
-        joint = np.zeros((sum(size), sum(size)))
-        joint[: size[0], : size[0]], joint[size[0]:, size[0]:] = covariance
-        before.append(joint)
+        count_a, count_b = (len(matrix) for matrix in covariance)
+        both = np.zeros((count_a + count_b, count_a + count_b))
+        both[:count_a, :count_a], both[count_a:, count_a:] = covariance
+        before.append(both)
     probability = np.array([p for _, p in rivals.values()])
     return Separation(tuple(rivals), probability / probability.sum(), pairs, tuple(grams), tuple(before))
 
 
-def settling(found: Separation, count: int, group: Indices) -> list[int]:
+def discriminating(separation: Separation, count: int, group: Indices) -> list[int]:
     """The candidates, at most one of each group, that make the bound smallest together: the best one at a time, then each
     exchanged while that helps."""
     chosen: list[int] = []
     for _ in range(min(count, len(np.unique(group)))):
-        chosen.append(_best(found, chosen, group))
+        chosen.append(_best(separation, chosen, group))
     for _ in range(3):
         before = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1:]
-            chosen[place] = _best(found, rest, group)
+            chosen[place] = _best(separation, rest, group)
         if chosen == before:
             break
     # In the order they are worth measuring in: the first is the best one alone.
     ordered: list[int] = []
     while len(ordered) < len(chosen):
         left = [k for k in chosen if k not in ordered]
-        ordered.append(min(left, key=lambda k: float(found.mistaken(found.of(np.array([*ordered, k]))))))
+        ordered.append(min(left, key=lambda k: float(separation.mistaken(separation.of(np.array([*ordered, k]))))))
     return ordered
 
 
-def _best(found: Separation, chosen: list[int], group: Indices) -> int:
-    sums = [gram + known for gram, known in zip(found.grams, found.of(np.array(chosen, dtype=np.intp)), strict=True)]
-    mistaken = found.mistaken(sums)
+def _best(separation: Separation, chosen: list[int], group: Indices) -> int:
+    known = separation.of(np.array(chosen, dtype=np.intp))
+    mistaken = separation.mistaken([gram + total for gram, total in zip(separation.grams, known, strict=True)])
     mistaken[np.isin(group, group[chosen])] = np.inf
     return int(np.argmin(mistaken))
 
 
-def rivals_of(
-    cell: Cell, rows: Measurements, prior: PriorModel, seen: Survey, start: Array
-) -> dict[str, tuple[Posterior, float]]:
-    """The likeliest hypotheses fitted to the rows, with their probabilities, by label; start (6,): ln c to begin with."""
+def rivals_of(data: LoadTest, survey: Survey, start: Array) -> Rivals:
+    """The likeliest hypotheses fitted to the data, with their probabilities; start (6,): ln c to begin with."""
     rivals = {}
-    for hypothesis in seen.hypotheses[:MOST_RIVALS]:
-        label = " + ".join(seen.words.entries[k].label for k in hypothesis.entries)
-        rivals[label] = (posterior(cell, rows, prior, seen.terms(hypothesis), start), hypothesis.probability)
+    for hypothesis in survey.hypotheses[:MOST_RIVALS]:
+        label = " + ".join(survey.dictionary.entries[k].label for k in hypothesis.entries)
+        rivals[label] = (posterior(data, survey.terms(hypothesis), start), hypothesis.probability)
     return rivals
 
 
-def next_loads(
-    cell: Cell, rows: Measurements, rivals: dict[str, tuple[Posterior, float]], rng: np.random.Generator, count: int = 3
-) -> tuple[NextLoad, ...]:
-    """The best load cycles, each at a pose of its own. rivals: fitted models and probabilities by label."""
+def robot_difference(models: Sequence[Posterior]) -> float:
+    """Largest RMS [m] by which two models of the same rows differ in what the robot itself does under their loads."""
+    data = models[0].data
+    loaded = data.with_rows(data.rows.select(np.any(data.rows.wrench != 0, axis=1)))
+    moved = []
+    for model in models:
+        kept = [k for k, term in enumerate(model.terms) if term.effect.of_robot]
+        x = np.concatenate([model.log_compliance, *(model.term_values[k] for k in kept)])
+        moved.append(predicted_deflection(loaded, x, [model.terms[k] for k in kept]))
+    return max((rms(a - b) for a, b in combinations(moved, 2)), default=0.0)
+
+
+def next_loads(rivals: Rivals, rng: np.random.Generator, count: int = 3) -> tuple[NextLoad, ...]:
+    """The load cycles, as large as the measured ones, that discriminate best, each at a pose of its own."""
     if len(rivals) < 2:
         return ()
-    force = float(np.abs(rows.wrench[:, :3]).max())
-    poses, axes = _candidates(cell, rng)
-    trial = candidate_rows(poses, axes, force)
-    found = separation(cell, trial, rivals, next(iter(rivals.values()))[0])
+    data = next(iter(rivals.values()))[0].data
+    force = float(np.abs(data.rows.wrench[:, :3]).max())
+    poses, axes = _candidates(data.cell, rng)
+    separated = separation(candidate_rows(poses, axes, force), rivals)
     chosen = []
-    for k in settling(found, count, np.arange(len(poses)) // 3):
-        names, distance = found.best_pair(k)
+    for k in discriminating(separated, count, np.arange(len(poses)) // 3):
+        names, distance = separated.best_pair(k)
         chosen.append(NextLoad(poses[k], int(axes[k]), force * np.array(CYCLE), distance, names))
     return tuple(chosen)
 
@@ -204,14 +215,15 @@ def planned_rows(poses: Array, forces: Array, dwell: tuple[float, ...]) -> Measu
     Each visit has a reference of its own, since the sensors are zeroed there; and rows and labels that no fitted row has, so
     that a step at a certain row or pose of the data does not seem to act there.
     """
-    count, size = forces.shape[:2]
-    visit = np.repeat(np.arange(count), size).astype(np.intp)
-    held = np.resize(np.array(dwell), size)
-    nothing = np.full((count * size, 3), np.nan)
-    wrench = np.concatenate([forces.reshape(-1, 3), np.zeros((count * size, 3))], axis=1)
+    visits, loads = forces.shape[:2]
+    count = visits * loads
+    visit = np.repeat(np.arange(visits), loads).astype(np.intp)
+    held = np.resize(np.array(dwell), loads)
+    nothing = np.full((count, 3), np.nan)
+    wrench = np.concatenate([forces.reshape(-1, 3), np.zeros((count, 3))], axis=1)
     return Measurements(
-        source="candidates", theta=np.repeat(poses, size, axis=0), wrench=wrench, deflection=np.zeros_like(nothing),
-        sigma=nothing, time=np.tile(np.cumsum(held) - held[0], count), dwell=np.tile(held, count), visit=visit,
-        reference=visit, validate=np.zeros(count * size, dtype=bool),
-        machined_pass=np.full(count * size, "", dtype=object), pose=np.full(count * size, "not measured yet", dtype=object),
-        row=np.zeros(count * size, dtype=np.intp), line=np.arange(2, count * size + 2), findings=())
+        source="candidates", theta=np.repeat(poses, loads, axis=0), wrench=wrench, deflection=np.zeros_like(nothing),
+        sigma=nothing, time=np.tile(np.cumsum(held) - held[0], visits), dwell=np.tile(held, visits), visit=visit,
+        reference=visit, validate=np.zeros(count, dtype=bool),
+        machined_pass=np.full(count, "", dtype=object), pose=np.full(count, "not measured yet", dtype=object),
+        row=np.zeros(count, dtype=np.intp), line=np.arange(2, count + 2), findings=())

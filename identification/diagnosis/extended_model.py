@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.diagnosis.procedure import Diagnosis
-from identification.diagnosis.record import residual, rms
+from identification.common.arrays import rms
+from identification.diagnosis.judgement import Judgement
 from identification.fit.identifiability import grade_joints
-from identification.model.cell import Cell
-from identification.model.stiffness import EffectInForce, IdentifiedModel
+from identification.model.effects_in_force import EFFECTS, SPRINGS, EffectInForce
+from identification.model.stiffness import IdentifiedModel
 
 
-def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
+def extended_model(judgement: Judgement) -> IdentifiedModel:
     """The extended model as stiffness.json carries it; the plain one where nothing is named."""
-    free, fitted = found.carried or found.plain, found.extended if found.carried else found.plain
+    plain, carried = judgement.plain, judgement.carried
+    free, fitted = carried or plain, judgement.extended if carried else plain
     kept, inside, place = list(range(6)), [], 6
     for term in fitted.terms:
         if term.effect.of_robot:
@@ -24,13 +25,14 @@ def extended_model(cell: Cell, found: Diagnosis) -> IdentifiedModel:
     interval = fitted.draws.interval(0.95)[kept]
     if free is not fitted:
         # The springs as they are with the effects' laws free; the effects by the dictionary's law, which is what is applied.
-        mean[:6], covariance[:6, :6] = free.mean[:6], free.covariance[:6, :6]
-        covariance[:6, 6:] = covariance[6:, :6] = 0.0
-        interval[:6] = free.draws.interval(0.95)[:6]
-    joints = free.of_joints()
-    grades = grade_joints(cell, found.rows, joints, joints.prior)
-    figures = {"rows": len(found.rows), "residual_rms_um": 1e6 * rms(residual(cell, found, fitted)), "chi2": fitted.chi2,
-               "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.size.sensor, "diagnosis": found.verdict,
-               "measurement_effects": [cause.label for cause in found.causes if not cause.effect.of_robot]}
+        mean[SPRINGS], covariance[SPRINGS, SPRINGS] = free.mean[SPRINGS], free.covariance[SPRINGS, SPRINGS]
+        covariance[SPRINGS, EFFECTS] = covariance[EFFECTS, SPRINGS] = 0.0
+        interval[SPRINGS] = free.draws.interval(0.95)[SPRINGS]
+    figures = {"rows": len(judgement.rows), "residual_rms_um": 1e6 * rms(fitted.residual), "chi2": fitted.chi2,
+               "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.components.sensor,
+               "diagnosis": judgement.verdict,
+               "measurement_effects": [cause.label for cause in judgement.causes if not cause.effect.of_robot]}
+    cell = plain.data.cell
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
-                           tuple(grade.grade for grade in grades), figures, effects=tuple(inside), interval=interval)
+                           tuple(grade.grade for grade in grade_joints(free.of_joints())), figures, effects=tuple(inside),
+                           interval=interval)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.fitted_model import predicted_deflection, response
+from identification.fit.fitted_model import response
+from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
-from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 RESAMPLES = 999
@@ -43,33 +43,32 @@ class Gain:
                 "interval": list(self.interval), "held_out": self.held_out}
 
 
-def gain(cell: Cell, measurements: Measurements, plain: Posterior, extended: Posterior, rng: np.random.Generator) -> Gain:
+def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.Generator) -> Gain:
     """The gain on the validate rows where there are any, else by cross-validation: each pose predicted from the others."""
-    fitted = measurements.select(~measurements.validate)
-    if measurements.validate.any():
-        rows = measurements.select(measurements.validate)
-        residuals = [rows.deflection - predicted_deflection(cell, rows, model.map, model.terms) for model in (plain, extended)]
-        groups, held_out = poses(rows), "validate"
+    if data.rows.validate.any():
+        kept = data.with_rows(data.rows.select(data.rows.validate))
+        groups, held_out = poses(kept.rows), "validate"
+        residuals = [model.residual_of(kept) for model in (plain, extended)]
     else:
-        rows = fitted
-        groups, held_out = poses(rows), "cross-validation by pose"
-        residuals = [left_out(cell, rows, model, groups) for model in (plain, extended)]
-    noise = noise_model(cell, rows, np.exp(extended.map[:6]))
-    weights = noise.weights(extended.size)
+        kept = plain.data
+        groups, held_out = poses(kept.rows), "cross-validation by pose"
+        residuals = [left_out(model, groups) for model in (plain, extended)]
+    noise = noise_model(kept, extended.compliance)
+    weights = noise.weights(extended.components)
 
     def misfit(residual: Array) -> float:
         whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(residual))[:, :, None]
         return 0.5 * float(weights.inner(whitened, whitened)[0, 0])
 
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
-    counts = _by_group((~np.isnan(rows.deflection)).astype(float), groups)
+    counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
     drawn = rng.integers(0, squares.shape[1], (RESAMPLES, squares.shape[1]))
     ratios = np.sqrt(squares[0][drawn].sum(axis=1) / np.maximum(squares[1][drawn].sum(axis=1), 1e-30))
     low, high = np.quantile(ratios, [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
     support = misfit(residuals[0]) - misfit(residuals[1])
-    return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(rows))
+    return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(kept.rows))
 
 
 def poses(rows: Measurements) -> NDArray[np.intp]:
@@ -89,21 +88,22 @@ def _names(rows: Measurements) -> NDArray[np.str_]:
     return np.where(rows.pose == "", first[numbers], rows.pose).astype(str)
 
 
-def left_out(cell: Cell, rows: Measurements, model: Posterior, groups: NDArray[np.intp]) -> Array:
+def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     """Residual (n, 3) [m] of every row, predicted by the model fitted without the row's group (linearised at its MAP)."""
-    at = model.at_map
-    position, slope = response(cell, rows, model.map, model.terms)
-    residual = rows.deflection - position
-    weighted = at.weights.apply(at.design)
-    precision = model.prior.precision(model.map)
-    information = np.array([at.design[groups == g].reshape(-1, at.design.shape[2]).T
-                            @ weighted[groups == g].reshape(-1, at.design.shape[2]) for g in range(groups.max() + 1)])
-    pulled = np.array([weighted[groups == g].reshape(-1, at.design.shape[2]).T @ at.residual[groups == g].reshape(-1)
-                       for g in range(groups.max() + 1)])
+    at, prior = model.at_map, model.prior
+    position, slope = response(model.data, model.map, model.terms)
+    residual = model.data.rows.deflection - position
+    weighted = model.weights.apply(at.design)
+    precision = prior.precision(model.map)
+    parameters, numbers = at.design.shape[2], range(groups.max() + 1)
+    information = np.array([at.design[groups == g].reshape(-1, parameters).T @ weighted[groups == g].reshape(-1, parameters)
+                            for g in numbers])
+    pulled = np.array([weighted[groups == g].reshape(-1, parameters).T @ at.residual[groups == g].reshape(-1)
+                       for g in numbers])
     held = np.empty_like(residual)
-    for g in range(groups.max() + 1):
+    for g in numbers:
         step = np.linalg.solve(information.sum(axis=0) - information[g] + precision,
-                               pulled.sum(axis=0) - pulled[g] - model.prior.gradient(model.map))
+                               pulled.sum(axis=0) - pulled[g] - prior.gradient(model.map))
         mine = groups == g
         held[mine] = residual[mine] - slope[mine] @ step
     return held

@@ -12,11 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.fitted_model import predicted_deflection, situation_of
-from identification.fit.noise import DEGREES, residual_std, tails
+from identification.fit.noise import DEGREES, distances, residual_std, tails
 from identification.fit.posterior import Posterior
-from identification.measurements import Measurements
-from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 # Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.
@@ -50,37 +47,34 @@ class BadRow:
                 "of_robot": False, "sentence": f"row {self.row} (line {self.line}) is a bad reading", "parameters": values}
 
 
-def bad_rows(cell: Cell, rows: Measurements, fitted: Posterior) -> tuple[BadRow, ...]:
+def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     """The bad rows, the worst first; none where there would be too many."""
-    from scipy.stats import chi2, f
-
-    at, size = fitted.at_map, fitted.size
-    offsets = at.weights.offsets(at.residual)
-    own = at.residual - np.einsum("nij,nj->ni", at.noise.rotation, offsets[at.noise.visit])
-    distance = np.where(at.noise.measured, own**2 / (size.sensor**2 + size.force**2 * at.noise.force), 0.0).sum(axis=1)
-    count = at.noise.measured.sum(axis=1)
-    where = situation_of(cell, rows, np.exp(fitted.map[:6]))
+    rows, visit = fitted.data.rows, fitted.at_map.noise.visit
+    distance, count = distances(fitted.at_map.noise, fitted.components, fitted.weights, fitted.at_map.residual)
     # A row that is alone at its pose may be off for any reason that pose has.
-    kept = (count > 0) & (np.bincount(at.noise.visit)[at.noise.visit] >= COMPANY)
+    kept = (count > 0) & (np.bincount(visit)[visit] >= COMPANY)
     for term in fitted.terms:
-        kept &= ~term.effect.undecided(where, term.joint)
-    found: list[int] = []
-    while len(found) <= MOST * len(rows):
+        kept &= ~term.effect.undecided(fitted.load_state, term.joint)
+    bad: list[int] = []
+    while len(bad) <= MOST * len(rows):
         candidates = np.flatnonzero(kept)
         if len(candidates) < 10:
             return ()
         worst = int(candidates[np.argmax(distance[candidates])])
         others = candidates[candidates != worst]
         degrees, scale = tails(distance[others], count[others])
-        degrees = heavier(degrees)
-        ratio = float(distance[worst] / scale)
-        p_value = chi2.sf(ratio, count[worst]) if np.isinf(degrees) else f.sf(ratio / count[worst], count[worst], degrees)
-        if p_value * len(candidates) > ALARM:
+        if _probability(float(distance[worst] / scale), int(count[worst]), heavier(degrees)) * len(candidates) > ALARM:
             break
-        found.append(worst)
+        bad.append(worst)
         kept[worst] = False
     else:
         return ()
-    off = rows.deflection - predicted_deflection(cell, rows, fitted.map, fitted.terms)
-    std = residual_std(cell, rows, size, np.exp(fitted.map[:6]))
-    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), off[k], std[k]) for k in found)
+    std = residual_std(fitted.data, fitted.components, fitted.compliance)
+    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k]) for k in bad)
+
+
+def _probability(squared: float, count: int, degrees: float) -> float:
+    """That a row of `count` components is so far off (squared, in its noise's scale)."""
+    from scipy.stats import chi2, f
+
+    return float(chi2.sf(squared, count) if np.isinf(degrees) else f.sf(squared / count, count, degrees))

@@ -7,6 +7,7 @@ matched by two moments of the replicates. A model that explains the data leaves 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from identification.fit.noise import NoiseModel
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
+# A pattern's name, in plain words, and some of its columns (n, 3) [m, but for a factor].
+Named = tuple[str, list[Array]]
 # Waves over the time (or order) of the measurements, and over a joint's angle.
 WAVES = 4
 TURNS = (1, 2, 3)
@@ -48,61 +51,79 @@ class Pattern:
         return np.asarray(np.maximum(-chi2.logsf(total / scale, mean / scale) / np.log(10), 0.0))
 
 
-def patterns(where: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
+def patterns_of(state: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
     """The patterns these rows can show."""
-    force = where.wrench[:, :3]
-    size = np.linalg.norm(force, axis=1)
-    typical = max(float(size.max(initial=0.0)), 1e-9)
-    order = np.linspace(0.0, 1.0, len(where)) if np.isnan(where.time).any() else _scaled(where.time)
-    columns: dict[str, list[Array]] = {}
-
-    def add(name: str, *found: Array) -> None:
-        columns.setdefault(name, []).extend(found)
-
-    along = _along(force) / typical
-    change = along - _before(along, where.starts)
-    pose = where.visit * 3.0 + np.argmax(np.abs(force), axis=1)
-    add("single poses do not yield as the springs say", *_by_group(pose, along))
-    add("the deflection does not turn round with the load", *_by_group(pose, np.abs(along)))
-    add("what a load leaves depends on the load before", *_by_group(pose, np.sign(change)))
-    add("zero readings wander within a pose", *_by_group(where.visit.astype(float), (size == 0) * (order - 0.5)))
+    force = state.wrench[:, :3]
+    typical = max(float(np.linalg.norm(force, axis=1).max(initial=0.0)), 1e-9)
+    order = np.linspace(0.0, 1.0, len(state)) if np.isnan(state.time).any() else _scaled(state.time)
     waves = [np.cos(np.pi * wave * order) for wave in range(1, WAVES + 1)]
-    add("the readings wander with time", *(column for wave in waves for column in _axes(wave)))
+    columns: dict[str, list[Array]] = {}
+    for name, members in (*_of_poses(state, typical, order, waves), *_of_joints(state, waves), *_of_axes(state, typical),
+                          *_of_tool(state, typical)):
+        columns.setdefault(name, []).extend(members)
+    patterns = []
+    for name, every in columns.items():
+        seen = [column for column in every if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
+        if seen:
+            patterns.append(Pattern(name, noise.rotation @ np.stack(seen, axis=2)))
+    return tuple(patterns)
+
+
+def _of_poses(state: LoadState, typical: float, order: Array, waves: list[Array]) -> Iterator[Named]:
+    """Poses by themselves, and the order of the rows."""
+    force = state.wrench[:, :3]
+    unloaded = np.linalg.norm(force, axis=1) == 0
+    along = _along(force) / typical
+    change = along - _before(along, state.starts)
+    pose = state.visit * 3.0 + np.argmax(np.abs(force), axis=1)
+    yield "single poses do not yield as the springs say", _by_group(pose, along)
+    yield "the deflection does not turn round with the load", _by_group(pose, np.abs(along))
+    yield "what a load leaves depends on the load before", _by_group(pose, np.sign(change))
+    yield "zero readings wander within a pose", _by_group(state.visit.astype(float), unloaded * (order - 0.5))
+    yield "the readings wander with time", [column for wave in waves for column in _axes(wave)]
+
+
+def _of_joints(state: LoadState, waves: list[Array]) -> Iterator[Named]:
+    """Gears that are no linear springs."""
     for i in range(6):
-        move, torque = where.jacobian[:, :3, i], where.torque[:, i]
+        move, torque = state.jacobian[:, :3, i], state.torque[:, i]
         t = torque / max(float(np.abs(torque).max(initial=0.0)), 1e-9)
-        step = t - _before(t, where.starts)
+        before = _before(t, state.starts)
+        step = t - before
         spring = move * t[:, None]
-        add("a joint's deflection is not proportional to its torque", spring * np.abs(t)[:, None], spring * t[:, None] ** 2)
-        add("a joint yields differently to torques of either sign", move * np.abs(t)[:, None], move * t[:, None] ** 2)
-        add("a joint's deflection depends on the torque before", move * np.sign(step)[:, None],
-            move * _before(t, where.starts)[:, None])
+        yield "a joint's deflection is not proportional to its torque", [spring * np.abs(t)[:, None], spring * t[:, None] ** 2]
+        yield "a joint yields differently to torques of either sign", [move * np.abs(t)[:, None], move * t[:, None] ** 2]
+        yield "a joint's deflection depends on the torque before", [move * np.sign(step)[:, None], move * before[:, None]]
         for turn in TURNS:
-            angle = turn * where.theta[:, i]
-            add("a joint is softer at some angles than at others", spring * np.cos(angle)[:, None],
-                spring * np.sin(angle)[:, None])
-        add("a joint softens or stiffens with time", *(spring * wave[:, None] for wave in waves))
+            angle = turn * state.theta[:, i]
+            yield "a joint is softer at some angles than at others", [spring * np.cos(angle)[:, None],
+                                                                      spring * np.sin(angle)[:, None]]
+        yield "a joint softens or stiffens with time", [spring * wave[:, None] for wave in waves]
+
+
+def _of_axes(state: LoadState, typical: float) -> Iterator[Named]:
+    """Loads along one base axis."""
     for j in range(3):
-        f = force[:, j] / typical
-        step = f - _before(f, where.starts)
-        add("a load along one axis moves the tool in a way no spring explains", *_axes(f), *_axes(np.abs(f)))
-        add("a load along one axis leaves something behind", *_axes(np.sign(step)), *_axes(_before(f, where.starts)))
+        f = state.wrench[:, j] / typical
+        before = _before(f, state.starts)
+        step = f - before
+        yield "a load along one axis moves the tool in a way no spring explains", [*_axes(f), *_axes(np.abs(f))]
+        yield "a load along one axis leaves something behind", [*_axes(np.sign(step)), *_axes(before)]
+
+
+def _of_tool(state: LoadState, typical: float) -> Iterator[Named]:
+    """The tool's own axes, and forces that come along with the load."""
+    force = state.wrench[:, :3]
     pushed = np.linalg.norm(force, axis=1) / typical
     for j in range(3):
-        axis = where.tool[:, :, j]
+        axis = state.tool[:, :, j]
         own = np.einsum("ni,ni->n", axis, force)[:, None] / typical
-        add("tool or spindle move in a way no spring explains", axis * own, axis * np.abs(own), axis * np.sign(own))
-        side = np.zeros((len(where), 6))
+        yield "tool or spindle move in a way no spring explains", [axis * own, axis * np.abs(own), axis * np.sign(own)]
+        side = np.zeros((len(state), 6))
         side[:, j] = typical * pushed
-        moved = where.compliant(side)[:, :3]
-        add("a load brings another force along", moved,
-            *(moved * wave[:, None] for wave in (np.cos(where.theta[:, 0]), np.sin(where.theta[:, 0]))))
-    found = []
-    for name, members in columns.items():
-        seen = [column for column in members if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
-        if seen:
-            found.append(Pattern(name, noise.rotation @ np.stack(seen, axis=2)))
-    return tuple(found)
+        moved = state.compliant(side)[:, :3]
+        yield "a load brings another force along", [
+            moved, *(moved * wave[:, None] for wave in (np.cos(state.theta[:, 0]), np.sin(state.theta[:, 0])))]
 
 
 def _axes(values: Array) -> list[Array]:
@@ -112,7 +133,7 @@ def _axes(values: Array) -> list[Array]:
 
 def _by_group(group: Array, values: Array) -> list[Array]:
     """values (n,) on each reading of each group of rows by itself."""
-    return [column for one in np.unique(group) for column in _axes(values * (group == one))]
+    return [column for number in np.unique(group) for column in _axes(values * (group == number))]
 
 
 def _before(values: Array, starts: NDArray[np.bool_]) -> Array:

@@ -8,27 +8,31 @@ told from another effect where as much is left when that one is free too (with a
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.dictionary import Dictionary, Entry, dictionary
+from identification.common.findings import Finding
+from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.projection import Base
 from identification.diagnosis.search import base_at
-from identification.fit.fitted_model import situation_of
-from identification.fit.noise import NoiseSize, noise_model
-from identification.fit.priors import PriorModel
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import VarianceComponents, noise_model
 from identification.measurements import Measurements
 from identification.model.cell import Cell
-from identification.model.effects import Effect, effects
+from identification.model.effects import effects
 
 Array = NDArray[np.float64]
 ALARM = 0.05
 POWER_80 = 0.8416
 # Places of a step are tried up to so many, evenly over the plan.
 MOST_PLACES = 12
+# So many effects that look alike are listed.
+MOST_ALIKE = 6
+GRADES = ("identifiable", "detectable", "invisible")
+FORMAT = "compstiff-diagnosis-plan"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,10 @@ class Outlook:
         """identifiable, detectable (something is wrong, but not what) or invisible, at the typical size."""
         return "identifiable" if self.identifiable <= 1 else "detectable" if self.detectable <= 1 else "invisible"
 
+    def shown(self, size: float) -> str:
+        """A size [typical sizes] in the unit of the parameter; never, where it is beyond a thousand typical ones."""
+        return f"{size * self.typical:.2g}" if size < 1e3 else "never"
+
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes beyond 1e6 typical ones are null."""
         def size(value: float, of: float = 1.0) -> float | None:
@@ -63,58 +71,93 @@ class Outlook:
                 "settles": self.entry.effect.settles}
 
 
-def outlook(cell: Cell, rows: Measurements, catalogue: dict[str, Effect] | None = None) -> tuple[list[Outlook], dict[str, str]]:
-    """What these planned rows can say of every effect; and the effects they cannot show at all, with the reason."""
+@dataclass(frozen=True, eq=False)
+class PlanOutlook:
+    """What a plan can say of every effect; left_out: effects it cannot show at all, and why."""
+
+    effects: tuple[Outlook, ...]
+    left_out: dict[str, str]
+    findings: tuple[Finding, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many effects are identifiable, detectable, invisible at their typical size."""
+        return {grade: sum(outlook.grade == grade for outlook in self.effects) for grade in GRADES}
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        return {"format": FORMAT, "version": 1, "effects": [outlook.as_dict() for outlook in self.effects],
+                "not_offered": self.left_out}
+
+    def lines(self) -> list[str]:
+        """A line an effect, and how many of each grade."""
+        lines = [f"{'effect':<28}{'found from':>12}{'named from':>12}{'typical':>10}"]
+        for outlook in self.effects:
+            sizes = "".join(f"{outlook.shown(size):>12}" for size in (outlook.detectable, outlook.identifiable))
+            alike = f"  like {', '.join(outlook.alike[:3])}" if outlook.alike else ""
+            unit = outlook.unit if outlook.unit != "1" else ""
+            lines.append(f"{outlook.entry.label:<28}{sizes}{outlook.typical:>10.2g} {unit:<11} {outlook.grade}{alike}".rstrip())
+        counts = self.counts
+        lines.append(f"of {len(self.effects)} possible causes at their typical size this plan names {counts['identifiable']}, "
+                     f"only notices {counts['detectable']} and misses {counts['invisible']}")
+        return lines + [f"{name} cannot show: {why}" for name, why in self.left_out.items()]
+
+
+def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
+    """What planned rows, validate rows left aside, can say of every effect at the prior's stiffnesses.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> planned = compstiff.read_measurements("measurements.csv", cell.robot, planned=True)
+    >>> outlook = compstiff.judge_plan(cell, planned)
+    >>> len(outlook.as_dict()["effects"]) > 40
+    True
+    """
     from scipy.stats import norm
 
-    catalogue = effects() if catalogue is None else catalogue
+    rows = planned.select(~planned.validate)
+    # With a reading in every component: a plan leaves them empty.
+    data = LoadTest.of(cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
     start = -np.log(cell.prior.stiffness)
-    planned = _as_if_measured(rows)
-    noise = noise_model(cell, planned, np.exp(start))
-    where = situation_of(cell, planned, np.exp(start))
-    words = dictionary(where, noise, catalogue)
-    base = base_at(cell, planned, PriorModel(cell.prior), start, noise, noise.weights(NoiseSize()))
-    gram, slices = _gram(base, words)
-    needed = float(norm.isf(ALARM / 2 / len(words.entries))) + POWER_80
-    found = []
-    for k, entry in enumerate(words.entries):
-        own = [slices[s] for s in entry.signatures if s in slices]
-        # The shape in the middle of the range: not the easiest, not the hardest.
-        by_strength = sorted(own, key=lambda one: _weakest(gram[one, one]))
-        mine = by_strength[len(by_strength) // 2]
-        detectable = needed / _weakest(gram[mine, mine])
-        left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
-                for j, other in enumerate(words.entries) if j != k}
-        worst = min(left.values(), default=np.inf)
-        alike = tuple(label for label, value in sorted(left.items(), key=lambda item: item[1])
-                      if needed / max(value, 1e-12) > max(1.0, detectable))
-        identifiable = max(detectable, needed / max(worst, 1e-12))
-        size = next(p for p in entry.effect.parameters if not p.shape)
-        found.append(Outlook(entry, detectable, identifiable, alike[:6] if detectable <= 1 else (), size.name, size.typical,
-                             size.unit))
-    return found, words.left_out
+    noise, state = noise_model(data, np.exp(start)), data.load_state(np.exp(start))
+    dictionary = dictionary_of(state, noise, effects())
+    base = base_at(data, start, noise, noise.weights(VarianceComponents()))
+    gram, slices = _gram(base, dictionary)
+    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + POWER_80
+    outlooks = tuple(_outlook(dictionary, k, gram, slices, needed) for k in range(len(dictionary.entries)))
+    return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 
 
-def _as_if_measured(rows: Measurements) -> Measurements:
-    """The rows with a reading in every component: a plan leaves them empty."""
-    from dataclasses import replace
+def _outlook(dictionary: Dictionary, number: int, gram: Array, slices: dict[int, slice], needed: float) -> Outlook:
+    """Of one entry; needed: the noncentrality at which an effect is found."""
+    entry = dictionary.entries[number]
+    own = [slices[s] for s in entry.signatures if s in slices]
+    # The shape in the middle of the range: not the easiest, not the hardest.
+    by_strength = sorted(own, key=lambda block: _weakest(gram[block, block]))
+    mine = by_strength[len(by_strength) // 2]
+    detectable = needed / _weakest(gram[mine, mine])
+    left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
+            for k, other in enumerate(dictionary.entries) if k != number}
+    worst = min(left.values(), default=np.inf)
+    alike = tuple(label for label, value in sorted(left.items(), key=lambda item: item[1])
+                  if needed / max(value, 1e-12) > max(1.0, detectable))
+    parameter = next(parameter for parameter in entry.effect.parameters if not parameter.shape)
+    return Outlook(entry, detectable, max(detectable, needed / max(worst, 1e-12)),
+                   alike[:MOST_ALIKE] if detectable <= 1 else (), parameter.name, parameter.typical, parameter.unit)
 
-    return replace(rows, deflection=np.zeros_like(rows.deflection))
 
-
-def _gram(base: Base, words: Dictionary) -> tuple[Array, dict[int, slice]]:
+def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
     """Information of all signatures together, and where each stands in it; of an effect with very many, some."""
     kept: list[int] = []
-    for entry in words.entries:
+    for entry in dictionary.entries:
         members = np.arange(entry.signatures.start, entry.signatures.stop)
         if len(members) > MOST_PLACES:
             members = members[np.linspace(0, len(members) - 1, MOST_PLACES).astype(int)]
         kept += members.tolist()
     slices, columns, place = {}, [], 0
     for s in kept:
-        width = int(words.widths[s])
+        width = int(dictionary.widths[s])
         slices[s] = slice(place, place + width)
-        columns.append(words.columns[:, :, s, :width])
+        columns.append(dictionary.columns[:, :, s, :width])
         place += width
     return base.gram(np.concatenate(columns, axis=2)), slices
 
@@ -131,26 +174,6 @@ def _left(gram: Array, mine: slice, other: slice) -> float:
     return _weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))
 
 
-def shown_size(one: Outlook, size: float) -> str:
-    """A size [typical sizes] in the unit of the effect's parameter; never, where it is beyond a thousand typical ones."""
-    return f"{size * one.typical:.2g}" if size < 1e3 else "never"
-
-
-def not_told_apart(found: Iterable[Outlook]) -> list[str]:
+def not_told_apart(outlooks: Iterable[Outlook]) -> list[str]:
     """Effects that would be noticed at their typical size and not be told from others, in words."""
-    return [f"{one.entry.label} from {', '.join(one.alike)}" for one in found if one.alike]
-
-
-def plan_lines(found: list[Outlook], left_out: dict[str, str]) -> list[str]:
-    """The outlook in plain words."""
-    lines = [f"{'effect':<28}{'found from':>12}{'named from':>12}{'typical':>10}"]
-    for one in found:
-        sizes = "".join(f"{shown_size(one, value):>12}" for value in (one.detectable, one.identifiable))
-        alike = f"  like {', '.join(one.alike[:3])}" if one.alike else ""
-        lines.append(f"{one.entry.label:<28}{sizes}{one.typical:>10.2g} {one.unit if one.unit != '1' else '':<11} "
-                     f"{one.grade}{alike}".rstrip())
-    counts = {grade: sum(one.grade == grade for one in found) for grade in ("identifiable", "detectable", "invisible")}
-    lines.append(f"of {len(found)} possible causes at their typical size this plan names {counts['identifiable']}, only "
-                 f"notices {counts['detectable']} and misses {counts['invisible']}")
-    lines += [f"{name} cannot show: {why}" for name, why in left_out.items()]
-    return lines
+    return [f"{outlook.entry.label} from {', '.join(outlook.alike)}" for outlook in outlooks if outlook.alike]

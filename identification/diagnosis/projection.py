@@ -94,29 +94,29 @@ class Scores:
     visible: NDArray[np.bool_]
 
 
-def scores(base: Base, words: Dictionary) -> Scores:
+def scores(base: Base, dictionary: Dictionary) -> Scores:
     """The residual of the fitted model against every signature."""
-    n, _, count, width = words.columns.shape
-    flat = words.columns.reshape(n, 3, -1)
+    n, _, count, width = dictionary.columns.shape
+    flat = dictionary.columns.reshape(n, 3, -1)
     b = base.score(flat, base.residual[:, :, None], base.shift)[:, 0].reshape(count, width)
-    information = information_blocks(base, words)
-    used = np.arange(width)[None] < words.widths[:, None]
+    information = information_blocks(base, dictionary)
+    used = np.arange(width)[None] < dictionary.widths[:, None]
     largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
     ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
     best = np.linalg.solve(information + ridge, b[..., None])[..., 0]
-    ratio = np.where(words.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
-    return Scores(evidence(information, b, words.positive, words.widths), ratio, largest > INVISIBLE)
+    ratio = np.where(dictionary.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
+    return Scores(evidence(information, b, dictionary.positive, dictionary.widths), ratio, largest > INVISIBLE)
 
 
-def information_blocks(base: Base, words: Dictionary) -> Array:
+def information_blocks(base: Base, dictionary: Dictionary) -> Array:
     """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
-    n, _, count, width = words.columns.shape
-    flat = words.columns.reshape(n, 3, -1)
+    n, _, count, width = dictionary.columns.shape
+    flat = dictionary.columns.reshape(n, 3, -1)
     weighted = base.weights.apply(flat).reshape(-1, count, width)
-    own = words.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
+    own = dictionary.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
     cross = base.cross(flat).reshape(-1, count, width)
     own -= np.einsum("asp,ab,bsq->spq", cross, base.inverse, cross, optimize=True)
-    unused = np.arange(width)[None] >= words.widths[:, None]
+    unused = np.arange(width)[None] >= dictionary.widths[:, None]
     own[unused[:, :, None] & np.eye(width, dtype=bool)] = 1.0
     return np.asarray(own)
 

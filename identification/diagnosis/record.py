@@ -1,89 +1,51 @@
-"""diagnosis.json and the findings of a diagnosis (docs/formats.md#diagnose)."""
+"""diagnosis.json, the answer in plain words and the findings of a judgement (docs/formats.md#diagnose)."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.common.findings import Finding
-from identification.diagnosis.procedure import Cause, Diagnosis
-from identification.fit.fitted_model import predicted_deflection, situation_of, split
-from identification.fit.noise import residual_std
-from identification.fit.posterior import Posterior
-from identification.fit.priors import PriorModel
-from identification.fit.subsets import Conflict, subset_conflicts
-from identification.measurements import Measurements
-from identification.model.cell import Cell
+from identification.diagnosis.gross import BadRow
+from identification.diagnosis.judgement import Cause, Judgement
 from identification.model.effects import effects
+from identification.model.effects.kinds import ONLY_IN_MOTION
 
 # So many checks are told on the terminal.
 MOST_CHECKS = 4
-Array = NDArray[np.float64]
 FORMAT = "compstiff-diagnosis"
 
 
-def record(cell: Cell, measurements: Measurements, found: Diagnosis) -> dict[str, Any]:
+def record(judgement: Judgement) -> dict[str, Any]:
     """The content of diagnosis.json."""
-    left = plain_residual(cell, found)
+    robot, thinning, difference = judgement.plain.data.cell.robot, judgement.thinning, judgement.robot_difference
     return {
-        "format": FORMAT, "version": 1, "robot": cell.robot.name, "load_path": cell.robot.load_path,
-        "verdict": found.verdict,
-        "misfit": {"rms_um": 1e6 * rms(left), "expected_rms_um": 1e6 * rms(expected_std(cell, found)),
-                   "p_value": found.detection.p_value, "p_resolution": found.detection.resolution},
-        "causes": [_cause(cell, found, cause) for cause in found.causes] + [bad.as_dict() for bad in found.bad_rows],
-        "alternatives": [_named(cause) for cause in found.alternatives],
-        "gain": None if found.gain is None else found.gain.as_dict(),
-        "next_measurements": next_measurements(found),
-        "subset_conflicts": [conflict.as_dict() for conflict in conflicts(cell, found) if conflict.is_conflict],
-        "adequacy_p_value": None if found.adequacy is None else found.adequacy.p_value,
-        "patterns": list(found.patterns), "noise_beyond_stated": found.scatter or {}, "withdrawn": list(found.withdrawn),
-        "law_differs": found.law_differs,
-        "effective_rows": None if found.thinning is None else found.thinning.rows / found.thinning.memory,
-        "correction_difference_um": None if found.matters is None else 1e6 * found.matters,
-        "not_offered": found.left_out or {},
+        "format": FORMAT, "version": 1, "robot": robot.name, "load_path": robot.load_path,
+        "verdict": judgement.verdict,
+        "misfit": {"rms_um": 1e6 * rms(judgement.plain.residual), "expected_rms_um": 1e6 * rms(judgement.expected_std),
+                   "p_value": judgement.detection.p_value, "p_resolution": judgement.detection.resolution},
+        "causes": [_cause(judgement, cause) for cause in judgement.causes] + [bad.as_dict() for bad in judgement.bad_rows],
+        "alternatives": [_named(cause) for cause in judgement.alternatives],
+        "gain": None if judgement.gain is None else judgement.gain.as_dict(),
+        "next_measurements": next_measurements(judgement),
+        "subset_conflicts": [conflict.as_dict() for conflict in judgement.conflicts],
+        "adequacy_p_value": None if judgement.adequacy is None else judgement.adequacy.p_value,
+        "patterns": list(judgement.patterns), "noise_beyond_stated": judgement.scatter, "withdrawn": list(judgement.withdrawn),
+        "law_differs": judgement.law_differs,
+        "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
+        "correction_difference_um": None if difference is None else 1e6 * difference,
+        "not_offered": judgement.left_out,
     }
 
 
-def conflicts(cell: Cell, found: Diagnosis) -> tuple[Conflict, ...]:
-    """Parts of the data against the rest, under the plain model: what its misfit looks like before it has a name."""
-    return subset_conflicts(found.rows, found.plain, PriorModel(cell.prior))
-
-
-def rms(values: Array) -> float:
-    """Root mean square of what is not NaN."""
-    return float(np.sqrt(np.nanmean(values**2)))
-
-
-def plain_residual(cell: Cell, found: Diagnosis) -> Array:
-    """Measured minus predicted by the plain model, fitted rows (n, 3) [m]."""
-    return residual(cell, found, found.plain)
-
-
-def extended_residual(cell: Cell, found: Diagnosis) -> Array:
-    """Measured minus predicted by the extended model, fitted rows (n, 3) [m]."""
-    return residual(cell, found, found.extended)
-
-
-def residual(cell: Cell, found: Diagnosis, model: Posterior) -> Array:
-    """Measured minus predicted by a model, fitted rows (n, 3) [m]."""
-    return np.asarray(found.rows.deflection - predicted_deflection(cell, found.rows, model.map, model.terms))
-
-
-def expected_std(cell: Cell, found: Diagnosis) -> Array:
-    """What the noise allows (n, 3) [m]: as estimated with the causes named, else as stated (estimated where it is not)."""
-    size = found.extended.size
-    if found.verdict in ("ambiguous", "unknown"):
-        size = size.within(found.plain.at_map.noise.stated)
-    return residual_std(cell, found.rows, size, np.exp(found.extended.map[:6]))
-
-
-def next_measurements(found: Diagnosis) -> list[dict[str, Any]]:
+def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
     """Loads, then checks that are no loads, for the names that are left."""
-    listed: list[dict[str, Any]] = [load.as_dict() for load in found.next_loads]
-    if found.verdict in ("ambiguous", "unknown"):
-        texts = dict.fromkeys((cause.effect.settles, cause.label) for cause in found.alternatives if cause.probability >= 0.02)
+    listed: list[dict[str, Any]] = [load.as_dict() for load in judgement.next_loads]
+    if judgement.verdict in ("ambiguous", "unknown"):
+        texts = dict.fromkeys(
+            (cause.effect.settles, cause.label) for cause in judgement.alternatives if cause.probability >= 0.02)
         listed += [{"kind": "check", "what": text, "about": label} for text, label in texts]
     return listed
 
@@ -102,71 +64,77 @@ def _named(cause: Cause) -> dict[str, Any]:
     return {"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability}
 
 
-def _cause(cell: Cell, found: Diagnosis, cause: Cause) -> dict[str, Any]:
-    model, place = found.extended, 6
-    where = situation_of(cell, found.rows, np.exp(model.map[:6]))
-    for term, fitted in zip(model.terms, split(model.map, model.terms), strict=True):
-        count = len(term.start)
+def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
+    model, place = judgement.extended, 6
+    for term, fitted in zip(model.terms, model.term_values, strict=True):
+        own = slice(place, place + len(term.start))
         if term.label == cause.label:
-            spread = np.sqrt(np.diag(model.covariance))[place: place + count]
-            mean = model.mean[place: place + count]
-            values: dict[str, Any] = {
-                parameter.name: {"estimate": float(np.clip(value, parameter.low, parameter.high)), "std": float(std),
+            spread = np.sqrt(np.diag(model.covariance))
+            parameters: dict[str, Any] = {
+                parameter.name: {"estimate": float(np.clip(estimate, parameter.low, parameter.high)), "std": float(std),
                                  "unit": parameter.unit}
-                for parameter, value, std in zip(term.effect.parameters, mean, spread, strict=True)}
-            values |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
-            moved = term.effect.contribution(where, term.joint, fitted)[:, :3]
+                for parameter, estimate, std in zip(term.effect.parameters, model.mean[own], spread[own], strict=True)}
+            parameters |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
+            moved = term.contribution(model.load_state, fitted)[:, :3]
             return _named(cause) | {"family": cause.effect.family, "of_robot": cause.effect.of_robot,
-                                    "sentence": cause.sentence, "parameters": values,
+                                    "sentence": cause.sentence, "parameters": parameters,
                                     "largest_um": 1e6 * float(np.linalg.norm(moved, axis=1).max())}
-        place += count
+        place = own.stop
     raise KeyError(cause.label)
 
 
-def summary(cell: Cell, found: Diagnosis) -> list[str]:
+def answer(judgement: Judgement) -> list[str]:
     """The answer in plain words."""
-    before, allowed = 1e6 * rms(plain_residual(cell, found)), 1e6 * rms(expected_std(cell, found))
-    lines = []
-    if found.verdict == "adequate":
-        lines.append("adequate: six springs explain the data to their noise")
-    elif found.verdict == "named":
-        for cause in found.causes:
-            told = _cause(cell, found, cause)
-            values = ", ".join(f"{name} = {value(item)}" for name, item in told["parameters"].items())
-            lines.append(f"named: {cause.sentence}. In these measurements it makes up to {told['largest_um']:.0f} um "
-                         f"({cause.label}: {values}; probability {cause.probability:.3f})")
-        for bad in found.bad_rows:
-            off = ", ".join(f"{1e6 * one:.1f}" for one in bad.off)
-            lines.append(f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out")
-    elif found.verdict == "ambiguous":
-        names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in found.alternatives[:8])
-        lines.append(f"ambiguous: these data cannot tell apart: {names}")
-        if found.withdrawn:
-            lines.append(f"withdrawn: {', '.join(found.withdrawn)} does not predict poses that were not fitted")
-        if found.matters is not None:
-            lines.append(f"for a correction the choice makes {1e6 * found.matters:.1f} um RMS under the measured loads")
-    else:
-        lines.append("unknown: something is wrong that no cause in the dictionary explains")
-        lines += [f"  seen: {pattern}" for pattern in found.patterns[:4]]
-    lines.append(f"the plain model leaves {before:.2f} um RMS, the noise allows {allowed:.2f} um "
-                 f"(p = {found.detection.p_value:.3g}, resolution {found.detection.resolution:.2g})")
-    if found.law_differs:
+    before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
+    lines = [*_verdict(judgement),
+             f"the plain model leaves {before:.2f} um RMS, the noise allows {allowed:.2f} um "
+             f"(p = {judgement.detection.p_value:.3g}, resolution {judgement.detection.resolution:.2g})"]
+    if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's")
-    for part, factor in (found.scatter or {}).items():
-        lines.append(f"  the data need {factor:.1f} times the stated {part}")
-    if found.gain is not None:
-        gain = found.gain
+    lines += [f"  the data need {factor:.1f} times the stated {part}" for part, factor in judgement.scatter.items()]
+    if judgement.gain is not None:
+        gain = judgement.gain
         low, high = gain.interval
         lines.append(f"gain on rows that were not fitted ({gain.held_out}): {1e6 * gain.before:.2f} -> "
                      f"{1e6 * gain.after:.2f} um RMS, ratio {gain.ratio:.2f} ({low:.2f} ... {high:.2f})")
-    for load in found.next_loads:
+    for load in judgement.next_loads:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
         lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
                      f"({angles}) deg separates {load.separates[0]} from {load.separates[1]} by {load.distance:.1f} sigma")
-    checks = [next_words(item) for item in next_measurements(found) if item["kind"] == "check"]
-    lines += [f"next: check {what} ({about})" for what, about in checks[:MOST_CHECKS]]
+    checks = [next_words(item) for item in next_measurements(judgement) if item["kind"] == "check"]
+    return lines + [f"next: check {what} ({about})" for what, about in checks[:MOST_CHECKS]]
+
+
+def _verdict(judgement: Judgement) -> list[str]:
+    """The verdict with its names."""
+    if judgement.verdict == "adequate":
+        return ["adequate: six springs explain the data to their noise"]
+    if judgement.verdict == "named":
+        return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_row_line, judgement.bad_rows)]
+    if judgement.verdict == "unknown":
+        return ["unknown: something is wrong that no cause in the dictionary explains",
+                *(f"  seen: {pattern}" for pattern in judgement.patterns[:4])]
+    names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
+    lines = [f"ambiguous: these data cannot tell apart: {names}"]
+    if judgement.withdrawn:
+        lines.append(f"withdrawn: {', '.join(judgement.withdrawn)} does not predict poses that were not fitted")
+    if judgement.robot_difference is not None:
+        lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
+                     "loads")
     return lines
+
+
+def _cause_line(judgement: Judgement, cause: Cause) -> str:
+    content = _cause(judgement, cause)
+    values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
+    return (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
+            f"({cause.label}: {values}; probability {cause.probability:.3f})")
+
+
+def _bad_row_line(bad: BadRow) -> str:
+    off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
+    return f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out"
 
 
 def value(item: dict[str, Any]) -> str:
@@ -178,39 +146,40 @@ def value(item: dict[str, Any]) -> str:
     return f"{estimate:.3g} +- {std:.2g}" + ("" if unit == "1" else f" {unit}")
 
 
-def diagnosis_findings(cell: Cell, measurements: Measurements, found: Diagnosis) -> tuple[Finding, ...]:
+def judgement_findings(judgement: Judgement) -> list[Finding]:
     """What a user must know beside the answer."""
-    source = measurements.source
-    findings = list(measurements.findings)
-    if found.verdict == "unknown":
+    source, robot = judgement.rows.source, judgement.plain.data.cell.robot
+    findings = []
+    if judgement.verdict == "unknown":
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
-                                + ("; ".join(found.patterns[:2]) or "the readings scatter more than the stated noise"),
+                                + ("; ".join(judgement.patterns[:2]) or "the readings scatter more than the stated noise"),
                                 file=source, hint="no effect is carried into the model; look at the residuals in the report"))
-    if found.verdict == "ambiguous":
+    if judgement.verdict == "ambiguous":
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
-                                + ", ".join(cause.label for cause in found.alternatives[:6]), file=source,
+                                + ", ".join(cause.label for cause in judgement.alternatives[:6]), file=source,
                                 hint="measure the loads named under next_measurements, or do the checks named there"))
-    for bad in found.bad_rows:
+    for bad in judgement.bad_rows:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
                                 file=source, line=bad.line, hint="measure it again"))
-    if found.thinning is not None:
-        thin = found.thinning
+    if judgement.thinning is not None:
+        thin = judgement.thinning
+        length = thin.autocorrelation_time
         findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
-                                f"blocks: neighbouring rows share their noise over {thin.memory:.1f} rows, so they are worth "
-                                f"about {thin.rows / thin.memory:.0f} independent ones", file=source))
-    for part, factor in (found.scatter or {}).items():
+                                f"blocks: neighbouring rows share their noise over {length:.1f} rows, so they are worth "
+                                f"about {thin.rows / length:.0f} independent ones", file=source))
+    for part, factor in judgement.scatter.items():
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
                                 file=source, hint="state the noise as it is, or look for what scatters"))
-    if cell.robot.link_mass is None:
+    if robot.link_mass is None:
         findings.append(Finding("CS1404", "note", "the robot file has no links: gravity torques are taken as zero, so backlash "
                                 "and soft zones of joints 2 and 3 are judged as if gravity did not load their gears",
-                                file=str(cell.robot.source), hint="add links (mass and centre) to a robot file of your own"))
-    for name, why in (found.left_out or {}).items():
-        if name in effects() and why != "it shows only in logs taken in motion":
+                                file=str(robot.source), hint="add links (mass and centre) to a robot file of your own"))
+    for name, why in judgement.left_out.items():
+        if name in effects() and why != ONLY_IN_MOTION:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
-    if found.verdict == "adequate":
+    if judgement.verdict == "adequate":
         findings.append(Finding("CS1406", "note", "a wrong scale of the force sensor (force_gain) can never be seen in "
                                 "deflections alone: it is the same as all stiffnesses changed together", file=source,
                                 hint=effects()["force_gain"].settles))
-    return tuple(findings)
+    return findings

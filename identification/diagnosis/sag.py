@@ -24,19 +24,19 @@ WEIGHT_NM = 4000.0
 STEP = 1e-4
 
 
-def sag_columns(where: LoadState, noise: NoiseModel) -> Array:
+def sag_columns(state: LoadState, noise: NoiseModel) -> Array:
     """Columns (n, 3, 10) in the noise's coordinates, of the size that is usual; none where the robot file has links."""
-    if where.robot.link_mass is not None:
-        return np.zeros((len(where), 3, 0))
+    if state.robot.link_mass is not None:
+        return np.zeros((len(state), 3, 0))
     columns = []
     for i in CARRIERS:
-        sag = where.compliance[i] * WEIGHT_NM
-        ahead, behind = where.theta.copy(), where.theta.copy()
+        sag = state.compliance[i] * WEIGHT_NM
+        ahead, behind = state.theta.copy(), state.theta.copy()
         ahead[:, i] += STEP
         behind[:, i] -= STEP
-        slope = (replace(where, theta=ahead).elastic - replace(where, theta=behind).elastic)[:, :3] / (2 * STEP)
-        spring = where.jacobian[:, :3, i] * (where.compliance[i] * where.torque[:, i])[:, None]
-        angle = where.theta[:, i]
+        slope = (replace(state, theta=ahead).elastic - replace(state, theta=behind).elastic)[:, :3] / (2 * STEP)
+        spring = state.jacobian[:, :3, i] * (state.compliance[i] * state.torque[:, i])[:, None]
+        angle = state.theta[:, i]
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
     return np.asarray(noise.rotation @ np.stack(columns, axis=2))

@@ -7,32 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.fitted_model import predicted_deflection
-from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.noise import VarianceComponents, noise_model
 from identification.fit.posterior import Posterior
-from identification.measurements import Measurements
-from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
 PARTS = ("sensor noise", "force error", "re-seating")
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more.
 GRANTED_AFTER_NAMING = 3.0
 GRANTED = 4.0
-# Noise sizes up to so many times the stated ones when it is asked how much of a misfit is explained.
+# Components up to so many times the stated ones when it is asked how much of a misfit is explained.
 ORDINARY = 1.5
 ONE_SIDED_95 = 1.645
 
 
-def beyond_stated(cell: Cell, rows: Measurements, fitted: Posterior, granted: float) -> dict[str, float]:
+def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
     confidence: how many times the stated size each is."""
+    cell, rows = fitted.data.cell, fitted.data.rows
     if np.any(rows.machined_pass != ""):
         # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
         return {}
     stated = (cell.noise.deflection_stated or not np.isnan(rows.sigma).all(), *fitted.at_map.noise.stated[1:])
-    sizes = (fitted.size.sensor, fitted.size.force, fitted.size.offset)
-    return {name: size for name, size, std, known in zip(PARTS, sizes, fitted.size_log_std, stated, strict=True)
-            if known and np.log(size / granted) > ONE_SIDED_95 * std}
+    components, log_std = fitted.components, fitted.components_log_std
+    multiples = (components.sensor, components.force, components.offset)
+    return {name: multiple for name, multiple, std, known in zip(PARTS, multiples, log_std, stated, strict=True)
+            if known and np.log(multiple / granted) > ONE_SIDED_95 * std}
 
 
 @dataclass(frozen=True)
@@ -44,15 +43,15 @@ class Explained:
     share: float
 
 
-def explained(cell: Cell, rows: Measurements, plain: Posterior, extended: Posterior) -> Explained:
+def explained(plain: Posterior, extended: Posterior) -> Explained:
     """How much of the plain model's misfit the extended one explains, against noise no larger than ordinary."""
-    noise = noise_model(cell, rows, np.exp(extended.map[:6]))
-    size = extended.size
-    weights = noise.weights(NoiseSize(size.sensor, min(size.force, ORDINARY), min(size.offset, ORDINARY)))
+    noise = noise_model(extended.data, extended.compliance)
+    components = extended.components
+    weights = noise.weights(VarianceComponents(
+        components.sensor, min(components.force, ORDINARY), min(components.offset, ORDINARY)))
 
     def chi2(model: Posterior) -> float:
-        left = np.nan_to_num(rows.deflection - predicted_deflection(cell, rows, model.map, model.terms))
-        whitened = np.einsum("nij,nj->ni", noise.rotation, left)[:, :, None]
+        whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(model.residual))[:, :, None]
         return float(weights.inner(whitened, whitened)[0, 0]) / max(plain.readings - 6, 1)
 
     before, after = chi2(plain), chi2(extended)

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import read_only, rms
 from identification.common.findings import Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
+from identification.fit.load_test import LoadTest
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
@@ -55,9 +57,12 @@ class Fit:
     held_out: tuple[float, float] | None
     findings: tuple[Finding, ...]
 
-    def details(self) -> dict[str, Any]:
-        """What `--json` gives beyond stiffness.json, JSON values."""
-        return {
+    def __post_init__(self) -> None:
+        read_only(self.residual, self.std, self.row_weight, self.spectrum)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of stiffness.json, and under "details" what `--json` gives beyond it."""
+        return self.model.as_dict() | {"details": {
             "grades": [{"name": f"k{g.joint}", "grade": g.grade, "shrinkage": g.shrinkage, "signal_sigmas": g.signal,
                         "reason": g.reason, "helpful": g.helpful} for g in self.grades],
             "ellipsoid": self.ellipsoid.as_dict(),
@@ -65,7 +70,27 @@ class Fit:
             "conflicts": [conflict.as_dict() for conflict in self.conflicts],
             "profiles": [profile.as_dict() for profile in self.profiles],
             "held_out_rms_um": None if self.held_out is None else [1e6 * value for value in self.held_out],
-        }
+        }}
+
+    def lines(self) -> list[str]:
+        """The stiffnesses as a table, and how well the model fits."""
+        model = self.model
+        lines = ["joint   stiffness k [N m/rad]   95 % interval                grade"]
+        for joint, (k, (low, high), grade) in enumerate(
+                zip(model.stiffness, model.interval_95, model.grades, strict=True), start=1):
+            digits = 3 if high / low > 1.02 else 4
+            interval = f"{low:.{digits}g} ... {high:.{digits}g}"
+            lines.append(f"k{joint}      {k:<22.{digits}g}  {interval:<27}  {grade}")
+        noise = model.fit["noise"]
+        offset = sum(noise["pose_offset_um"]) / 3
+        lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: "
+                     f"sensor {noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
+        lines.append(self.ellipsoid.sentence)
+        if self.held_out is not None:
+            before, after = self.held_out
+            lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
+                         "the identified")
+        return lines
 
 
 def fit_stiffness(
@@ -82,53 +107,47 @@ def fit_stiffness(
     k1      1.549e+06               1.543e+06 ... 1.556e+06      reliable
     >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
-    rows = measurements.select(~measurements.validate)
-    prior = PriorModel(cell.prior, prior_kind, gamma)
-    found = posterior(cell, rows, prior)
-    grades = grade_joints(cell, rows, found, prior)
-    conflicts = subset_conflicts(rows, found, prior)
-    residual = measurements.deflection - predicted_deflection(cell, measurements, found.mean)
-    fitted = ~measurements.validate
+    identify = ~measurements.validate
+    every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
+    fitted = posterior(every.with_rows(measurements.select(identify)))
+    grades, conflicts = grade_joints(fitted), subset_conflicts(fitted)
+    residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None
     if measurements.validate.any():
-        literature = predicted_deflection(cell, measurements, -np.log(cell.prior.stiffness))
-        held_out = (_rms((measurements.deflection - literature)[measurements.validate]), _rms(residual[measurements.validate]))
+        literature = predicted_deflection(every, -np.log(cell.prior.stiffness))
+        held_out = (rms((measurements.deflection - literature)[measurements.validate]), rms(residual[measurements.validate]))
     row_weight = np.full(len(measurements), np.nan)
-    row_weight[fitted] = found.row_weight
-    size = found.size
-    noise = found.at_map.noise
-    figures = {
-        "rows": len(rows), "residual_rms_um": 1e6 * _rms(residual[fitted]), "chi2": found.chi2, "dof": found.readings - 6,
-        "noise_scale": size.sensor,
+    row_weight[identify] = fitted.row_weight
+    model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
+                            tuple(grade.grade for grade in grades), _figures(fitted, rms(residual[identify])),
+                            interval=fitted.draws.interval(0.95))
+    findings = (*measurements.findings, *_findings(fitted, grades, conflicts), *_not_better(measurements.source, held_out))
+    return Fit(model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)), row_weight, grades,
+               ellipsoid(fitted), information_spectrum(fitted), conflicts, profiles(fitted) if with_profiles else (), held_out,
+               findings)
+
+
+def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
+    """The figures of the fit that stiffness.json carries; residual: RMS [m] of the fitted rows."""
+    components, noise, prior = fitted.components, fitted.at_map.noise, fitted.prior
+    return {
+        "rows": len(fitted.data.rows), "residual_rms_um": 1e6 * residual, "chi2": fitted.chi2, "dof": fitted.readings - 6,
+        "noise_scale": components.sensor,
         "noise": {
-            "sensor_scale": size.sensor, "sensor_log_std": float(found.size_log_std[0]),
-            "force_relative_scale": size.force, "force_stated": noise.stated[1], "force_told_apart": noise.separable[1],
-            "pose_offset_um": (1e6 * size.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[2],
+            "sensor_scale": components.sensor, "sensor_log_std": float(fitted.components_log_std[0]),
+            "force_relative_scale": components.force, "force_stated": noise.stated[1], "force_told_apart": noise.separable[1],
+            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[2],
             "pose_offset_told_apart": noise.separable[2],
-            "student_degrees_of_freedom": None if np.isinf(size.degrees) else size.degrees,
+            "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
         },
-        "prior": {"kind": prior_kind, "gamma": gamma} if prior_kind == "gaussian" else {"kind": prior_kind},
+        "prior": {"kind": prior.kind, "gamma": prior.gamma} if prior.kind == "gaussian" else {"kind": prior.kind},
     }
-    model = IdentifiedModel(cell.robot, cell.flange_from_tcp, found.mean, found.covariance,
-                            tuple(grade.grade for grade in grades), figures, interval=found.draws.interval(0.95))
-    findings = [*measurements.findings, *_findings(measurements, rows, found, grades, conflicts, prior)]
-    if held_out is not None and held_out[1] > held_out[0]:
-        findings.append(Finding(
-            "CS1019", "warning", f"on the validation rows the identified stiffnesses are off by {1e6 * held_out[1]:.1f} um "
-            f"RMS, the prior's by {1e6 * held_out[0]:.1f} um", file=measurements.source,
-            hint="do not correct with them: check units, signs and joint columns, then compstiff diagnose"))
-    std = residual_std(cell, measurements, found.size, np.exp(found.mean))
-    return Fit(model, found, residual, std, row_weight, grades, ellipsoid(found),
-               information_spectrum(found, prior), conflicts, profiles(found) if with_profiles else (), held_out,
-               tuple(findings))
 
 
-def _findings(
-    measurements: Measurements, rows: Measurements, found: Posterior, grades: tuple[JointGrade, ...],
-    conflicts: tuple[Conflict, ...], prior: PriorModel,
-) -> list[Finding]:
+def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tuple[Conflict, ...]) -> list[Finding]:
     """What a user must know before trusting the numbers."""
-    source, findings = measurements.source, []
+    source = fitted.data.rows.source
+    findings = []
     for grade in grades:
         if grade.grade == "not identifiable":
             findings.append(Finding("CS1012", "warning", f"k{grade.joint} is not identifiable from these loads, its value is "
@@ -136,21 +155,7 @@ def _findings(
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += _against_prior(source, found, grades, prior)
-    ratio = float(np.sqrt(found.chi2 / max(found.readings - 6, 1)))
-    if ratio > LARGER_THAN_STATED:
-        size, noise = found.size, found.at_map.noise
-        where = (f"estimated: sensor {size.sensor:.2g} times the stated, re-seating "
-                 f"{1e6 * size.offset * float(np.mean(noise.offset)):.2g} um a pose")
-        findings.append(Finding("CS1013", "warning", f"the residual is {ratio:.1f} times what the stated noise allows; "
-                                f"{where}; the intervals use the estimated noise", file=source,
-                                hint="state the noise in cell.yaml if it is known; otherwise see which pose or axis stands out "
-                                "in the report"))
-    light = np.flatnonzero(found.row_weight < SUSPICIOUS_WEIGHT)
-    for row in light[np.argsort(found.row_weight[light])]:
-        findings.append(Finding("CS1015", "warning", "this row does not fit the others and counts "
-                                f"{100 * found.row_weight[row]:.0f} % of an ordinary one", file=source,
-                                line=int(rows.line[row]), hint="measure it again, or see what was different"))
+    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -162,27 +167,56 @@ def _findings(
     return findings
 
 
-def _against_prior(source: str, found: Posterior, grades: tuple[JointGrade, ...], prior: PriorModel) -> list[Finding]:
+def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Finding]:
     """A conflict (CS1017) of data and prior: the stiffnesses that the data tell, against what was expected of them."""
     from scipy.stats import chi2
 
     seen = np.array([grade.grade == "reliable" for grade in grades])
     if not seen.any():
         return []
+    source, prior = fitted.data.rows.source, fitted.prior
     expected = -np.log(prior.prior.stiffness)
-    off = ((found.mean - expected) / prior.log_std)[seen]
+    off = ((fitted.mean - expected) / prior.log_std)[seen]
     p_value = float(chi2.sf(np.sum(off**2), int(seen.sum())))
     if p_value > PRIOR_CONFLICT:
         return []
-    factor = np.exp(-(found.mean - expected)[seen])
-    said = (f"the stiffnesses lie a factor {factor.min():.3g} to {factor.max():.3g} off the prior's medians, which it gives a "
-            f"probability of {p_value:.1g}")
+    factor = np.exp(-(fitted.mean - expected)[seen])
+    message = (f"the stiffnesses lie a factor {factor.min():.3g} to {factor.max():.3g} off the prior's medians, which it gives "
+               f"a probability of {p_value:.1g}")
     if factor.min() > UNIT or factor.max() < 1 / UNIT:
-        raise error("CS1018", said, file=source, hint="deflections are in micrometres, forces in newton: the factor looks "
+        raise error("CS1018", message, file=source, hint="deflections are in micrometres, forces in newton: the factor looks "
                     "like a unit. If the robot really is so, state its prior in cell.yaml")
-    return [Finding("CS1017", "warning", said, file=source, hint="is it the right robot, tool and prior? The data outweigh the "
-                    "prior where joints are graded reliable")]
+    return [Finding("CS1017", "warning", message, file=source, hint="is it the right robot, tool and prior? The data outweigh "
+                    "the prior where joints are graded reliable")]
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
+def _larger_noise(fitted: Posterior) -> list[Finding]:
+    """A residual (CS1013) that the stated noise does not explain."""
+    ratio = float(np.sqrt(fitted.chi2 / max(fitted.readings - 6, 1)))
+    if ratio <= LARGER_THAN_STATED:
+        return []
+    components, noise = fitted.components, fitted.at_map.noise
+    where = (f"estimated: sensor {components.sensor:.2g} times the stated, re-seating "
+             f"{1e6 * components.offset * float(np.mean(noise.offset)):.2g} um a pose")
+    return [Finding("CS1013", "warning", f"the residual is {ratio:.1f} times what the stated noise allows; {where}; the "
+                    "intervals use the estimated noise", file=fitted.data.rows.source,
+                    hint="state the noise in cell.yaml if it is known; otherwise see which pose or axis stands out in the "
+                    "report")]
+
+
+def _light_rows(fitted: Posterior) -> list[Finding]:
+    """Rows (CS1015) that do not fit the others, the worst first."""
+    rows, weight = fitted.data.rows, fitted.row_weight
+    light = np.flatnonzero(weight < SUSPICIOUS_WEIGHT)
+    return [Finding("CS1015", "warning", f"this row does not fit the others and counts {100 * weight[row]:.0f} % of an "
+                    "ordinary one", file=rows.source, line=int(rows.line[row]),
+                    hint="measure it again, or see what was different") for row in light[np.argsort(weight[light])]]
+
+
+def _not_better(source: str, held_out: tuple[float, float] | None) -> list[Finding]:
+    """Validation rows (CS1019) that the prior predicts better."""
+    if held_out is None or held_out[1] <= held_out[0]:
+        return []
+    return [Finding("CS1019", "warning", "on the validation rows the identified stiffnesses are off by "
+                    f"{1e6 * held_out[1]:.1f} um RMS, the prior's by {1e6 * held_out[0]:.1f} um", file=source,
+                    hint="do not correct with them: check units, signs and joint columns, then compstiff diagnose")]

@@ -1,4 +1,4 @@
-"""D^T Sigma^-1 D for many noise sizes at once: what the likelihood of a linear model needs of the rows (noise.py)."""
+"""D^T Sigma^-1 D for many variance components at once: what the likelihood of a linear model needs of the rows (noise.py)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from identification.fit.noise import NoiseModel
 
 Array = NDArray[np.float64]
 
-# Numbers held at once; more sizes go in turns.
+# Numbers held at once; more components go in turns.
 CHUNK = 2_000_000
 
 
 class NoiseGram:
-    """The rows' columns D = (design, residual) (n, 3, q), q = p + 1, with row weights (n,), ready for any noise sizes."""
+    """The rows' columns D = (design, residual) (n, 3, q), q = p + 1, with row weights (n,), ready for any variance
+    components."""
 
     def __init__(self, model: NoiseModel, row_weight: Array, design: Array, residual: Array) -> None:
         columns = np.concatenate([design, residual[:, :, None]], axis=2)
@@ -33,14 +34,14 @@ class NoiseGram:
             (rotation[:, :, :, None] * columns[:, :, None, :]).reshape(len(rotation), 3, -1)], axis=2)
 
     def __call__(self, logs: Array) -> tuple[Array, Array]:
-        """Gram (S, q, q) and ln determinant of Sigma (S,) for the logarithms (S, 3) of the sizes."""
+        """Gram (S, q, q) and ln determinant of Sigma (S,) for the logarithms (S, 3) of the components."""
         at_once = max(1, CHUNK // (self._by_visit.shape[2] * len(self._by_visit)))
         parts = [self._some(np.exp(logs[start: start + at_once])) for start in range(0, len(logs), at_once)]
         return np.concatenate([gram for gram, _ in parts]), np.concatenate([determinant for _, determinant in parts])
 
-    def _some(self, sizes: Array) -> tuple[Array, Array]:
-        count, q = len(sizes), self._count
-        variance = sizes[:, :1] ** 2 + sizes[:, 1:2] ** 2 * self._force
+    def _some(self, components: Array) -> tuple[Array, Array]:
+        count, q = len(components), self._count
+        variance = components[:, :1] ** 2 + components[:, 1:2] ** 2 * self._force
         precision = np.where(self._measured, self._row_weight / variance, 0.0)
         gram = (precision @ self._pairs).reshape(count, q, q)
         log_determinant = -np.log(precision[:, self._measured]).sum(axis=1)
@@ -49,7 +50,7 @@ class NoiseGram:
         rows = np.swapaxes(precision.reshape(count, -1, 3), 0, 1) @ self._by_visit                    # (n, S, 9 + 3 q)
         summed = np.add.reduceat(rows, self._starts, axis=0)
         total, gathered = summed[:, :, :9].reshape(-1, count, 3, 3), summed[:, :, 9:].reshape(-1, count, 3, q)
-        root = sizes[:, 2:] * self._offset                                                             # (S, 3)
+        root = components[:, 2:] * self._offset                                                             # (S, 3)
         # Woodbury, so written that an axis without offset stays finite, as in NoiseModel.weights.
         inner = np.eye(3) + root[:, :, None] * total * root[:, None, :]
         inverse, determinant = _inverse(inner)

@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.posterior import Posterior
-from identification.fit.priors import PriorModel
-from identification.measurements import Measurements
-from identification.model.cell import Cell
-from identification.model.compliance import signature
+from identification.model.compliance import regressor
 
 Array = NDArray[np.float64]
 
@@ -49,27 +46,27 @@ class JointGrade:
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
     """95 % ellipsoid of the six ln k (paper eq. 15), as large as the posterior's own tails ask: volume, semi-axes (6,) longest
-    first, directions (6, 6) in rows, words."""
+    first, directions (6, 6) in rows, sentence: in plain words."""
 
     volume: float
     semi_axes: Array
     directions: Array
-    words: str
+    sentence: str
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
         return {"volume": self.volume, "semi_axes_log": self.semi_axes.tolist(), "directions": self.directions.tolist(),
-                "words": self.words}
+                "words": self.sentence}
 
 
-def grade_joints(cell: Cell, rows: Measurements, found: Posterior, prior: PriorModel) -> tuple[JointGrade, ...]:
+def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
     """Grades of the six joints from the contraction prior -> posterior, their signal in the data and their correlations."""
-    std = np.sqrt(np.diag(found.covariance))
-    correlation = found.covariance / np.outer(std, std)
-    signal = np.max(np.abs(found.at_map.design), axis=(0, 1)) / found.size.sensor
+    std = np.sqrt(np.diag(posterior.covariance))
+    correlation = posterior.covariance / np.outer(std, std)
+    signal = np.max(np.abs(posterior.at_map.design), axis=(0, 1)) / posterior.components.sensor
     grades = []
     for i in range(6):
-        shrinkage = float(std[i] / prior.log_std[i])
+        shrinkage = float(std[i] / posterior.prior.log_std[i])
         grade = "reliable" if std[i] <= RELIABLE_LOG_STD else "tentative"
         if shrinkage > UNSEEN_SHRINKAGE:
             grade = "not identifiable"
@@ -82,15 +79,15 @@ def grade_joints(cell: Cell, rows: Measurements, found: Posterior, prior: PriorM
             reason = f"k{i + 1} and k{partner + 1} trade off (correlation {correlation[i, partner]:+.2f})"
         else:
             reason = f"its largest share of a reading is {signal[i]:.3g} of the sensor's sigma"
-        helpful = "" if grade == "reliable" else _helpful(cell, found, i)
+        helpful = "" if grade == "reliable" else _helpful(posterior, i)
         grades.append(JointGrade(i + 1, grade, shrinkage, float(signal[i]), partner + 1 if trades else 0,
                                  float(correlation[i, partner]) if trades else 0.0, reason, helpful))
     return tuple(grades)
 
 
-def _helpful(cell: Cell, found: Posterior, joint: int) -> str:
+def _helpful(posterior: Posterior, joint: int) -> str:
     """The single load, of many random poses along one base axis each, that shrinks this joint's uncertainty most."""
-    robot = cell.robot
+    cell, robot = posterior.data.cell, posterior.data.cell.robot
     rng = np.random.default_rng(joint)
     middle = np.clip(0.0, *robot.limits.T)
     theta = middle + 0.7 * rng.uniform(robot.limits[:, 0] - middle, robot.limits[:, 1] - middle, (4 * CANDIDATES, 6))
@@ -98,37 +95,38 @@ def _helpful(cell: Cell, found: Posterior, joint: int) -> str:
     axis = rng.integers(0, 3, len(theta))
     wrench = np.zeros((len(theta), 6))
     wrench[np.arange(len(theta)), axis] = CANDIDATE_FORCE_N
-    design = signature(robot, theta, cell.flange_from_tcp, wrench)[:, :3] * np.exp(found.mean)
-    sigma = found.size.sensor * cell.noise.deflection
-    spread = design @ found.covariance                                                     # (n, 3, 6)
+    design = regressor(robot, theta, cell.flange_from_tcp, wrench)[:, :3] * np.exp(posterior.mean)
+    sigma = posterior.components.sensor * cell.noise.deflection
+    spread = design @ posterior.covariance                                                     # (n, 3, 6)
     total = spread @ np.swapaxes(design, 1, 2) + np.diag(sigma**2)
     gained = np.einsum("ni,nij,nj->n", spread[:, :, joint], np.linalg.inv(total), spread[:, :, joint])
     best = int(np.argmax(gained))
-    left = np.sqrt(max(1 - gained[best] / found.covariance[joint, joint], 0.0))
+    left = np.sqrt(max(1 - gained[best] / posterior.covariance[joint, joint], 0.0))
     angles = ", ".join(f"{angle:.0f}" for angle in np.degrees(theta[best]))
     return (f"one load of {CANDIDATE_FORCE_N:g} N along base {AXIS_NAMES[axis[best]]} at joints ({angles}) deg would bring the "
             f"uncertainty of k{joint + 1} to {100 * left:.0f} % of what it is")
 
 
-def ellipsoid(found: Posterior) -> Ellipsoid:
-    """The 95 % ellipsoid of ln k (paper eq. 15), its axes in words."""
-    eigenvalues, vectors = np.linalg.eigh(found.covariance)
+def ellipsoid(posterior: Posterior) -> Ellipsoid:
+    """The 95 % ellipsoid of ln k (paper eq. 15), its axes in plain words."""
+    eigenvalues, vectors = np.linalg.eigh(posterior.covariance)
     order = np.argsort(eigenvalues)[::-1]
-    semi_axes = np.sqrt(found.draws.radius(0.95, 6) * eigenvalues[order])
+    semi_axes = np.sqrt(posterior.draws.radius(0.95, 6) * eigenvalues[order])
     directions = vectors[:, order].T
     directions = directions * np.sign(directions[np.arange(6), np.argmax(np.abs(directions), axis=1)])[:, None]
     leading = [i for i in np.argsort(-np.abs(directions[0])) if abs(directions[0, i]) > 0.4]
     names = " and ".join(f"k{i + 1}" for i in leading)
     if len(leading) > 1:
         same = np.sign(directions[0, leading[0]]) == np.sign(directions[0, leading[1]])
-        words = f"least certain: {names} together, {'in the same sense' if same else 'one against the other'}"
+        sentence = f"least certain: {names} together, {'in the same sense' if same else 'one against the other'}"
     else:
-        words = f"least certain: {names}"
-    words += f", a factor {np.exp(semi_axes[0]):.3g} either way at the end of the longest axis"
-    return Ellipsoid(float(np.pi**3 / 6 * np.prod(semi_axes)), semi_axes, directions, words)
+        sentence = f"least certain: {names}"
+    sentence += f", a factor {np.exp(semi_axes[0]):.3g} either way at the end of the longest axis"
+    return Ellipsoid(float(np.pi**3 / 6 * np.prod(semi_axes)), semi_axes, directions, sentence)
 
 
-def information_spectrum(found: Posterior, prior: PriorModel) -> Array:
+def information_spectrum(posterior: Posterior) -> Array:
     """Eigenvalues (6,), largest first, of the data's information on ln k in units of the prior's: above 1 the data say more
     than the prior, below 1 less."""
-    return np.asarray(np.linalg.eigvalsh(found.at_map.information * np.outer(prior.log_std, prior.log_std))[::-1])
+    log_std = posterior.prior.log_std
+    return np.asarray(np.linalg.eigvalsh(posterior.information * np.outer(log_std, log_std))[::-1])

@@ -1,4 +1,4 @@
-"""The posterior beyond Laplace: weighted draws of x, the noise sizes integrated out (posterior.py)."""
+"""The posterior beyond Laplace: weighted draws of x, the variance components integrated out (posterior.py)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel, NoiseSize
+from identification.fit.linearised import Linearised
+from identification.fit.noise import VarianceComponents
 from identification.fit.priors import PriorModel
 from identification.fit.variance_components import Trials
+from identification.model.effects_in_force import EFFECTS, SPRINGS
 
 Array = NDArray[np.float64]
 
@@ -17,8 +19,8 @@ Array = NDArray[np.float64]
 DRAWS = 12_000
 FEWEST_EFFECTIVE_DRAWS = 400.0
 PROPOSAL_DEGREES = 8.0
-# Where the sizes were told from a part of the rows, so many of them are carried through all rows.
-SIZES_OF_MANY_ROWS = 7
+# Where the components were told from a part of the rows, so many of them are carried through all rows.
+COMPONENTS_OF_MANY_ROWS = 7
 # Information of the data on a joint in units of the prior's, under which they say nothing of it.
 UNSEEN_INFORMATION = 1e-3
 
@@ -26,7 +28,7 @@ UNSEEN_INFORMATION = 1e-3
 @dataclass(frozen=True, eq=False)
 class Draws:
     """Draws x (D, 6 + P) of the posterior with weights (D,) that sum to 1. effective: how many equal ones they are worth, 0
-    where the importance weights were not used and the draws are Laplace's, over the noise sizes."""
+    where the importance weights were not used and the draws are Laplace's, over the variance components."""
 
     x: Array
     weight: Array
@@ -50,7 +52,7 @@ class Draws:
 
     def radius(self, level: float, count: int) -> float:
         """Squared Mahalanobis distance, in the draws' own covariance, within which this share of the draws of the first
-        `count` parameters lies: the mixture over noise sizes has heavier tails than a normal distribution."""
+        `count` parameters lies: the mixture over variance components has heavier tails than a normal distribution."""
         off = (self.x - self.mean)[:, :count]
         distance = np.einsum("di,di->d", off, np.linalg.solve(self.covariance[:count, :count], off.T).T)
         return float(weighted_quantile(distance, self.weight, [level])[0])
@@ -67,20 +69,17 @@ def weighted_quantile(values: Array, weight: Array, shares: list[float]) -> Arra
     return np.asarray(np.interp(shares, below, values[order]))
 
 
-def shrunk(information: Array, size: NoiseSize) -> Array:
+def shrunk(information: Array, degrees: float) -> Array:
     """Expected information of a Student likelihood: (nu + p) / (nu + p + 2) of the one with its weights taken as known."""
-    return information if np.isinf(size.degrees) else information * (size.degrees + 3) / (size.degrees + 5)
+    return information if np.isinf(degrees) else information * (degrees + 3) / (degrees + 5)
 
 
-def posterior_draws(
-    noise: NoiseModel, design: Array, residual: Array, size: NoiseSize, trials: Trials, row_weight: Array, prior: PriorModel,
-    x: Array,
-) -> Draws:
-    """Draws of x: each with noise sizes of its own, from Laplace's Gaussian for them, widened into a Student, and weighted by
-    posterior over proposal. The paper's Gaussian prior in k keeps Laplace's Gaussian, as published."""
-    rng = np.random.default_rng(0)
-    gram, number = _grams(noise, design, residual, size, trials, row_weight)
-    information, pull = shrunk(gram[:, :-1, :-1], size), shrunk(gram[:, :-1, -1], size)
+def posterior_draws(at: Linearised, components: VarianceComponents, trials: Trials) -> Draws:
+    """Draws of x: each with variance components of its own, from Laplace's Gaussian for them, widened into a Student, and
+    weighted by posterior over proposal. The paper's Gaussian prior in k keeps Laplace's Gaussian, as published."""
+    rng, prior, x = np.random.default_rng(0), at.prior, at.x
+    gram, number = _grams(at, components, trials)
+    information, pull = shrunk(gram[:, :-1, :-1], components.degrees), shrunk(gram[:, :-1, -1], components.degrees)
     covariance = np.asarray(np.linalg.inv(information + prior.precision(x)), dtype=float)
     shift = np.einsum("sij,sj->si", covariance, pull - prior.gradient(x))
     root = np.linalg.cholesky(covariance)
@@ -104,56 +103,54 @@ def posterior_draws(
     effective = float(1.0 / np.sum(weight**2))
     if effective < FEWEST_EFFECTIVE_DRAWS:
         return gaussian
-    return _with_unseen(Draws(draws, weight, effective), np.diag(information.mean(axis=0))[:6], prior)
+    return _with_unseen(Draws(draws, weight, effective), np.diag(information.mean(axis=0))[SPRINGS], prior)
 
 
-def _grams(
-    noise: NoiseModel, design: Array, residual: Array, size: NoiseSize, trials: Trials, row_weight: Array
-) -> tuple[Array, NDArray[np.intp]]:
-    """Gram (S, q, q) of the rows for some noise sizes, and which of them each draw of a half (DRAWS / 2,) has."""
+def _grams(at: Linearised, components: VarianceComponents, trials: Trials) -> tuple[Array, NDArray[np.intp]]:
+    """Gram (S, q, q) of the rows for some variance components, and which of them each draw of a half (DRAWS / 2,) has."""
     share = np.cumsum(trials.weight)
     if trials.gram is not None:
         number = np.searchsorted(share, (np.arange(DRAWS // 2) + 0.5) / (DRAWS // 2) * share[-1])
         used, number = np.unique(number, return_inverse=True)
         return trials.gram[used], number
-    # So many rows tell the sizes well: equal shares of the trials, in the order of the first part, stand for all.
+    # So many rows tell the components well: equal shares of the trials, in the order of the first part, stand for all.
     order = np.argsort(trials.logs[:, 0])
-    chosen = order[np.searchsorted(np.cumsum(trials.weight[order]), (np.arange(SIZES_OF_MANY_ROWS) + 0.5) / SIZES_OF_MANY_ROWS)]
-    columns = np.concatenate([design, residual[:, :, None]], axis=2)
-    grams = [weights.inner(columns, columns) for weights in (
-        noise.weights(size.with_logs(trials.logs[one]), row_weight) for one in chosen)]
-    return np.array(grams), np.arange(DRAWS // 2) % SIZES_OF_MANY_ROWS
+    shares = (np.arange(COMPONENTS_OF_MANY_ROWS) + 0.5) / COMPONENTS_OF_MANY_ROWS
+    chosen = order[np.searchsorted(np.cumsum(trials.weight[order]), shares)]
+    columns = at.columns
+    grams = [at.weights(components.with_logs(logs)).inner(columns, columns) for logs in trials.logs[chosen]]
+    return np.array(grams), np.arange(DRAWS // 2) % COMPONENTS_OF_MANY_ROWS
 
 
 def _log_posterior(draws: Array, x: Array, information: Array, pull: Array, prior: PriorModel) -> Array:
     """ln posterior (D,) of draws, less its value at x; the likelihood is Gaussian in c about the MAP x: c / c0 - 1 in place of
     ln c - x. information (D, p, p) and pull (D, p): curvature and gradient of the ln likelihood by ln c at x."""
     step = draws - x
-    step[:, :6] = np.expm1(np.clip(step[:, :6], -50, 50))
+    step[:, SPRINGS] = np.expm1(np.clip(step[:, SPRINGS], -50, 50))
     value = np.einsum("di,di->d", step, pull - 0.5 * (information @ step[:, :, None])[:, :, 0])
-    value -= 0.5 * np.sum(((draws[:, :6] + np.log(prior.prior.stiffness)) / prior.prior.log_std) ** 2, axis=1)
-    value -= 0.5 * np.sum(((draws[:, 6:] - prior.term_mean) / prior.term_std) ** 2, axis=1)
+    value -= 0.5 * np.sum(((draws[:, SPRINGS] + np.log(prior.prior.stiffness)) / prior.prior.log_std) ** 2, axis=1)
+    value -= 0.5 * np.sum(((draws[:, EFFECTS] - prior.term_mean) / prior.term_std) ** 2, axis=1)
     value[np.any(draws != prior.inside(draws), axis=1)] = -np.inf
     return np.asarray(value + prior.value(x))
 
 
 def _laplace_log_evidence(information: Array, pull: Array, covariance: Array, prior: PriorModel, x: Array) -> Array:
-    """ln of the largest value of Laplace's posterior (S,), less its value at x: the sizes' weights have it already."""
+    """ln of the largest value of Laplace's posterior (S,), less its value at x: the components' weights have it already."""
     gradient = pull - prior.gradient(x)
     return np.asarray(0.5 * np.einsum("si,sij,sj->s", gradient, covariance, gradient))
 
 
-def _with_unseen(found: Draws, information: Array, prior: PriorModel) -> Draws:
+def _with_unseen(draws: Draws, information: Array, prior: PriorModel) -> Draws:
     """A joint of which the data say nothing has its prior exactly, free of the draws' own scatter."""
     unseen = np.flatnonzero(information * prior.prior.log_std**2 < UNSEEN_INFORMATION)
     if not len(unseen):
-        return found
-    x, mean, covariance = found.x.copy(), found.mean, found.covariance
+        return draws
+    x, mean, covariance = draws.x.copy(), draws.mean, draws.covariance
     # Apart from the others, then with the prior's mean and width.
     seen = np.setdiff1d(np.arange(x.shape[1]), unseen)
     off = x[:, unseen] - mean[unseen]
     off -= (x[:, seen] - mean[seen]) @ np.linalg.solve(covariance[np.ix_(seen, seen)], covariance[np.ix_(seen, unseen)])
-    spread = (off * found.weight[:, None]).T @ off
+    spread = (off * draws.weight[:, None]).T @ off
     white = np.linalg.solve(np.linalg.cholesky(spread), off.T).T
     x[:, unseen] = -np.log(prior.prior.stiffness[unseen]) + prior.prior.log_std[unseen] * white
-    return Draws(x, found.weight, found.effective)
+    return Draws(x, draws.weight, draws.effective)

@@ -1,4 +1,4 @@
-"""The measurement noise: its three parts, their sizes estimated from the data, and the weight of every row.
+"""The measurement noise: its three parts, their variance components estimated from the data, and the weight of every row.
 
 The covariance of the deflections of one row and of rows that share a pose visit (docs/effects.md, step 1) is
 
@@ -18,8 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.measurements import Measurements
-from identification.model.cell import Cell
+from identification.fit.load_test import LoadTest
 from identification.model.compliance import compliance_matrix
 
 Array = NDArray[np.float64]
@@ -32,8 +31,9 @@ DEGREES = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 
 
 @dataclass(frozen=True)
-class NoiseSize:
-    """Multipliers of the stated parts (or of the usual size where none is stated), and the Student degrees of freedom."""
+class VarianceComponents:
+    """Square roots of the variance components of the three parts, as multiples of what is stated of each (of what is usual
+    where nothing is stated), and the Student degrees of freedom."""
 
     sensor: float = 1.0
     force: float = 1.0
@@ -45,16 +45,16 @@ class NoiseSize:
         """ln of the three multipliers (3,)."""
         return np.log([self.sensor, self.force, self.offset])
 
-    def within(self, stated: tuple[bool, bool, bool]) -> NoiseSize:
-        """The stated sizes, and these for the parts that are not stated."""
-        sensor, force, offset = (1.0 if known else size for known, size in zip(
+    def within(self, stated: tuple[bool, bool, bool]) -> VarianceComponents:
+        """As stated, and these for the parts that are not stated."""
+        sensor, force, offset = (1.0 if known else own for known, own in zip(
             stated, (self.sensor, self.force, self.offset), strict=True))
-        return NoiseSize(sensor, force, offset, self.degrees)
+        return VarianceComponents(sensor, force, offset, self.degrees)
 
-    def with_logs(self, logs: Array) -> NoiseSize:
+    def with_logs(self, logs: Array) -> VarianceComponents:
         """The same degrees of freedom with other multipliers."""
         sensor, force, offset = np.exp(logs)
-        return NoiseSize(float(sensor), float(force), float(offset), self.degrees)
+        return VarianceComponents(float(sensor), float(force), float(offset), self.degrees)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +95,15 @@ class NoiseModel:
         order, starts = self._runs
         return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
-    def weights(self, size: NoiseSize, row_weight: Array | None = None) -> Weights:
-        """Sigma^-1 for these sizes and row weights (n,)."""
-        variance = size.sensor**2 + size.force**2 * np.where(self.measured, self.force, 0.0)
+    def weights(self, components: VarianceComponents, row_weight: Array | None = None) -> Weights:
+        """Sigma^-1 for these variance components and row weights (n,)."""
+        variance = components.sensor**2 + components.force**2 * np.where(self.measured, self.force, 0.0)
         if row_weight is not None:
             variance = variance / row_weight[:, None]
         precision = np.where(self.measured, 1.0 / variance, 0.0)
         weighted = np.swapaxes(self.rotation, 1, 2) * precision[:, None, :]
         total = self.by_visit(weighted @ self.rotation)
-        root = np.diag(size.offset * self.offset)
+        root = np.diag(components.offset * self.offset)
         # Woodbury, so written that an axis without offset stays finite: G^1/2 (I + G^1/2 T G^1/2)^-1 G^1/2.
         inner = np.eye(3) + root @ total @ root
         log_determinant = -float(np.sum(np.log(precision[self.measured]))) + float(np.sum(np.linalg.slogdet(inner)[1]))
@@ -143,9 +143,9 @@ class Weights:
         return self.model.by_visit(np.swapaxes(self.model.rotation, 1, 2) @ weighted)
 
 
-def noise_model(cell: Cell, rows: Measurements, compliance: Array) -> NoiseModel:
+def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     """The noise of these rows as the cell file states it, the force error carried through `compliance` (6,)."""
-    noise = cell.noise
+    cell, rows, noise = data.cell, data.rows, data.cell.noise
     measured = ~np.isnan(rows.deflection)
     sensor = np.where(np.isnan(rows.sigma), noise.deflection, rows.sigma)
     relative = noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE
@@ -165,30 +165,38 @@ def noise_model(cell: Cell, rows: Measurements, compliance: Array) -> NoiseModel
                       (sensor_stated, noise.force_stated, noise.offset_stated))
 
 
-def residual_std(cell: Cell, rows: Measurements, size: NoiseSize, compliance: Array) -> Array:
-    """1 sigma of each component's residual (n, 3) [m] under noise of this size: sensor, force error and re-seating."""
-    noise = noise_model(cell, rows, compliance)
-    sensor = np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)
+def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array) -> Array:
+    """1 sigma of each component's residual (n, 3) [m] under noise of these components: sensor, force error and re-seating."""
+    noise = noise_model(data, compliance)
+    sensor = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
     # Back from the whitened coordinates: S^1/2 U diag(f^2 lambda) U^T S^1/2, with U^T S^-1/2 = rotation.
     vectors = np.swapaxes(noise.rotation, 1, 2) * sensor[:, :, None]
     force = np.einsum("nij,nj,nij->ni", vectors, noise.force, vectors) * sensor**2
     # A Student distribution's variance is more than its scale squared.
-    heavier = 1.0 if np.isinf(size.degrees) else size.degrees / (size.degrees - 2.0)
-    own = (size.sensor * sensor) ** 2 + size.force**2 * force
-    return np.asarray(np.sqrt(heavier * own + (size.offset * noise.offset) ** 2))
+    heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
+    own = (components.sensor * sensor) ** 2 + components.force**2 * force
+    return np.asarray(np.sqrt(heavier * own + (components.offset * noise.offset) ** 2))
 
 
-def student_weights(model: NoiseModel, size: NoiseSize, weights: Weights, residual: Array) -> tuple[Array, float]:
+def distances(
+    model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
+) -> tuple[Array, NDArray[np.int_]]:
+    """Squared distance (n,) of each row's residual (n, 3), offsets taken out, in its own noise, and its components' count."""
+    offsets = weights.offsets(residual)
+    own = residual - np.einsum("nij,nj->ni", model.rotation, offsets[model.visit])
+    variance = components.sensor**2 + components.force**2 * model.force
+    return np.where(model.measured, own**2 / variance, 0.0).sum(axis=1), model.measured.sum(axis=1)
+
+
+def student_weights(
+    model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
+) -> tuple[Array, float]:
     """Row weights (n,) and degrees of freedom of a Student likelihood for the residual (n, 3), offsets taken out.
 
     The degrees of freedom are those of the largest likelihood, each doubling of heaviness costing one unit of ln
     likelihood: without evidence of gross errors the weights are all 1.
     """
-    offsets = weights.offsets(residual)
-    own = residual - np.einsum("nij,nj->ni", model.rotation, offsets[model.visit])
-    variance = size.sensor**2 + size.force**2 * model.force
-    distance = np.where(model.measured, own**2 / variance, 0.0).sum(axis=1)
-    count = model.measured.sum(axis=1)
+    distance, count = distances(model, components, weights, residual)
     degrees, _ = tails(distance, count)
     if np.isinf(degrees):
         return np.ones(len(distance)), degrees

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.effects_in_force import EFFECTS, SPRINGS
 from identification.model.robot import Prior
 
 Array = NDArray[np.float64]
@@ -34,18 +35,18 @@ class PriorModel:
 
     def value(self, x: Array) -> float:
         """-ln prior, without its constant (paper eq. 11; log-normal: docs/architecture.md, Inference)."""
-        terms = 0.5 * float(np.sum(((x[6:] - self.term_mean) / self.term_std) ** 2))
+        terms = 0.5 * float(np.sum(((x[EFFECTS] - self.term_mean) / self.term_std) ** 2))
         if self.kind == "lognormal":
-            return terms + float(0.5 * np.sum(((x[:6] + np.log(self.prior.stiffness)) / self.prior.log_std) ** 2))
-        share = (np.exp(-x[:6]) / self.prior.stiffness - 1) / self.prior.relative_std
+            return terms + float(0.5 * np.sum(((x[SPRINGS] + np.log(self.prior.stiffness)) / self.prior.log_std) ** 2))
+        share = (np.exp(-x[SPRINGS]) / self.prior.stiffness - 1) / self.prior.relative_std
         return terms + float(0.5 * self.gamma * np.sum(share**2))
 
     def gradient(self, x: Array) -> Array:
         """Derivative (6 + P,) of -ln prior by x."""
-        terms = (x[6:] - self.term_mean) / self.term_std**2
+        terms = (x[EFFECTS] - self.term_mean) / self.term_std**2
         if self.kind == "lognormal":
-            return np.concatenate([(x[:6] + np.log(self.prior.stiffness)) / self.prior.log_std**2, terms])
-        k = np.exp(-x[:6])
+            return np.concatenate([(x[SPRINGS] + np.log(self.prior.stiffness)) / self.prior.log_std**2, terms])
+        k = np.exp(-x[SPRINGS])
         width = (self.prior.relative_std * self.prior.stiffness) ** 2
         return np.concatenate([-self.gamma * k * (k - self.prior.stiffness) / width, terms])
 
@@ -54,7 +55,7 @@ class PriorModel:
         if self.kind == "lognormal":
             joints = 1 / self.prior.log_std**2
         else:
-            joints = self.gamma * (np.exp(-x[:6]) / (self.prior.relative_std * self.prior.stiffness)) ** 2
+            joints = self.gamma * (np.exp(-x[SPRINGS]) / (self.prior.relative_std * self.prior.stiffness)) ** 2
         return np.diag(np.concatenate([joints, 1 / self.term_std**2]))
 
     def search_curvature(self, x: Array) -> Array:
@@ -62,7 +63,7 @@ class PriorModel:
         curvature = self.precision(x)
         if self.kind == "lognormal":
             return curvature
-        k = np.exp(-x[:6])
+        k = np.exp(-x[SPRINGS])
         full = self.gamma * k * (2 * k - self.prior.stiffness) / (self.prior.relative_std * self.prior.stiffness) ** 2
         joints = np.arange(6)
         curvature[joints, joints] = np.maximum(full, 0.2 * curvature[joints, joints])
@@ -70,7 +71,7 @@ class PriorModel:
 
     def inside(self, x: Array) -> Array:
         """x (..., 6 + P) with the effects' parameters moved inside their bounds."""
-        return np.concatenate([x[..., :6], np.clip(x[..., 6:], self.term_low, self.term_high)], axis=-1)
+        return np.concatenate([x[..., SPRINGS], np.clip(x[..., EFFECTS], self.term_low, self.term_high)], axis=-1)
 
     @property
     def log_std(self) -> Array:

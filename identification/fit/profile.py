@@ -42,14 +42,14 @@ class Profile:
                 "stiffness": self.stiffness.tolist(), "log_likelihood_drop": self.drop.tolist()}
 
 
-def profiles(found: Posterior) -> tuple[Profile, ...]:
+def profiles(posterior: Posterior) -> tuple[Profile, ...]:
     """The profiles of the six joints."""
     from scipy.optimize import lsq_linear
 
-    at, scale = found.at_map, np.exp(found.map)
+    at, scale = posterior.at_map, posterior.compliance
     # Minus ln likelihood in units of c0: 0.5 |R (c / c0 - 1) - q|^2 with R^T R the information.
-    information = at.information
-    pull = at.weights.inner(at.design, at.residual[:, :, None])[:, 0]
+    information = posterior.information
+    pull = posterior.weights.inner(at.design, at.residual[:, :, None])[:, 0]
     eigenvalues, vectors = np.linalg.eigh(information)
     root = np.sqrt(np.maximum(eigenvalues, 1e-12 * eigenvalues.max()))[:, None] * vectors.T
     target = np.linalg.solve(root.T, pull) + root @ np.ones(6)
@@ -57,7 +57,7 @@ def profiles(found: Posterior) -> tuple[Profile, ...]:
     for joint in range(6):
         others = np.arange(6) != joint
         # Eight posterior sigmas either way, as far as the prior lets a stiffness be unknown.
-        span = float(np.clip(np.exp(8 * np.sqrt(found.laplace[joint, joint])), 1.01, SPAN))
+        span = float(np.clip(np.exp(8 * np.sqrt(posterior.laplace[joint, joint])), 1.01, SPAN))
         factors = np.geomspace(1 / span, span, POINTS)            # of the stiffness
         cost = np.empty(POINTS)
         for place, factor in enumerate(factors):

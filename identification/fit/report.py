@@ -17,14 +17,14 @@ def identification_report(cell: Cell, measurements: Measurements, fit: Fit) -> s
     """The report of `identify`."""
     model = fit.model
     grades = {grade: [f"k{i}" for i, g in enumerate(model.grades, start=1) if g == grade] for grade in model.grades}
-    told = "; ".join(f"{grade}: {', '.join(names)}" for grade, names in grades.items())
+    graded = "; ".join(f"{grade}: {', '.join(names)}" for grade, names in grades.items())
     noise = model.fit["noise"]
     offset = float(np.mean(noise["pose_offset_um"]))
     lead = [
-        f"Six joint stiffnesses of {cell.robot.name} from {model.fit['rows']} rows ({told}). The model leaves "
+        f"Six joint stiffnesses of {cell.robot.name} from {model.fit['rows']} rows ({graded}). The model leaves "
         f"{model.fit['residual_rms_um']:.2f} um RMS of the measured deflections unexplained. Noise, estimated: sensor "
         f"{noise['sensor_scale']:.2f} times what cell.yaml states, re-seating {offset:.1f} um a pose; the intervals use it. "
-        f"{fit.ellipsoid.words[0].upper()}{fit.ellipsoid.words[1:]}.",
+        f"{fit.ellipsoid.sentence[0].upper()}{fit.ellipsoid.sentence[1:]}.",
     ]
     conflicts = [conflict for conflict in fit.conflicts if conflict.is_conflict]
     if conflicts:
@@ -55,7 +55,7 @@ def identification_report(cell: Cell, measurements: Measurements, fit: Fit) -> s
     if fit.profiles:
         figures.insert(1, _profiles(fit))
     return render(f"Identified stiffnesses: {Path(measurements.source).name}", lead, tables, figures, fit.findings,
-                  model.as_dict() | {"details": fit.details()})
+                  fit.as_dict())
 
 
 def _intervals(cell: Cell, fit: Fit) -> Figure:
@@ -116,7 +116,7 @@ def _correlations(fit: Fit) -> Figure:
     matrix = fit.model.covariance / np.outer(std, std)
     data = [{"type": "heatmap", "x": joints, "y": joints, "z": matrix, "zmin": -1, "zmax": 1, "colorscale": "RdBu",
              "reversescale": True, "text": [[f"{value:.2f}" for value in row] for row in matrix], "texttemplate": "%{text}"}]
-    return Figure("Correlations of ln k", fit.ellipsoid.words[0].upper() + fit.ellipsoid.words[1:] + ".", data,
+    return Figure("Correlations of ln k", fit.ellipsoid.sentence[0].upper() + fit.ellipsoid.sentence[1:] + ".", data,
                   {"yaxis": {"autorange": "reversed"}})
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.posterior import Posterior
-from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
@@ -58,42 +57,43 @@ class Conflict:
 def partitions(rows: Measurements) -> list[tuple[str, str, NDArray[np.bool_]]]:
     """The comparisons these rows allow: names of both parts, and which rows are in the first."""
     force = rows.wrench[:, :3]
-    size = np.linalg.norm(force, axis=1)
-    loaded = size > 0
+    strength = np.linalg.norm(force, axis=1)
+    loaded = strength > 0
     axis = np.argmax(np.abs(force), axis=1)
-    along = np.abs(force).max(axis=1) > 0.9 * size
-    found = [(f"loads along base {name}", "the other loads", loaded & along & (axis == i)) for i, name in enumerate("xyz")]
+    along = np.abs(force).max(axis=1) > 0.9 * strength
+    comparisons = [(f"loads along base {name}", "the other loads", loaded & along & (axis == i))
+                   for i, name in enumerate("xyz")]
     largest = force[np.arange(len(force)), axis]
-    found.append(("positive loads", "negative loads", loaded & (largest > 0)))
+    comparisons.append(("positive loads", "negative loads", loaded & (largest > 0)))
     # Loading: the load grew from the row before of the same visit, which starts from zero.
-    before = np.concatenate([[0.0], size[:-1]])
+    before = np.concatenate([[0.0], strength[:-1]])
     before[np.concatenate([[True], np.diff(rows.visit) != 0])] = 0.0
-    found.append(("loads while loading", "loads while unloading", loaded & (size >= before)))
-    found.append(("the first half of the visits", "the second half", rows.visit < np.median(np.unique(rows.visit)) + 0.5))
-    largest_load = size > np.median(size[loaded]) if loaded.any() else loaded
-    found.append(("the larger loads", "the smaller loads", loaded & largest_load))
+    comparisons.append(("loads while loading", "loads while unloading", loaded & (strength >= before)))
+    comparisons.append(("the first half of the visits", "the second half", rows.visit < np.median(np.unique(rows.visit)) + 0.5))
+    largest_load = strength > np.median(strength[loaded]) if loaded.any() else loaded
+    comparisons.append(("the larger loads", "the smaller loads", loaded & largest_load))
     visits, first = np.unique(rows.visit, return_index=True)
     if len(visits) <= MOST_POSES:
-        found += [(f"the pose from line {rows.line[row]}", "the other poses", rows.visit == visit)
-                  for visit, row in zip(visits, first, strict=True)]
-    return found
+        comparisons += [(f"the pose from line {rows.line[row]}", "the other poses", rows.visit == visit)
+                        for visit, row in zip(visits, first, strict=True)]
+    return comparisons
 
 
-def subset_conflicts(rows: Measurements, found: Posterior, prior: PriorModel) -> tuple[Conflict, ...]:
+def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
     """All comparisons that are possible, the clearest conflict first."""
+    rows, at, weights = posterior.data.rows, posterior.at_map, posterior.weights
     loaded = np.any(rows.wrench != 0, axis=1)
-    at = found.at_map
-    precision = prior.precision(found.map)
+    precision = posterior.prior.precision(posterior.map)
     raw = []
     for part, rest, mask in partitions(rows):
         counts = int((mask & loaded).sum()), int((~mask & loaded).sum())
         if min(counts) < FEWEST_ROWS:
             continue
         design = np.where(mask[:, None, None], at.design, 0.0)
-        cross = at.weights.inner(at.design, design)
-        own = at.weights.inner(design, design)
-        score = at.weights.inner(design, at.residual[:, :, None])[:, 0]
-        left = own - cross.T @ np.linalg.solve(at.information + precision, cross)
+        cross = weights.inner(at.design, design)
+        own = weights.inner(design, design)
+        score = weights.inner(design, at.residual[:, :, None])[:, 0]
+        left = own - cross.T @ np.linalg.solve(posterior.information + precision, cross)
         eigenvalues, vectors = np.linalg.eigh(0.5 * (left + left.T))
         kept = eigenvalues > DETERMINED
         if not kept.any():

@@ -1,4 +1,4 @@
-"""What is believed of the sizes of the noise's parts before the data (noise.py).
+"""What is believed of the noise's variance components before the data (noise.py).
 
 A stated size is what a data sheet says of it: within a third, hardly ever much too large, now and then far too small. Of a part
 that the cell file leaves out only the usual size is known: it may well be nothing, and is hardly several times as large.
@@ -23,7 +23,7 @@ LOG_DEGREES = 4.0
 
 
 def log_prior(model: NoiseModel, logs: Array) -> Array:
-    """ln prior (S,) of the logarithms (S, 3) of the sizes (sensor, force, offset), each without its constant.
+    """ln prior (S,) of the logarithms (S, 3) of the components (sensor, force, offset), each without its constant.
 
     Stated, or the sensor: about 1 in the logarithm, normal below and Student above. Force error and re-seating that are not
     stated: exponential in the size, with a mean of twice the usual one.

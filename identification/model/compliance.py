@@ -220,8 +220,8 @@ def displacement(loaded: Frame, planned: Frame) -> tuple[Array, Array]:
     return loaded.position - planned.position, rotation_vector(loaded.rotation @ np.swapaxes(planned.rotation, 1, 2))
 
 
-def signature(robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array) -> Array:
-    """A (N, 6, 6) of the first-order model `deviation = A c` (paper eq. 3-6 linearised): column i is `J_i tau_i`.
+def regressor(robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array) -> Array:
+    """Regressor A (N, 6, 6) of the first-order model `deviation = A c` (paper eq. 3-6 linearised): column i is `J_i tau_i`.
 
     Rows: position [m per rad/(N m)], then rotation [rad per rad/(N m)].
     """

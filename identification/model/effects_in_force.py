@@ -8,7 +8,7 @@ x = (ln c (6,), parameters of the effects in their order, each in its own unit).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from identification.model.rotations import Frame, rotation_matrix
 Array = NDArray[np.float64]
 # Relative step of the differences by ln c and by the parameters: truncation and rounding both far under the noise.
 STEP = 1e-3
+# The parts of x, and of all that has one entry, row or column for each parameter of it.
+SPRINGS, EFFECTS = slice(0, 6), slice(6, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,18 +48,25 @@ class EffectInForce:
 
 def split(values: Array, effects: Sequence[EffectInForce]) -> list[Array]:
     """The parameter values of each effect, from those of all (P,)."""
-    ends = np.cumsum([len(one.effect.parameters) for one in effects])
+    ends = np.cumsum([len(term.effect.parameters) for term in effects])
     return np.split(values, ends[:-1]) if effects else []
 
 
 def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
     """What the effects add to the deviation (n, 6): position [m] and rotation vector [rad], base frame; values (P,).
 
-    The rows stand in the order in which the loads come: that order is the history of effects with a memory.
+    The rows stand in the order in which the loads come: that order is the history of effects with a memory. Those of the robot
+    feel the force that really acted, where another is one of the force's measurement.
     """
     total = np.zeros((len(rows), 6))
-    for one, own in zip(effects, split(values, effects), strict=True):
-        total += one.contribution(rows, own)
+    own = list(zip(effects, split(values, effects), strict=True))
+    felt = rows
+    for term, parameters in own:
+        wrench = term.effect.true_wrench(rows, term.joint, parameters)
+        if wrench is not None:
+            felt = replace(felt, wrench=felt.wrench + wrench - rows.wrench)
+    for term, parameters in own:
+        total += term.contribution(felt if term.effect.of_robot else rows, parameters)
     return total
 
 
@@ -66,23 +75,29 @@ def displaced(pose: Frame, moved: Array) -> Frame:
     return Frame(rotation_matrix(moved[:, 3:]) @ pose.rotation, pose.position + moved[:, :3])
 
 
+def slopes_by_springs(rows: LoadState, effects: Sequence[EffectInForce], values: Array, base: Array) -> Array:
+    """Derivative (n, 6, 6) of what the effects add, which is `base` (n, 6), by ln c, by differences."""
+    result = np.empty((len(rows), 6, 6))
+    for joint in range(6):
+        softer = rows.compliance.copy()
+        softer[joint] *= np.exp(STEP)
+        result[:, :, joint] = (added(rows.with_compliance(softer), effects, values) - base) / STEP
+    return result
+
+
 def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
     """Derivative (n, 6, 6 + P) of what the effects add by x, by differences, the loaded pose held; rows at their loaded pose.
 
     Where a parameter changes the state a load history leaves behind, it is the derivative along that history.
     """
     result = np.empty((len(rows), 6, 6 + len(values)))
-    base = added(rows, effects, values)
-    for joint in range(6):
-        softer = rows.compliance.copy()
-        softer[joint] *= np.exp(STEP)
-        result[:, :, joint] = (added(rows.with_compliance(softer), effects, values) - base) / STEP
+    result[:, :, SPRINGS] = slopes_by_springs(rows, effects, values, added(rows, effects, values))
     place = 6
-    for one, own in zip(effects, split(values, effects), strict=True):
-        for k, size in enumerate(one.effect.typical(rows, one.joint)):
+    for term, own in zip(effects, split(values, effects), strict=True):
+        for k, size in enumerate(term.effect.typical(rows, term.joint)):
             step = np.zeros(len(own))
             step[k] = STEP * size
-            ahead, behind = one.contribution(rows, own + step), one.contribution(rows, own - step)
+            ahead, behind = term.contribution(rows, own + step), term.contribution(rows, own - step)
             result[:, :, place] = (ahead - behind) / (2 * step[k])
             place += 1
     return result

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.compliance import deviation, displacement, equilibrium, loaded_angles, loaded_pose, signature
-from identification.model.effects_in_force import EffectInForce, added, displaced, slopes
+from identification.model.compliance import deviation, displacement, equilibrium, loaded_angles, loaded_pose, regressor
+from identification.model.effects_in_force import EFFECTS, SPRINGS, EffectInForce, added, displaced, slopes
 from identification.model.gravity import DOWN
 from identification.model.kinematics import forward
 from identification.model.load_state import LoadState, load_state
@@ -52,33 +52,33 @@ class IdentifiedModel:
     @property
     def compliance(self) -> Array:
         """Posterior median of c (6,) [rad/(N m)]."""
-        return np.exp(self.mean[:6])
+        return np.exp(self.mean[SPRINGS])
 
     @property
     def stiffness(self) -> Array:
         """Posterior median of k (6,) [N m/rad]."""
-        return np.exp(-self.mean[:6])
+        return np.exp(-self.mean[SPRINGS])
 
     @property
     def values(self) -> Array:
         """Posterior median of the effects' parameters (P,), inside their physical bounds."""
-        return np.clip(self.mean[6:], self.bounds[:, 0], self.bounds[:, 1])
+        return np.clip(self.mean[EFFECTS], self.bounds[:, 0], self.bounds[:, 1])
 
     @property
     def bounds(self) -> Array:
         """Physical bounds of the effects' parameters (P, 2)."""
-        parameters = [parameter for one in self.effects for parameter in one.effect.parameters]
+        parameters = [parameter for term in self.effects for parameter in term.effect.parameters]
         return np.array([(parameter.low, parameter.high) for parameter in parameters]).reshape(-1, 2)
 
     @property
     def log_std(self) -> Array:
         """Standard deviation of ln k (6,)."""
-        return np.sqrt(np.diag(self.covariance)[:6])
+        return np.sqrt(np.diag(self.covariance)[SPRINGS])
 
     @property
     def interval_95(self) -> Array:
         """95 % intervals of k (6, 2) [N m/rad], by transformation from ln k."""
-        return np.exp(-self._interval[:6, ::-1])
+        return np.exp(-self._interval[SPRINGS, ::-1])
 
     @property
     def _interval(self) -> Array:
@@ -90,21 +90,21 @@ class IdentifiedModel:
     def stiffness_covariance(self) -> Array:
         """Covariance of k (6, 6) [(N m/rad)^2], the exact moments of the log-normal posterior."""
         average = self._average_stiffness
-        return np.asarray(np.outer(average, average) * np.expm1(self.covariance[:6, :6]))
+        return np.asarray(np.outer(average, average) * np.expm1(self.covariance[SPRINGS, SPRINGS]))
 
     @property
     def parameter_covariance(self) -> Array:
         """Covariance (6 + P, 6 + P) of k and the effects' parameters a: `cov(k_i, a) = -E[k_i] cov(ln c_i, a)`, exact too."""
         result = self.covariance.copy()
-        result[:6, :6] = self.stiffness_covariance
-        result[:6, 6:] = -self._average_stiffness[:, None] * self.covariance[:6, 6:]
-        result[6:, :6] = result[:6, 6:].T
+        result[SPRINGS, SPRINGS] = self.stiffness_covariance
+        result[SPRINGS, EFFECTS] = -self._average_stiffness[:, None] * self.covariance[SPRINGS, EFFECTS]
+        result[EFFECTS, SPRINGS] = result[SPRINGS, EFFECTS].T
         return result
 
     @property
     def _average_stiffness(self) -> Array:
         """E[k] (6,) [N m/rad]."""
-        return np.exp(-self.mean[:6] + 0.5 * np.diag(self.covariance)[:6])
+        return np.exp(-self.mean[SPRINGS] + 0.5 * np.diag(self.covariance)[SPRINGS])
 
     def scaled(self, factor: float, std: float = 0.0) -> IdentifiedModel:
         """The model with all joint compliances times a factor, whose standard error they share; effects stay as they are.
@@ -112,8 +112,8 @@ class IdentifiedModel:
         The intervals are then those of N(mean, covariance): the factor's error is not in the posterior's own.
         """
         mean, covariance = self.mean.copy(), self.covariance.copy()
-        mean[:6] += np.log(factor)
-        covariance[:6, :6] += (std / factor) ** 2
+        mean[SPRINGS] += np.log(factor)
+        covariance[SPRINGS, SPRINGS] += (std / factor) ** 2
         return replace(self, mean=mean, covariance=covariance, interval=None)
 
     def load_state(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> LoadState:
@@ -161,20 +161,20 @@ class IdentifiedModel:
 
         of_effects (N, 6, 6 + P): `slopes` of these rows, where they are rows of a longer history; else they are one visit.
         """
-        by_x = signature(self.robot, theta, flange_from_tcp, wrench) * self.compliance
+        by_x = regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance
         if self.effects:
             if of_effects is None:
                 of_effects = self.slopes(self.load_state(theta, wrench, flange_from_tcp))
-            by_x = np.concatenate([by_x + of_effects[:, :, :6], of_effects[:, :, 6:]], axis=2)
+            by_x = np.concatenate([by_x + of_effects[:, :, SPRINGS], of_effects[:, :, EFFECTS]], axis=2)
         return np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
 
     def as_dict(self) -> dict[str, Any]:
         """The content of stiffness.json."""
         covariance = self.parameter_covariance
         deviations = np.sqrt(np.diag(covariance))
-        names = [*JOINT_NAMES, *(name for one in self.effects for name in one.names)]
-        units = ["N*m/rad"] * 6 + [parameter.unit for one in self.effects for parameter in one.effect.parameters]
-        intervals = np.concatenate([self.interval_95, np.clip(self._interval[6:], self.bounds[:, :1], self.bounds[:, 1:])])
+        names = [*JOINT_NAMES, *(name for term in self.effects for name in term.names)]
+        units = ["N*m/rad"] * 6 + [parameter.unit for term in self.effects for parameter in term.effect.parameters]
+        intervals = np.concatenate([self.interval_95, np.clip(self._interval[EFFECTS], self.bounds[:, :1], self.bounds[:, 1:])])
         parameters = [
             {"name": name, "unit": unit, "estimate": float(estimate), "std": float(std),
              "interval_95": [float(low), float(high)], "grade": grade}
@@ -189,8 +189,8 @@ class IdentifiedModel:
             "tool": {"position_mm": (1e3 * tool.position).tolist(), "quaternion": tool.quaternion.tolist()},
             "parameters": parameters,
             "covariance": covariance.tolist(),
-            "log_compliance": {"mean": [*self.mean[:6].tolist(), *self.values.tolist()],
+            "log_compliance": {"mean": [*self.mean[SPRINGS].tolist(), *self.values.tolist()],
                                "covariance": self.covariance.tolist()},
-            "effects": [{"effect": one.effect.name, "joint": one.joint} for one in self.effects],
+            "effects": [{"effect": term.effect.name, "joint": term.joint} for term in self.effects],
             "fit": self.fit,
         }

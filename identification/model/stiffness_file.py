@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, Valid
 from identification.common.findings import CompstiffError, error
 from identification.model.cell import Cell
 from identification.model.effects import effects
+from identification.model.effects_in_force import EFFECTS, SPRINGS
 from identification.model.gravity import fall_in_base
 from identification.model.rotations import Frame, rotation_vector
 from identification.model.stiffness import FORMAT, JOINT_NAMES, EffectInForce, IdentifiedModel
@@ -86,15 +87,15 @@ def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
     _check_tool(file, cell, in_force, name)
     mean, covariance = _posterior(file, in_force, name)
     return IdentifiedModel(
-        cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in file.parameters[:6]),
+        cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in file.parameters[SPRINGS]),
         file.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
         source=Path(path))
 
 
-def same_tool(one: Frame, other: Frame) -> bool:
+def same_tool(tool: Frame, other: Frame) -> bool:
     """Whether two flange_from_tcp are one tool: effects that depend on the tool hold for both."""
-    off = float(np.linalg.norm(one.position - other.position))
-    turned = float(np.linalg.norm(rotation_vector(one.rotation @ other.rotation.T)))
+    off = float(np.linalg.norm(tool.position - other.position))
+    turned = float(np.linalg.norm(rotation_vector(tool.rotation @ other.rotation.T)))
     return off <= SAME_TOOL_POSITION and turned <= SAME_TOOL_ROTATION
 
 
@@ -109,8 +110,8 @@ def _parse(path: str | Path, name: str) -> _StiffnessFile:
     except (ValueError, RecursionError) as reason:
         raise error("CS1201", f"is not JSON: {reason}", file=name) from reason
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        found = content.get("format") if isinstance(content, dict) else type(content).__name__
-        raise error("CS1201", f"is not a stiffness file: format is {found!r}, expected {FORMAT!r}", file=name,
+        written = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise error("CS1201", f"is not a stiffness file: format is {written!r}, expected {FORMAT!r}", file=name,
                     hint="compstiff identify writes it")
     if content.get("version") != 1:
         raise error("CS1201", f"has version {content.get('version')!r}, this program reads version 1", file=name,
@@ -137,7 +138,7 @@ def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
 
 
 def _check_tool(file: _StiffnessFile, cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
-    of_tool = [one.label for one in in_force if one.effect.of_tool]
+    of_tool = [term.label for term in in_force if term.effect.of_tool]
     if not of_tool or file.tool is None:
         return
     try:
@@ -174,18 +175,18 @@ def _effect(item: _Effect, name: str) -> EffectInForce:
 
 def _check_parameters(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> None:
     """Names, order and units of the parameters."""
-    found = [parameter.name for parameter in file.parameters]
-    if found[:6] != list(JOINT_NAMES):
-        raise error("CS1201", f"parameters are {found}, expected {list(JOINT_NAMES)} in this order", file=name)
-    labels = [one.label for one in in_force]
+    names = [parameter.name for parameter in file.parameters]
+    if names[SPRINGS] != list(JOINT_NAMES):
+        raise error("CS1201", f"parameters are {names}, expected {list(JOINT_NAMES)} in this order", file=name)
+    labels = [term.label for term in in_force]
     double = [label for index, label in enumerate(labels) if label in labels[:index]]
     if double:
         raise error("CS1204", f"effects names {double[0]} twice", file=name)
-    expected = [text for one in in_force for text in one.names]
-    if found[6:] != expected:
-        raise error("CS1204", f"parameters beyond k1 ... k6 are {found[6:]}; by its effects {expected} are expected, in this "
-                    "order", file=name, hint="effects and parameters belong together: edit neither by hand")
-    units = ["N*m/rad"] * 6 + [parameter.unit for one in in_force for parameter in one.effect.parameters]
+    expected = [text for term in in_force for text in term.names]
+    if names[EFFECTS] != expected:
+        raise error("CS1204", f"parameters beyond k1 ... k6 are {names[EFFECTS]}; by its effects {expected} are expected, in "
+                    "this order", file=name, hint="effects and parameters belong together: edit neither by hand")
+    units = ["N*m/rad"] * 6 + [parameter.unit for term in in_force for parameter in term.effect.parameters]
     for parameter, unit in zip(file.parameters, units, strict=True):
         if parameter.unit not in (None, unit):
             raise error("CS1201", f"{parameter.name} is in {parameter.unit}, expected {unit}", file=name)
@@ -194,7 +195,7 @@ def _check_parameters(file: _StiffnessFile, in_force: tuple[EffectInForce, ...],
 def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> tuple[Array, Array]:
     """Mean and covariance of (ln c, parameters): the file's own, or from the covariance in k (log-normal moments inverted)."""
     estimate = np.array([parameter.estimate for parameter in file.parameters])
-    median = estimate[:6]
+    median = estimate[SPRINGS]
     if np.any(median <= 0):
         raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
     in_k = _square(file.covariance, "covariance", len(estimate), name)
@@ -203,30 +204,30 @@ def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: 
         covariance = _square(file.log_compliance.covariance, "log_compliance.covariance", len(estimate), name)
         if mean.shape != estimate.shape:
             raise error("CS1203", f"log_compliance.mean has {len(mean)} values, expected {len(estimate)}", file=name)
-        differs = np.abs(np.log(median) + mean[:6])
+        differs = np.abs(np.log(median) + mean[SPRINGS])
         if differs.max() > DISAGREEMENT:
             worst = int(np.argmax(differs))
             raise _disagree(f"k{worst + 1}", median[worst], np.exp(-mean[worst]), "N m/rad", name)
-        _check_values(estimate[6:], in_force, name, mean[6:])
+        _check_values(estimate[EFFECTS], in_force, name, mean[EFFECTS])
         return mean, covariance
-    _check_values(estimate[6:], in_force, name)
+    _check_values(estimate[EFFECTS], in_force, name)
     # Log-normal with median m and variance v of k: e^s (e^s - 1) = v / m^2 for s the variance of ln k.
-    growth = 0.5 * (1 + np.sqrt(1 + 4 * np.diag(in_k)[:6] / median**2))
+    growth = 0.5 * (1 + np.sqrt(1 + 4 * np.diag(in_k)[SPRINGS] / median**2))
     average = median * np.sqrt(growth)
-    ratio = in_k[:6, :6] / np.outer(average, average)
+    ratio = in_k[SPRINGS, SPRINGS] / np.outer(average, average)
     if np.any(ratio <= -1):
         raise error("CS1203", "covariance: a correlation no positive stiffnesses can have", file=name)
     covariance = in_k.copy()
-    covariance[:6, :6] = np.log1p(ratio)
-    covariance[:6, 6:] = -in_k[:6, 6:] / average[:, None]
-    covariance[6:, :6] = covariance[:6, 6:].T
-    return np.concatenate([-np.log(median), estimate[6:]]), _semidefinite(covariance, "covariance", name)
+    covariance[SPRINGS, SPRINGS] = np.log1p(ratio)
+    covariance[SPRINGS, EFFECTS] = -in_k[SPRINGS, EFFECTS] / average[:, None]
+    covariance[EFFECTS, SPRINGS] = covariance[SPRINGS, EFFECTS].T
+    return np.concatenate([-np.log(median), estimate[EFFECTS]]), _semidefinite(covariance, "covariance", name)
 
 
 def _check_values(estimate: Array, in_force: tuple[EffectInForce, ...], name: str, mean: Array | None = None) -> None:
     """Refuses (CS1203) parameters (P,) outside their physical bounds, or other in log_compliance (mean) than in parameters."""
-    parameters = [(label, parameter) for one in in_force
-                  for label, parameter in zip(one.names, one.effect.parameters, strict=True)]
+    parameters = [(label, parameter) for term in in_force
+                  for label, parameter in zip(term.names, term.effect.parameters, strict=True)]
     for index, (label, parameter) in enumerate(parameters):
         for value in (estimate[index], *(() if mean is None else (mean[index],))):
             if not parameter.low <= value <= parameter.high:

@@ -12,6 +12,8 @@ from identification.model.effects.base import Effect, Parameter, Signature
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
+ONLY_IN_MOTION = "it shows only in logs taken in motion"
+
 
 class AtJoint(Effect):
     """An effect that sits at a joint."""
@@ -71,7 +73,7 @@ class InMotion(Effect):
     """An effect that shows in logs taken in motion alone."""
 
     def missing(self, rows: LoadState) -> str:
-        return "it shows only in logs taken in motion"
+        return ONLY_IN_MOTION
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.zeros((len(rows), 6))

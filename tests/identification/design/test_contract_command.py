@@ -24,7 +24,7 @@ from identification.design.loads import slot
 from identification.design.order import imbalance, run_order, travel
 from identification.design.procedure import design_plan
 from identification.design.request import Request
-from identification.diagnosis.plan import outlook
+from identification.diagnosis.plan import judge_plan
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -99,7 +99,7 @@ def test_filled_in_it_identifies_as_well_as_forecast(written):
     plan = read_measurements(folder / "plan.csv", cell.robot, planned=True)
     with pytest.raises(CompstiffError, match="CS1004"):
         read_measurements(folder / "plan.csv", cell.robot)
-    assert outlook(cell, plan)[0]
+    assert judge_plan(cell, plan).effects
     rng = np.random.default_rng(0)
     moved, _ = deviation(cell.robot, plan.theta, cell.flange_from_tcp, plan.wrench, 1 / TRUTH)
     offset = rng.normal(size=(4, 3))[plan.visit] * cell.noise.pose_offset

@@ -9,9 +9,10 @@ from identification.design.criteria import a_criterion, d_criterion, e_criterion
 from identification.design.information import instrument, run_information
 from identification.design.loads import Slot, loads_of, slot
 from identification.design.milling import MillingPoses, prediction_weight
-from identification.fit.noise import NoiseSize, noise_model
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import VarianceComponents, noise_model
 from identification.measurements import Measurements
-from identification.model.compliance import compliance_matrix, signature
+from identification.model.compliance import compliance_matrix, regressor
 from identification.model.rotations import Frame
 from tests.support import random_poses
 
@@ -85,9 +86,9 @@ def test_a_run_tells_what_identify_would_make_of_its_rows(cell, domain, pool, lo
     rig = domain.rig
     for theta in pool.theta[::400]:
         rows = rows_of(theta, loads.forces)
-        noise = noise_model(cell, rows, rig.compliance)
-        design = noise.rotation @ (signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] * rig.compliance)
-        expected = noise.weights(NoiseSize()).inner(design, design)
+        noise = noise_model(LoadTest.of(cell, rows), rig.compliance)
+        design = noise.rotation @ (regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] * rig.compliance)
+        expected = noise.weights(VarianceComponents()).inner(design, design)
         found = run_information(rig, domain.look(theta[None]).columns, loads_of(loads))[0]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 

@@ -17,9 +17,8 @@ from identification.design.information import instrument
 from identification.design.loads import slot
 from identification.design.request import measured_place
 from identification.design.task import Task, free_demand
-from identification.diagnosis.discrimination import candidate_rows, separation, settling
-from identification.diagnosis.procedure import diagnose
-from identification.diagnosis.record import record
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.discrimination import candidate_rows, discriminating, separation
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.kinematics import forward
@@ -49,7 +48,7 @@ def hard(tmp_path_factory):
     folder = tmp_path_factory.mktemp("hard")
     case = simulate(SEEDS[0], "poses20", hidden_in(SEEDS[0], "single"))
     cell, rows, found = diagnosed(case, folder)
-    (folder / "diagnosis.json").write_text(json.dumps(record(cell, rows, found)))
+    (folder / "diagnosis.json").write_text(json.dumps(found.as_dict()))
     return folder, cell, rows, found
 
 
@@ -73,22 +72,23 @@ def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
     rng = np.random.default_rng(0)
     trial = candidate_rows(random_poses(cell.robot, 4, rng, 0.6), np.array([0, 1, 2, 0]), 300.0)
     models = [model for model, _ in rivals.values()]
-    found = separation(cell, trial, rivals, models[0])
+    found = separation(trial, rivals)
     chosen = np.array([0, 2, 3])
     fewer = found.squared(found.of(chosen[:2]))
     assert (found.squared(found.of(chosen)) >= fewer * (1 - 1e-9)).all()
     from identification.fit.fitted_model import response
     from identification.fit.noise import noise_model
 
-    noise = noise_model(cell, trial, np.exp(models[0].map[:6]))
+    data = models[0].data.with_rows(trial)
+    noise = noise_model(data, models[0].compliance)
     kept = np.isin(trial.visit, chosen)
     size = int(kept.sum())
     unit = np.eye(3 * len(trial)).reshape(len(trial), 3, -1)
-    precision = noise.weights(models[0].size).inner(noise.rotation @ unit, noise.rotation @ unit)
+    precision = noise.weights(models[0].components).inner(noise.rotation @ unit, noise.rotation @ unit)
     mine = np.repeat(kept, 3)
     covariance = np.linalg.inv(precision[np.ix_(mine, mine)])
     for k, (a, b) in enumerate(combinations(range(len(models)), 2)):
-        (one, by_one), (other, by_other) = (response(cell, trial, models[i].map, models[i].terms) for i in (a, b))
+        (one, by_one), (other, by_other) = (response(data, models[i].map, models[i].terms) for i in (a, b))
         off = (one - other)[kept].ravel()
         spread = sum(slope[kept].reshape(3 * size, -1) @ models[i].covariance @ slope[kept].reshape(3 * size, -1).T
                      for i, slope in ((a, by_one), (b, by_other))) / 2
@@ -101,8 +101,8 @@ def test_chosen_together_they_beat_any_pair_drawn(hard):
     rivals = rival_models(cell, rows, read_diagnosis(folder / "diagnosis.json", cell))
     rng = np.random.default_rng(1)
     poses = random_poses(cell.robot, 20, rng, 0.6)
-    found = separation(cell, candidate_rows(poses, np.arange(20) % 3, 300.0), rivals, next(iter(rivals.values()))[0])
-    best = float(found.mistaken(found.of(np.array(settling(found, 2, np.arange(20))))))
+    found = separation(candidate_rows(poses, np.arange(20) % 3, 300.0), rivals)
+    best = float(found.mistaken(found.of(np.array(discriminating(found, 2, np.arange(20))))))
     every = [float(found.mistaken(found.of(np.array(pair)))) for pair in combinations(range(20), 2)]
     assert best <= np.quantile(every, 0.02)
 
@@ -113,14 +113,14 @@ def test_planned_runs_settle_what_d_optimal_runs_leave_open(tmp_path):
     for seed in SEEDS:
         case = simulate(seed, "poses20", hidden_in(seed, "single"))
         cell, rows, found = diagnosed(case, tmp_path)
-        model = found.plain
+        model = found.judgement.plain
         slots = tuple(slot(axis, "cycle", 300.0) for axis in "xyz")
         tcp = forward(cell.robot, rows.theta, cell.flange_from_tcp).position
-        domain = Domain(instrument(cell, np.exp(model.mean[:6])), slots, *measured_place(tcp))
-        task = Task(domain, d_criterion(), np.linalg.inv(model.covariance[:6, :6]), free_demand(3, 1))
+        domain = Domain(instrument(cell, np.exp(model.mean)), slots, *measured_place(tcp))
+        task = Task(domain, d_criterion(), np.linalg.inv(model.covariance), free_demand(3, 1))
         rng = np.random.default_rng([seed, 8])
         pool = random_pool(domain, 600, rng)
-        (tmp_path / "diagnosis.json").write_text(json.dumps(record(cell, rows, found)))
+        (tmp_path / "diagnosis.json").write_text(json.dumps(found.as_dict()))
         rivals = rival_models(cell, rows, read_diagnosis(tmp_path / "diagnosis.json", cell))
         plans = [discriminating_runs(task, rivals, pool, rng)[0],
                  pool.take(many_exchanges(task, pool, rng, 4)[0][0])]

@@ -1,4 +1,4 @@
-"""Diagnosis beyond naming: bad rows, passes, plans, loads that settle, law by law; the virtual cell is the truth."""
+"""Diagnosis beyond naming: bad rows, passes, plans, loads that discriminate, law by law; the virtual cell is the truth."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import pytest
 from scipy.stats import kstest
 
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.detect import detect, draw_noise
-from identification.diagnosis.dictionary import dictionary
+from identification.diagnosis.detect import FittedNoise, detect
+from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
-from identification.diagnosis.patterns import patterns
-from identification.diagnosis.plan import outlook
-from identification.diagnosis.procedure import diagnose
+from identification.diagnosis.patterns import patterns_of
+from identification.diagnosis.plan import judge_plan
 from identification.diagnosis.projection import Base, evidence
-from identification.fit.fitted_model import Term, predicted_deflection, response, situation_of
+from identification.fit.fitted_model import Term, predicted_deflection, response
+from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
-from identification.fit.priors import PriorModel
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
@@ -35,16 +35,16 @@ def read(case: Case, folder: Path) -> tuple[Cell, Measurements]:
     return cell, read_measurements(rows_path, cell.robot)
 
 
-def term(name: str, joint: int | None, values: list[float], cell: Cell, rows: Measurements) -> Term:
-    effect, where = effects()[name], situation_of(cell, rows, 1 / cell.prior.stiffness)
-    return Term(effect, joint, np.array(values), effect.typical(where, joint), effect.neutral(where))
+def term(name: str, joint: int | None, values: list[float], data: LoadTest) -> Term:
+    effect, state = effects()[name], data.load_state(1 / data.cell.prior.stiffness)
+    return Term(effect, joint, np.array(values), effect.typical(state, joint), effect.neutral(state))
 
 
 def test_a_bad_row_is_named_and_left_out(tmp_path: Path) -> None:
     case = simulate(4, "ladder12")
     case.deflection_um[99] += [60, 0, -30]
     cell, rows = read(case, tmp_path)
-    found = diagnose(cell, rows)
+    found = diagnose(cell, rows).judgement
     assert found.verdict == "named"
     assert [bad.row for bad in found.bad_rows] == [100]
     np.testing.assert_allclose(found.bad_rows[0].off, [60e-6, 0, -30e-6], atol=4 * found.bad_rows[0].std.max())
@@ -91,11 +91,11 @@ def pass_file(case: Case, design: Design, folder: Path, count: int = 800) -> tup
 def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_path: Path) -> None:
     case, design = machined(seed, hidden)
     cell, rows = pass_file(case, design, tmp_path)
-    found = diagnose(cell, rows)
+    found = diagnose(cell, rows).judgement
     assert found.verdict == ("named" if names else "adequate")
     assert [cause.label for cause in found.causes] == names
     assert found.thinning is not None
-    assert found.thinning.memory > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
+    assert found.thinning.autocorrelation_time > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
     assert found.thinning.blocks < len(rows) / 4
 
 
@@ -107,11 +107,12 @@ def test_rows_without_a_pass_stay_as_they_are(tmp_path: Path) -> None:
 
 
 def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
-    """With known sizes the noise drawn has the covariance its weights invert: r^T Sigma^-1 r is chi-squared."""
+    """With known components the noise drawn has the covariance its weights invert: r^T Sigma^-1 r is chi-squared."""
     cell, rows = read(simulate(0, "ladder12"), tmp_path)
-    fit = posterior(cell, rows, PriorModel(cell.prior))
-    drawn = draw_noise(fit.at_map.noise, fit.size, 1e-12 * np.eye(3), np.ones(len(rows)), np.random.default_rng(0), 300)
-    weights = fit.at_map.noise.weights(fit.size)
+    fit = posterior(LoadTest.of(cell, rows))
+    noise = FittedNoise(fit.at_map.noise, fit.components, 1e-12 * np.eye(3), np.ones(len(rows)))
+    drawn = noise.draw(np.random.default_rng(0), 300)
+    weights = fit.at_map.noise.weights(fit.components)
     squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))
     assert kstest(squares, "chi2", args=(3 * len(rows),)).pvalue > 1e-3
 
@@ -119,16 +120,16 @@ def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
 def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
     """p-values of data drawn from the fitted null are uniform."""
     cell, rows = read(simulate(0, "ladder12"), tmp_path)
-    fit = posterior(cell, rows, PriorModel(cell.prior))
+    fit = posterior(LoadTest.of(cell, rows))
     at, rng = fit.at_map, np.random.default_rng(1)
-    where = situation_of(cell, rows, np.exp(fit.map))
-    words, seen = dictionary(where, at.noise, effects()), patterns(where, at.noise)
-    precision, spread = fit.prior.precision(fit.map), fit.size_spread
+    dictionary, seen = dictionary_of(fit.load_state, at.noise, effects()), patterns_of(fit.load_state, at.noise)
+    precision, noise = fit.prior.precision(fit.map), FittedNoise(
+        at.noise, fit.components, fit.components_covariance, np.ones(len(rows)))
     p_values = []
     for _ in range(40):
-        drawn = draw_noise(at.noise, fit.size, spread, np.ones(len(rows)), rng, 1)[:, :, 0]
-        base = Base(at.design, drawn, at.noise.weights(fit.size), precision, np.zeros(6))
-        p_values.append(detect(base, words, seen, at.noise, fit.size, spread, np.ones(len(rows)), rng, 99).p_value)
+        drawn = noise.draw(rng, 1)[:, :, 0]
+        base = Base(at.design, drawn, at.noise.weights(fit.components), precision, np.zeros(6))
+        p_values.append(detect(base, dictionary, seen, noise, rng, 99).p_value)
     assert sum(p <= 0.05 for p in p_values) <= 6        # binomial(40, 0.05): more than 6 has probability 0.3 %
     assert kstest(p_values, "uniform").pvalue > 1e-3
 
@@ -160,16 +161,17 @@ def test_evidence_is_the_integral() -> None:
 def test_derivatives_with_effects_in_force(tmp_path: Path) -> None:
     """By ln c and by the parameters, against differences of the prediction."""
     cell, rows = read(simulate(2, "ladder12"), tmp_path)
-    terms = (term("soft_zone", 5, [2e-4, 60.0], cell, rows), term("force_misalignment", None, [0.01, 0.0, 0.02], cell, rows))
+    data = LoadTest.of(cell, rows)
+    terms = (term("soft_zone", 5, [2e-4, 60.0], data), term("force_misalignment", None, [0.01, 0.0, 0.02], data))
     x = np.concatenate([-np.log(cell.prior.stiffness), *(one.start for one in terms)])
-    position, slope = response(cell, rows, x, terms)
-    np.testing.assert_allclose(position, predicted_deflection(cell, rows, x, terms), atol=1e-12)
+    position, slope = response(data, x, terms)
+    np.testing.assert_allclose(position, predicted_deflection(data, x, terms), atol=1e-12)
     steps = np.concatenate([np.full(6, 1e-4), *(1e-4 * one.scale for one in terms)])
     for k, step in enumerate(steps):
         ahead, behind = x.copy(), x.copy()
         ahead[k] += step
         behind[k] -= step
-        difference = predicted_deflection(cell, rows, ahead, terms) - predicted_deflection(cell, rows, behind, terms)
+        difference = predicted_deflection(data, ahead, terms) - predicted_deflection(data, behind, terms)
         difference /= 2 * step
         scale = np.abs(difference).max()
         np.testing.assert_allclose(slope[:, :, k], difference, atol=0.01 * scale)
@@ -181,11 +183,11 @@ def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
     case = simulate(6, "ladder12")
     cell, rows = read(case, tmp_path)
     cell = replace(cell, prior=replace(cell.prior, stiffness=case.stiffness))
-    found, left_out = outlook(cell, rows)
-    grades = {one.entry.label: one for one in found}
+    plan = judge_plan(cell, rows)
+    grades = {one.entry.label: one for one in plan.effects}
     assert grades["force_gain"].grade == "invisible"
-    assert set(left_out) == {"channel_delay", "joint_friction", "motor_inertia"}
-    easy = [one for one in found
+    assert set(plan.left_out) == {"channel_delay", "joint_friction", "motor_inertia"}
+    easy = [one for one in plan.effects
             if one.identifiable < 0.5 and one.entry.effect.name in ("base_rocking", "bearing_tilt", "backlash")]
     assert len(easy) >= 3
     for one in easy[:3]:
@@ -197,17 +199,17 @@ def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
 def test_next_loads_separate_what_they_say(tmp_path: Path) -> None:
     """The readings that two rivals expect differ at the chosen cycle by far more than at a random one."""
     cell, rows = read(simulate(601, "paper5", [Hidden("spindle_compliance", None, 1.5)]), tmp_path)
-    prior = PriorModel(cell.prior)
-    rivals = {name: (posterior(cell, rows, prior, (term(name, None, [start], cell, rows),)), 0.5)
+    data = LoadTest.of(cell, rows)
+    rivals = {name: (posterior(data, (term(name, None, [start], data),)), 0.5)
               for name, start in (("spindle_compliance", 1e-7), ("base_shift", 5e-8))}
-    chosen = next_loads(cell, rows, rivals, np.random.default_rng(0))
+    chosen = next_loads(rivals, np.random.default_rng(0))
     assert len(chosen) == 3
     assert chosen[0].distance > 1
     models = [model for model, _ in rivals.values()]
 
     def apart(theta: np.ndarray, axis: int) -> float:
-        trial = candidate_rows(theta[None], np.array([axis]), 300.0)
-        one, other = (predicted_deflection(cell, trial, model.map, model.terms) for model in models)
+        trial = data.with_rows(candidate_rows(theta[None], np.array([axis]), 300.0))
+        one, other = (model.predicted(trial) for model in models)
         return float(np.abs(one - other).max())
 
     assert apart(chosen[0].theta, chosen[0].axis) > 0.5 * max(apart(q, a) for q in rows.theta for a in range(3))

@@ -1,4 +1,4 @@
-"""What `identify` says beyond the estimate: noise sizes, gross errors, conflicts, profiles, the paper's prior."""
+"""What `identify` says beyond the estimate: variance components, gross errors, conflicts, profiles, the paper's prior."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_a_stated_zero_means_none(tmp_path) -> None:
     stated = BARE + "measurement: {pose_offset_std_um: [0, 0, 0], force_relative_std: 0}\n"
     fit = fit_stiffness(read_cell(write_cell(tmp_path, stated)), rows)
     assert fit.model.fit["noise"]["pose_offset_um"] == [0, 0, 0]
-    assert fit.posterior.size.sensor > 1.5                 # then all of it is the sensor's
+    assert fit.posterior.components.sensor > 1.5                 # then all of it is the sensor's
 
 
 def test_a_gross_error_counts_little_and_is_named_and_nothing_else_is(tmp_path) -> None:
@@ -137,7 +137,7 @@ def test_the_paper_s_prior_gives_the_minimum_of_its_equation_12(tmp_path, width)
         k = share * prior.stiffness
         predicted = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, 1 / k).position
         r = np.einsum("nij,nj->ni", at.noise.rotation, rows.deflection - predicted)[:, :, None]
-        return float(0.5 * at.weights.inner(r, r)[0, 0] + np.sum(((k - prior.stiffness) / std) ** 2))
+        return float(0.5 * fit.posterior.weights.inner(r, r)[0, 0] + np.sum(((k - prior.stiffness) / std) ** 2))
 
     best = minimize(objective, np.exp(-fit.posterior.map) / prior.stiffness, method="Nelder-Mead",
                     options={"xatol": 1e-6, "fatol": 1e-9, "maxiter": 6000, "maxfev": 6000})
@@ -150,7 +150,7 @@ def test_the_ellipsoid_s_longest_axis_is_in_words(tmp_path) -> None:
     shape = fit_stiffness(cell, rows).ellipsoid
     assert np.all(np.diff(shape.semi_axes) <= 0)
     assert_allclose(shape.directions @ shape.directions.T, np.eye(6), atol=1e-12)
-    assert "least certain: k" in shape.words
+    assert "least certain: k" in shape.sentence
 
 
 def test_a_pose_that_moved_is_found(tmp_path) -> None:

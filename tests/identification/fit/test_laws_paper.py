@@ -101,7 +101,7 @@ def test_the_map_is_the_package_s(tmp_path) -> None:
                        np.random.default_rng(3))
     for data in z:
         found = fit_stiffness(cell, paper.as_measurements(design, data, np.arange(5)), prior_kind="gaussian").posterior
-        sensor = 1e-6 * found.size.sensor
+        sensor = 1e-6 * found.components.sensor
         ours = paper.fit(design.theta, design.force, data[None], design.tool, paper.TABLE_1, sigma=sensor)[0][0]
         # The package fits at equilibrium and with what its noise priors leave of force error and re-seating.
         width = np.sqrt(np.diag(found.laplace))

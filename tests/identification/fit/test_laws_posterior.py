@@ -12,7 +12,7 @@ from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
-from identification.model.compliance import equilibrium, signature
+from identification.model.compliance import equilibrium, regressor
 from tests.support import measurement_text, random_poses, write_cell
 from tests.virtual_cell.arm import IRB6660
 
@@ -58,26 +58,26 @@ def test_noiseless_data_of_the_independent_arm_give_the_true_stiffnesses(tmp_pat
 
 
 def test_the_map_is_the_minimum(tmp_path) -> None:
-    """Against SciPy's minimiser of the written-out posterior, dense covariance, noise sizes as estimated."""
+    """Against SciPy's minimiser of the written-out posterior, dense covariance, variance components as estimated."""
     cell, rows = simulate(tmp_path, np.random.default_rng(2), poses=4)
     fit = fit_stiffness(cell, rows)
     found = fit.posterior
     assert np.all(found.row_weight == 1)
     c = np.exp(found.map)
-    columns = signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)
+    columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)
     covariance = np.zeros((3 * len(rows), 3 * len(rows)))
     for i in range(len(rows)):
-        # First-order compliance from the unit forces' signatures, row by row.
+        # First-order compliance from the unit forces' regressors, row by row.
         unit = np.zeros((3, 6))
         unit[range(3), range(3)] = 1.0
-        matrix = np.column_stack([signature(cell.robot, rows.theta[i:i + 1], cell.flange_from_tcp, w[None])[0, :3] @ c
+        matrix = np.column_stack([regressor(cell.robot, rows.theta[i:i + 1], cell.flange_from_tcp, w[None])[0, :3] @ c
                                   for w in unit])
         force = cell.noise.force**2 + (cell.noise.force_relative * rows.wrench[i, :3])**2
         own = slice(3 * i, 3 * i + 3)
-        covariance[own, own] += (found.size.force**2 * matrix @ np.diag(force) @ matrix.T
-                                 + found.size.sensor**2 * np.diag(cell.noise.deflection**2))
+        covariance[own, own] += (found.components.force**2 * matrix @ np.diag(force) @ matrix.T
+                                 + found.components.sensor**2 * np.diag(cell.noise.deflection**2))
         for j in np.flatnonzero(rows.visit == rows.visit[i]):
-            covariance[own, 3 * j:3 * j + 3] += found.size.offset**2 * np.diag(cell.noise.pose_offset**2)
+            covariance[own, 3 * j:3 * j + 3] += found.components.offset**2 * np.diag(cell.noise.pose_offset**2)
     weight = np.linalg.inv(covariance)
     centre, width = -np.log(cell.prior.stiffness), cell.prior.log_std
 
@@ -88,7 +88,7 @@ def test_the_map_is_the_minimum(tmp_path) -> None:
 
     best = minimize(objective, -np.log(TRUE), method="BFGS", options={"gtol": 1e-9})
     assert np.max(np.abs(found.map - best.x) / fit.model.log_std) < 0.03
-    # Averaging over the noise sizes and the shape of the prior moves the centre by less than its uncertainty.
+    # Averaging over the variance components and the shape of the prior moves the centre by less than its uncertainty.
     assert np.max(np.abs(fit.model.mean - found.map) / fit.model.log_std) < 0.6
     assert columns.shape == (len(rows), 6, 6)
 
@@ -159,8 +159,8 @@ def test_empty_components_carry_no_weight(tmp_path) -> None:
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
     # Only the y readings of half of the rows are gone: at the same noise the uncertainty grows, never falls.
     whole = fit_stiffness(cell, rows)
-    size = fit.posterior.size
-    kept = [np.diag(np.linalg.inv(f.posterior.at_map.noise.weights(size).inner(
+    components = fit.posterior.components
+    kept = [np.diag(np.linalg.inv(f.posterior.at_map.noise.weights(components).inner(
         f.posterior.at_map.design, f.posterior.at_map.design))) for f in (fit, whole)]
     assert np.all(kept[0] >= 0.999 * kept[1])
 
@@ -169,8 +169,8 @@ def test_larger_noise_than_stated_widens_the_intervals_and_is_said(tmp_path) -> 
     cell, rows = simulate(tmp_path, np.random.default_rng(5))
     loud = rows.deflection + 3e-5 * np.random.default_rng(6).standard_normal(rows.deflection.shape)
     fit = fit_stiffness(cell, replace(rows, deflection=loud))
-    assert fit.posterior.size.sensor > 3
-    assert fit.posterior.size.offset < 3
+    assert fit.posterior.components.sensor > 3
+    assert fit.posterior.components.offset < 3
     assert any(finding.code == "CS1013" for finding in fit.findings)
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
 

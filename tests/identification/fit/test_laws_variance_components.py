@@ -1,4 +1,4 @@
-"""The noise sizes integrated out: against dense matrices, and against a random walk through the written-out posterior."""
+"""The variance components integrated out: against dense matrices, and a random walk through the written-out posterior."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identification.fit import posterior as inference
 from identification.fit.gram import NoiseGram
+from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel
-from identification.fit.posterior import posterior
-from identification.fit.priors import PriorModel
+from identification.fit.posterior import _FittedModel, posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
-from identification.model.compliance import compliance_matrix, equilibrium, signature
+from identification.model.compliance import compliance_matrix, equilibrium, regressor
 from tests.identification.fit.test_laws_posterior import TRUE
 from tests.support import measurement_text, random_poses, write_cell
 
@@ -25,7 +24,7 @@ BARE = CELL[:-2] + "}\n"
 
 
 def test_the_gram_is_that_of_dense_matrices() -> None:
-    """Seven rows on three visits, a component missing, an axis without re-seating, row weights, three sizes at once."""
+    """Seven rows on three visits, a component missing, an axis without re-seating, row weights, three components at once."""
     rng = np.random.default_rng(0)
     measured = np.ones((7, 3), dtype=bool)
     measured[2, 1] = False
@@ -68,7 +67,7 @@ def five_loads(folder: Path, text: str, seed: int, noise: tuple[float, float, fl
 def random_walk(cell: Cell, rows: Measurements, start: np.ndarray, stated: bool | None) -> np.ndarray:
     """Draws (D, 6) of ln c by walkers that stretch towards each other (Goodman and Weare 2010), the prior and the noise written
     out: stated True for the three parts of FULL, None for WHITE, False for BARE."""
-    columns = signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3]
+    columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3]
     here = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, np.exp(start)).position
     softness = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, np.exp(start))[:, :3, :3]
     carried = softness @ rows.wrench[:, :3, None]
@@ -116,8 +115,8 @@ def random_walk(cell: Cell, rows: Measurements, start: np.ndarray, stated: bool 
 def test_five_loads_against_a_random_walk(tmp_path, text, stated, noise) -> None:
     """Fifteen readings must tell six stiffnesses and the noise: widths, intervals and ellipsoid of the posterior as it is."""
     cell, rows = five_loads(tmp_path, text, 2, noise)
-    found = posterior(cell, rows, PriorModel(cell.prior))
-    assert np.isinf(found.size.degrees)
+    found = posterior(LoadTest.of(cell, rows))
+    assert np.isinf(found.components.degrees)
     walked = random_walk(cell, rows, found.map, stated)
     std = walked.std(axis=0)
     assert_allclose(np.sqrt(np.diag(found.covariance)), std, rtol=0.08)
@@ -135,11 +134,11 @@ def test_data_that_want_no_compliance_at_all_converge(tmp_path, monkeypatch) -> 
     """Readings from which more is taken than joint 2 gives: the prior alone keeps its c positive. Gauss-Newton in ln c steps to
     and fro there, more than forty designs a fit and now and then for ever; the curvature of exp brings it to under ten."""
     designs = []
-    linearised = inference._linearised
-    monkeypatch.setattr(inference, "_linearised", lambda *given: designs.append(1) or linearised(*given))
+    linearised = _FittedModel.linearised
+    monkeypatch.setattr(_FittedModel, "linearised", lambda *given: designs.append(1) or linearised(*given))
     for seed in range(4):
         cell, rows = five_loads(tmp_path, WHITE, seed, (2e-6, 0, 0))
-        of_joint_2 = signature(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3, 1] / TRUE[1]
-        found = posterior(cell, replace(rows, deflection=rows.deflection - 1.1 * of_joint_2), PriorModel(cell.prior))
+        of_joint_2 = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3, 1] / TRUE[1]
+        found = posterior(LoadTest.of(cell, replace(rows, deflection=rows.deflection - 1.1 * of_joint_2)))
         assert found.map[1] < -np.log(TRUE[1]) - 1
     assert len(designs) < 60

@@ -11,8 +11,8 @@ from identification.model.compliance import (
     equilibrium,
     joint_torque,
     loaded_angles,
+    regressor,
     sensitivity,
-    signature,
 )
 from identification.model.kinematics import forward
 from identification.model.robot import built_in_robots, read_robot
@@ -70,9 +70,9 @@ def test_small_loads_follow_the_first_order_form(either) -> None:
     rng = np.random.default_rng(4)
     theta, wrench = random_poses(either, 50, rng), loads(50, rng, 1e-3)
     linear = np.einsum("nij,nj->ni", compliance_matrix(either, theta, TOOL, 1 / STIFFNESS), wrench)
-    by_signature = signature(either, theta, TOOL, wrench) @ (1 / STIFFNESS)
+    by_regressor = regressor(either, theta, TOOL, wrench) @ (1 / STIFFNESS)
     position, turned = deviation(either, theta, TOOL, wrench, 1 / STIFFNESS)
-    assert_allclose(by_signature, linear, atol=1e-20, rtol=1e-9)
+    assert_allclose(by_regressor, linear, atol=1e-20, rtol=1e-9)
     # The deviation is a difference of poses of 2 m: exact to 1e-15 m, here 1e-6 of it.
     assert_allclose(position, linear[:, :3], atol=5e-15, rtol=1e-5)
     assert_allclose(turned, linear[:, 3:], atol=5e-15, rtol=1e-5)

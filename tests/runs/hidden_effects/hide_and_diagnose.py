@@ -68,8 +68,8 @@ def run(seed: int, *hidden: Hidden, design: str = "ladder12", straight_tool: boo
         content, extended = diagnose(Path(name))
         cell = read_cell(cell_file)
         measurements = read_measurements(file, cell.robot)
-        told = oracle(cell, measurements, case) if hidden else None
-        left = None if told is None else squares_left(cell, measurements, told)
+        informed = oracle(cell, measurements, case) if hidden else None
+        left = None if informed is None else squares_left(measurements, informed)
     return Run(case, content, extended, left)
 
 

@@ -71,12 +71,12 @@ def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.M
 
 
 def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = procedure.test
+    real = procedure.goodness_of_fit
 
     def blind(*arguments: Any) -> Any:
         return replace(real(*arguments), p_value=1.0)
 
-    assert all(mutated(monkeypatch, test=blind, beyond_stated=lambda *_: {}))
+    assert all(mutated(monkeypatch, goodness_of_fit=blind, beyond_stated=lambda *_: {}))
 
 
 def test_the_suite_passes_the_same_places_unchanged() -> None:

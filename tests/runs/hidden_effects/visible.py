@@ -13,12 +13,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from identification.diagnosis.dictionary import Dictionary, dictionary
+from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.projection import Base, scores
 from identification.diagnosis.search import base_at
-from identification.fit.fitted_model import situation_of
-from identification.fit.noise import NoiseSize, noise_model
-from identification.fit.priors import PriorModel
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import VarianceComponents, noise_model
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
@@ -53,7 +52,7 @@ class Visible:
 def visible(case: Case) -> list[Visible]:
     """One for each hidden effect of the case; of several, each is judged with the others' signals free."""
     alone = [_alone(case, k) for k in range(len(case.hidden))]
-    base, words, rotation = _linearised(case)
+    base, dictionary, rotation = _linearised(case)
     fitted = ~case.validate
     signals = [rotation @ (1e-6 * one.effect_um[fitted])[:, :, None] for one in alone]
     found = []
@@ -61,15 +60,15 @@ def visible(case: Case) -> list[Visible]:
         free = base
         for signal in signals[:k] + signals[k + 1:]:
             free = _with_free(free, signal)
-        found.append(_seen(_with_residual(free, signals[k][:, :, 0]), words, label(truth["effect"], truth["joint"])))
+        found.append(_seen(_with_residual(free, signals[k][:, :, 0]), dictionary, label(truth["effect"], truth["joint"])))
     return found
 
 
-def _seen(base: Base, words: Dictionary, name: str) -> Visible:
+def _seen(base: Base, dictionary: Dictionary, name: str) -> Visible:
     signal = float(np.sqrt(max(base.gram(base.residual[:, :, None])[0, 0], 0.0)))
-    ratio = scores(base, words).ratio
+    ratio = scores(base, dictionary).ratio
     left = {label(entry.effect.name, entry.joint): float(np.sqrt(max(
-        signal**2 - ratio[entry.signatures.start: entry.signatures.stop].max(), 0.0))) for entry in words.entries}
+        signal**2 - ratio[entry.signatures.start: entry.signatures.stop].max(), 0.0))) for entry in dictionary.entries}
     own = left.pop(name, signal)
     near = sorted((rest, other) for other, rest in left.items())
     return Visible(name, signal, own, near[0][0], tuple(other for rest, other in near if rest < IDENTIFIABLE))
@@ -88,17 +87,16 @@ def _alone(case: Case, which: int) -> Case:
 def _linearised(case: Case) -> tuple[Base, Dictionary, np.ndarray]:
     """The plain model at the true stiffnesses under the true noise, the dictionary there, and what whitens (n, 3, 3)."""
     n = case.noise
-    told = replace(case, noise=replace(n, stated_sensor_um=max(n.sensor_um, 1e-3), stated_force_n=n.force_n,
-                                       stated_force_relative=n.force_relative, stated_pose_offset_um=n.pose_offset_um))
+    stated = replace(case, noise=replace(n, stated_sensor_um=max(n.sensor_um, 1e-3), stated_force_n=n.force_n,
+                                         stated_force_relative=n.force_relative, stated_pose_offset_um=n.pose_offset_um))
     with TemporaryDirectory() as folder:
-        cell_file, measurements = told.write(Path(folder))
+        cell_file, measurements = stated.write(Path(folder))
         cell = read_cell(cell_file)
         rows = read_measurements(measurements, cell.robot)
-    rows = rows.select(~rows.validate)
-    noise = noise_model(cell, rows, 1 / case.stiffness)
-    base = base_at(cell, rows, PriorModel(cell.prior), -np.log(case.stiffness), noise, noise.weights(NoiseSize()))
-    words = dictionary(situation_of(cell, rows, 1 / case.stiffness), noise, effects())
-    return base, words, noise.rotation
+    data = LoadTest.of(cell, rows.select(~rows.validate))
+    noise = noise_model(data, 1 / case.stiffness)
+    base = base_at(data, -np.log(case.stiffness), noise, noise.weights(VarianceComponents()))
+    return base, dictionary_of(data.load_state(1 / case.stiffness), noise, effects()), noise.rotation
 
 
 def _with_residual(base: Base, residual: np.ndarray) -> Base:

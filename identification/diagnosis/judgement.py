@@ -1,0 +1,85 @@
+"""Judgement: what the procedure makes of the rows; the record, the report and the model to correct with come from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.diagnosis.blocks import Thinning
+from identification.diagnosis.detect import Detection
+from identification.diagnosis.discrimination import NextLoad
+from identification.diagnosis.gain import Gain
+from identification.diagnosis.gross import BadRow
+from identification.fit.noise import residual_std
+from identification.fit.posterior import Posterior
+from identification.fit.subsets import Conflict, subset_conflicts
+from identification.measurements import Measurements
+from identification.model.effects_in_force import EffectInForce
+
+Array = NDArray[np.float64]
+Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True, eq=False)
+class Cause(EffectInForce):
+    """One effect with its probability (of being at work, alone or with others)."""
+
+    probability: float
+
+    @property
+    def sentence(self) -> str:
+        """The cause in plain words."""
+        return self.effect.sentence.format(joint=self.joint)
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was found).
+    detection: of the plain model, adequacy: of the extended one. causes, alternatives: FORMATS.md, diagnosis.json. scatter:
+    parts of the noise that outgrow what was stated. patterns: what is seen of an unknown cause. robot_difference: by how much
+    [m, RMS] the rivals differ in what the robot does under the largest load, None where nothing is ambiguous. left_out: effects
+    these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
+    than noise. bad_rows: not among `rows`. thinning: how the rows of machined passes were averaged. carried: the extended model
+    with the laws of its effects free within what real ones differ by, None where nothing is named: its springs are the ones to
+    use."""
+
+    verdict: Verdict
+    plain: Posterior
+    extended: Posterior
+    detection: Detection
+    adequacy: Detection | None = None
+    causes: tuple[Cause, ...] = ()
+    alternatives: tuple[Cause, ...] = ()
+    gain: Gain | None = None
+    next_loads: tuple[NextLoad, ...] = ()
+    robot_difference: float | None = None
+    scatter: dict[str, float] = field(default_factory=dict)
+    patterns: tuple[str, ...] = ()
+    left_out: dict[str, str] = field(default_factory=dict)
+    withdrawn: tuple[str, ...] = ()
+    law_differs: bool = False
+    bad_rows: tuple[BadRow, ...] = ()
+    thinning: Thinning | None = None
+    carried: Posterior | None = None
+
+    @property
+    def rows(self) -> Measurements:
+        """The rows that were fitted (n)."""
+        return self.plain.data.rows
+
+    @property
+    def expected_std(self) -> Array:
+        """What the noise allows (n, 3) [m]: as estimated with the causes named, else as stated (estimated where it is not)."""
+        components = self.extended.components
+        if self.verdict in ("ambiguous", "unknown"):
+            components = components.within(self.plain.at_map.noise.stated)
+        return residual_std(self.plain.data, components, self.extended.compliance)
+
+    @property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """Parts of the data that want different springs, under the plain model: what its misfit looks like before it has a
+        name."""
+        return tuple(conflict for conflict in subset_conflicts(self.plain) if conflict.is_conflict)
