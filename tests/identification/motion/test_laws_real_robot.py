@@ -1,4 +1,4 @@
-"""The two public records of a real KUKA KR300 (../shared/data/kuka-kr300), read from the folder COMPSTIFF_REAL_DATA names."""
+"""The two public records of a real KUKA KR300 (docs/real-data.md), read from the folder COMPSTIFF_REAL_DATA names."""
 
 from __future__ import annotations
 
