@@ -7,6 +7,7 @@ in all its channels at once and is left in peace: a channel is judged only while
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,15 @@ class Channel:
     run_line: int = 0
 
 
+class _Readings(NamedTuple):
+    """One channel of a block: values (n,), same (n,): as the one before, moves (n,): some channel changes; line (n,)."""
+
+    values: Array
+    same: NDArray[np.bool_]
+    moves: NDArray[np.bool_]
+    line: Indices
+
+
 @dataclass
 class Health:
     """Looks at all samples in their order. limit (2,) [N, N m]: the sensor's range where it is stated, else None.
@@ -83,8 +93,9 @@ class Health:
         same[0] = (load[0] == before[0]) if self.last_load is not None else False
         moves = ~np.logical_and.reduce([same[:, k] for k in range(load.shape[1])])
         for k, channel in enumerate(self.channels):
-            self._runs(channel, load[:, k], same[:, k], moves, samples.line)
-            self._clipped(channel, k, load[:, k], same[:, k], moves, samples.line, flags)
+            readings = _Readings(load[:, k], same[:, k], moves, samples.line)
+            self._runs(channel, readings)
+            self._clipped(channel, readings, flags, 2 * k)
         self._range(load, samples.line, flags)
         self.last_load = load[-1:].copy()
         gaps = self._times(samples)
@@ -92,8 +103,9 @@ class Health:
         self.count += len(load)
         return flags, gaps
 
-    def _runs(self, channel: Channel, values: Array, same: NDArray[np.bool_], moves: NDArray[np.bool_], line: Indices) -> None:
+    def _runs(self, channel: Channel, readings: _Readings) -> None:
         """Runs of one value while other channels move, over the border of blocks too."""
+        values, same, moves, line = readings
         repeats = int(np.count_nonzero(same))
         channel.repeats += repeats
         if repeats + channel.run < STUCK:
@@ -130,11 +142,10 @@ class Health:
             channel.stuck += channel.run
             channel.longest = max(channel.longest, channel.run)
 
-    def _clipped(
-        self, channel: Channel, number: int, values: Array, same: NDArray[np.bool_], moves: NDArray[np.bool_], line: Indices,
-        flags: Flags,
-    ) -> None:
-        """Runs at the largest and at the smallest value so far; a new extreme starts the count anew."""
+    def _clipped(self, channel: Channel, readings: _Readings, flags: Flags, bit: int) -> None:
+        """Runs at the largest and at the smallest value so far; a new extreme starts the count anew. bit: the channel's first
+        in the flags."""
+        values, same, moves, line = readings
         for side, extreme in enumerate((values.max(), values.min())):
             if extreme > channel.extreme[0] if side == 0 else extreme < channel.extreme[1]:
                 channel.extreme[side], channel.clipped[side] = float(extreme), 0
@@ -149,7 +160,7 @@ class Health:
                 if len(run) >= CLIPPED and moves[run[1:]].all() and same[run[1:]].all():
                     channel.clipped[side] += len(run)
                     channel.first_clipped[side] = channel.first_clipped[side] or int(line[run[0]])
-                    flags[run] |= np.uint16(1 << (2 * number + side))
+                    flags[run] |= np.uint16(1 << (bit + side))
 
     def _range(self, load: Array, line: Indices, flags: Flags) -> None:
         for columns, limit in ((slice(0, 3), self.limit[0]), (slice(3, 6), self.limit[1])):

@@ -75,8 +75,8 @@ class Cursor:
     def fail(self, expected: str) -> CompstiffError:
         token = self.token
         shown = self.source.text(token.start, min(token.end, token.start + 40))
-        found = f"'{shown}'" if token.kind != "end" else "the end of the statement"
-        return self.source.fail("CS2003", f"found {found}, expected {expected}", token.start,
+        here = f"'{shown}'" if token.kind != "end" else "the end of the statement"
+        return self.source.fail("CS2003", f"found {here}, expected {expected}", token.start,
                                 "the statement is not RAPID as a controller would load it; compare it with its neighbours")
 
 

@@ -80,25 +80,25 @@ class MoreMoves:
 def with_more_moves(program: RapidProgram, more: Sequence[MoreMoves]) -> bytes:
     """The program with these moves added; whoever asks has made sure by `move_text` that they can be."""
     edits: list[Edit] = []
-    for one in more:
-        text = move_text(program, one.first)
+    for move in more:
+        text = move_text(program, move.first)
         assert text is not None
-        edits += _arc(program, one, text) if one.halves[0] else _line(program, one, text)
+        edits += _arc(program, move, text) if move.halves[0] else _line(program, move, text)
     return apply(program.source.data, edits)
 
 
-def _line(program: RapidProgram, one: MoreMoves, text: MoveText) -> list[Edit]:
-    row = program.rows.values[program.rows.row[one.first]]
+def _line(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
+    row = program.rows.values[program.rows.row[move.first]]
     tail, gap = _repeated_tail(program, text), _gap(program.source.data, text.start)
-    return [(text.start, text.start, b"".join(b"MoveL " + fresh(row, pose) + tail + gap for pose in one.linear))]
+    return [(text.start, text.start, b"".join(b"MoveL " + fresh(row, pose) + tail + gap for pose in move.linear))]
 
 
-def _arc(program: RapidProgram, one: MoreMoves, text: MoveText) -> list[Edit]:
+def _arc(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
     data, scan, rows = program.source.data, program.scan, program.rows
-    via, end = one.first, one.first + 1
+    via, end = move.first, move.first + 1
     tail, gap = _repeated_tail(program, text), _gap(data, text.start)
     row_of = [rows.values[rows.row[target]] for target in (via, end)]
-    spelled = [[fresh(row, pose) for pose in half] for row, half in zip(row_of, one.halves, strict=True)]
+    spelled = [[fresh(row, pose) for pose in half] for row, half in zip(row_of, move.halves, strict=True)]
     first, second = spelled
     own = data[scan.start[via]:scan.end[via]]
     before = [*zip(first[0::2], [*first[1::2], own], strict=True), *zip(second[0:-1:2], second[1:-1:2], strict=True)]

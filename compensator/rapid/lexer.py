@@ -39,14 +39,14 @@ class Token(NamedTuple):
 
 def tokens(source: Source, start: int, end: int) -> list[Token]:
     """The tokens of source.data[start:end], the last one of kind "end"."""
-    found = []
+    parsed = []
     for match in _TOKEN.finditer(source.data, start, end):
         kind = match.lastgroup or "end"
         text = match[kind]
-        found.append(Token(kind, match.start(kind), match.end(kind), text, source.fold(text)))
+        parsed.append(Token(kind, match.start(kind), match.end(kind), text, source.fold(text)))
         if kind == "end":
             break
-    return found
+    return parsed
 
 
 def ends_operand(token: Token) -> bool:

@@ -56,8 +56,8 @@ def place_for(source: Source, declaration: Declaration) -> tuple[int, bytes]:
     line = int(source.ends.searchsorted(declaration.start, side="right"))
     start = source.start if line == 0 else int(source.ends[line - 1])
     indent = _INDENT.match(data, start)
-    found = _LINE_END.match(data, rest.end())
-    end = found[0] if found else b""
+    line_end = _LINE_END.match(data, rest.end())
+    end = line_end[0] if line_end else b""
     if not end and len(source.ends):                    # the last line of a file without a final line end
         last = int(source.ends[-1])
         end = next(e for e in (b"\r\r\n", b"\r\n", b"\n", b"\r") if data[:last].endswith(e))

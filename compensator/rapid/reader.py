@@ -16,6 +16,7 @@ from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
 from compensator.rapid.values import UNUSED, Values
 from compensator.toolpath import Move, Toolpath
+from identification.common.arrays import read_only
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
@@ -28,15 +29,15 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     with a reason in `toolpath.block` and a finding.
     """
     source = decode(data, name)
-    found = scan(source)
-    values = Values(source, found.names, changing(found.names, found.uses, found.routines))
-    count = len(found.move)
-    scope_of = _held(found.scopes, count)
-    rows = collect(found, values, scope_of)
+    scanned = scan(source)
+    values = Values(source, scanned.names, changing(scanned.names, scanned.uses, scanned.routines))
+    count = len(scanned.move)
+    scope_of = _held(scanned.scopes, count)
+    rows = collect(scanned, values, scope_of)
     _check_size(source, rows)
-    tails = resolve_tails(found, values, scope_of)
+    tails = resolve_tails(scanned, values, scope_of)
     numbers = rows.values[rows.row] if count else rows.values[:0]
-    move = np.frombuffer(bytes(found.move), dtype=np.uint8)
+    move = np.frombuffer(bytes(scanned.move), dtype=np.uint8)
     absolute = move == Move.ABSOLUTE
     position, quaternion = numbers[:, 0:3] / 1e3, numbers[:, 3:7].copy()
     joints = np.full((count, 6), np.nan)
@@ -49,19 +50,18 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     confdata = numbers[:, 7:11]
     has_confdata = ~absolute & ~np.isnan(confdata).any(axis=1)
     external = np.where(np.abs(numbers[:, 11:17]) >= UNUSED, np.nan, numbers[:, 11:17])
-    line, column = locate(source, np.array(found.start, dtype=np.int64))
-    displaced = np.array([shift for _, shift in found.shifts])[_held(found.shifts, count)] & ~absolute
+    line, column = locate(source, np.array(scanned.start, dtype=np.int64))
+    displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] & ~absolute
     places = Places(source, line, column)
-    block, findings = report(found, values, rows, tails, places, off, displaced)
+    block, findings = report(scanned, values, rows, tails, places, off, displaced)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
         confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
         external=external, joints=joints, tool=tails.tool, workobject=tails.workobject, feed=tails.feed, zone=tails.zone,
         block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
     )
-    for array in (position, quaternion, external, joints, line, column, block, toolpath.confdata, has_confdata):
-        array.setflags(write=False)
-    return RapidProgram(toolpath, source, found, values, rows)
+    read_only(position, quaternion, external, joints, line, column, block, toolpath.confdata, has_confdata)
+    return RapidProgram(toolpath, source, scanned, values, rows)
 
 
 def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:

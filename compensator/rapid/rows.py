@@ -99,11 +99,11 @@ def _add_named(
     pair = (name[named] * len(scopes) + scope_of[named]) * 2 + joint
     _, first, inverse = np.unique(pair, return_index=True, return_inverse=True)
     spellings = list(scan.spellings)
-    found = np.empty(len(first), dtype=np.int64)
+    row_of = np.empty(len(first), dtype=np.int64)
     for number, target in enumerate(named[first].tolist()):
         expr = Expr("name", scan.start[target], scan.end[target], spellings[scan.name[target]])
-        found[number] = _row(scan, values, target, expr, scopes[scope_of[target]], late, known)
-    row[named] = found[inverse]
+        row_of[number] = _row(scan, values, target, expr, scopes[scope_of[target]], late, known)
+    row[named] = row_of[inverse]
 
 
 def _row(

@@ -24,15 +24,15 @@ _MOTION_WORD = re.compile(rb"(?i)\bMove(?:L|J|C|AbsJ)\s")
 
 def scan(source: Source) -> Scan:
     """Reads the text once. Raises CS2002 (a string or move that does not end), CS2003 (a malformed move)."""
-    found = Scan(source)
-    statements = Statements(found)
+    scanned = Scan(source)
+    statements = Statements(scanned)
     tails: dict[bytes, int] = {}
-    move, start, rest, end = found.move.append, found.start.append, found.rest.append, found.end.append
-    name, tail = found.name.append, found.tail.append
+    move, start, rest, end = scanned.move.append, scanned.start.append, scanned.rest.append, scanned.end.append
+    name, tail = scanned.name.append, scanned.tail.append
 
     def tail_number(text: bytes, at: int) -> int:
         words = tokens(source, at, at + len(text) + 1)
-        number = tails[text] = found.add_tail(parse_tail(Cursor(source, words)))
+        number = tails[text] = scanned.add_tail(parse_tail(Cursor(source, words)))
         return number
 
     for match in UNIT.finditer(source.data, source.start):
@@ -54,21 +54,21 @@ def scan(source: Source) -> Scan:
             start(match.start("target"))
             rest(-1)
             end(match.end("target"))
-            name(found.spelling(match["target"]))
+            name(scanned.spelling(match["target"]))
         elif kind == "u_target":
             value = match.span("value")
-            found.names.add(Declaration(
+            scanned.names.add(Declaration(
                 source.fold(match["name"]), "robtarget", match["class"].lower().decode(),
-                match["reach"].strip().lower().decode(), found.scope, match.start(kind), match.end(kind), *value))
+                match["reach"].strip().lower().decode(), scanned.scope, match.start(kind), match.end(kind), *value))
         elif kind == "u_end":
             break
         elif kind == "u_bad":
-            found.stray = _stray(source, match.start(kind))
+            scanned.stray = _stray(source, match.start(kind))
             break
         else:
             assert kind is not None
             statements.unit(kind[2:], match.start(kind), match.end(kind))
-    return found
+    return scanned
 
 
 def _stray(source: Source, at: int) -> int:

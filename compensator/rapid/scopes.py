@@ -57,7 +57,7 @@ class Names:
 
     def find(self, name: str, scope: Scope) -> int:
         """The number of the declaration that `name` means in `scope`; -1 if this file has none."""
-        found = self._own.get((name, scope.module, scope.routine), -1)
-        if found < 0 and scope.routine >= 0:
-            found = self._own.get((name, scope.module, -1), -1)
-        return found if found >= 0 else self._everywhere.get(name, -1)
+        number = self._own.get((name, scope.module, scope.routine), -1)
+        if number < 0 and scope.routine >= 0:
+            number = self._own.get((name, scope.module, -1), -1)
+        return number if number >= 0 else self._everywhere.get(name, -1)

@@ -49,7 +49,7 @@ class Statements:
         """`PROC name(type a, \\switch b | PERS tooldata c, ...)`: every parameter is data of the routine."""
         at = next((i for i, word in enumerate(words) if word.word == "("), len(words) - 1)
         name = words[at - 1].word
-        found = self.scan.routines.setdefault(name, [])
+        parameters = self.scan.routines.setdefault(name, [])
         group: list[Token] = []
         optional, position = False, 0
         depth = 0
@@ -63,7 +63,7 @@ class Statements:
                     target = group[-1]
                     number = self.scan.names.add(Declaration(
                         target.word, group[-2].word, "parameter", mode, self.scan.scope, target.start, target.end))
-                    found.append(Parameter(target.word if optional else position, mode, number))
+                    parameters.append(Parameter(target.word if optional else position, mode, number))
                     position += not optional
                 group, optional = [], optional and word.word == "|"
             elif word.word == "\\":

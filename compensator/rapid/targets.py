@@ -86,11 +86,11 @@ def _robtarget(values: Values, expr: Expr, scope: Scope, depth: int) -> tuple[li
     kinds = (("position", _POSITION, "pos"), ("orientation", _ORIENTATION, "orient"),
              ("confdata", _CONFDATA, "confdata"), ("external axes", _EXTERNAL, "extjoint"))
     for part, (what, names, data_type) in zip(parts, kinds, strict=True):
-        found = values.numbers(part, site.scope, what, names, data_type)
-        if isinstance(found, Unsettled):
-            problem = problem or found
-            found = (math.nan,) * len(names)
-        numbers += found
+        components = values.numbers(part, site.scope, what, names, data_type)
+        if isinstance(components, Unsettled):
+            problem = problem or components
+            components = (math.nan,) * len(names)
+        numbers += components
     return numbers, problem
 
 

@@ -55,10 +55,10 @@ class Values:
         for _ in range(20):
             if site.expr.kind not in ("name", "element"):
                 return site
-            found = self.declared(site.expr, site.scope, *types)
-            if isinstance(found, Unsettled):
-                return found
-            site = found
+            declared = self.declared(site.expr, site.scope, *types)
+            if isinstance(declared, Unsettled):
+                return declared
+            site = declared
         return Unsettled("CS2010", f"{self.spelled(expr)} is declared by itself")
 
     def declared(self, expr: Expr, scope: Scope, *types: str) -> Site | Unsettled:
@@ -130,13 +130,13 @@ class Values:
         if isinstance(site, Unsettled) or isinstance(items, Unsettled):
             why = site.why if isinstance(site, Unsettled) else describe(site.expr, self.source)
             return Unsettled("CS2017", f"{what}: {why}")
-        found: list[float] = []
+        components: list[float] = []
         for item, name in zip(items, names, strict=True):
             value = self.number(item, site.scope, f"{name} of {what}")
             if isinstance(value, Unsettled):
                 return value
-            found.append(value)
-        return tuple(found)
+            components.append(value)
+        return tuple(components)
 
     def number(self, expr: Expr, scope: Scope, what: str) -> float | Unsettled:
         """A number, or a CONST num: only a constant cannot have changed by the time the move runs."""
