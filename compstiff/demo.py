@@ -35,7 +35,7 @@ def run_demo(session: Session, folder: Path) -> Outcome:
     fit = fit_stiffness(cell, measurements)
     write_whole({
         at["stiffness.json"]: json_bytes(fit.model.as_dict()),
-        at["identify.html"]: identification_report(cell, measurements, fit).encode(),
+        at["identify.html"]: identification_report(fit).encode(),
     })
     inputs = Inputs(at["cell.yaml"], at["insert.mod"], at["stiffness.json"], at["insert.forces.parquet"])
     outputs = Outputs(at["insert_corrected.mod"], at["offsets.csv"], at["correct.html"])

@@ -17,7 +17,7 @@ from identification.model.cell import Cell
 MOST_POSES = 2000
 
 
-def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> MillingPoses:
+def milling_poses(cell: Cell, toolpath: str | Path, forces: str | Path | None = None) -> MillingPoses:
     """The reached targets of a program (with force, where a log is given), evenly thinned where there are very many.
 
     Raises what the readers raise, and CompstiffError (CS1602) where the robot reaches none of them.
@@ -26,7 +26,7 @@ def milling_poses(cell: Cell, toolpath: Path, forces: Path | None) -> MillingPos
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> poses = compstiff.milling_poses(cell, Path("insert.mod"), Path("insert.forces.parquet"))
     >>> poses.theta.shape
-    ?
+    (1793, 6)
     """
     path = robot_path(read_toolpath(toolpath, cell).toolpath, cell)
     wanted = path.reached.copy()

@@ -39,8 +39,8 @@ class Outputs:
     """What a correction writes: the program with its record beside it, the offsets and the report where they are wanted.
 
     >>> from pathlib import Path
-    >>> [file.name for file in compstiff.Outputs(Path("part_corrected.mod"), offsets=Path("offsets.csv"), report=None).files]
-    ?
+    >>> [file.name for file in compstiff.Outputs(Path("part_corrected.mod"), offsets=Path("offsets.csv"), report=None).files()]
+    ['part_corrected.mod', 'part_corrected.mod.json', 'offsets.csv']
     """
 
     program: Path

@@ -91,7 +91,8 @@ def largest_and_rms(values: Array) -> dict[str, float]:
 
 
 def predict(
-    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: Path | ForceLog, settings: Settings = DEFAULTS
+    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog,
+    settings: Settings = DEFAULTS,
 ) -> Predicted:
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
 
@@ -102,7 +103,7 @@ def predict(
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
-    ?
+    (2779, [-11.0, 13.0, 0.9])
     """
     if settings.correction.scale != EXACTLY_ONE:
         model = model.scaled(*settings.correction.scale)
@@ -115,7 +116,7 @@ def predict(
 
 
 def under_forces(
-    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: Path | ForceLog, settings: Settings
+    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog, settings: Settings
 ) -> Predicted:
     """The program as the robot drives it, under the forces of one log. Raises as `predict`."""
     noticed: tuple[Finding, ...] = program.toolpath.findings

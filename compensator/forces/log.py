@@ -69,7 +69,7 @@ def read_force_log(
 
     >>> log = compstiff.read_force_log("insert.forces.parquet")
     >>> log.key, log.force.shape
-    ?
+    ('position', (328756, 3))
     """
     source = open_force_log(Path(file), form, log_format)
     if not source.rows:

@@ -102,7 +102,7 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     >>> cell = compstiff.read_cell("tare.yaml")
     >>> stills = compstiff.still_payload(compstiff.read_force_log("still.csv", cell.force_log.form), cell)
     >>> stills.orientations
-    ?
+    6
     """
     form = cell.force_log
     _check_log(log, form)

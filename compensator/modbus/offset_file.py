@@ -49,39 +49,39 @@ class Offsets:
         return np.rint(1e6 * self.offset).astype(np.int64)
 
 
-def read_offsets(path: Path, reach_mm: float) -> Offsets:
+def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     """Reads the file that `correct --offsets` writes, or any with target, ox_mm, oy_mm, oz_mm.
 
     reach_mm: distance between TCP and cutting edge for which the error of the turn not sent is stated. Raises
     CompstiffError: CS5001 targets that are not consecutive, CS5006 an offset with some cells empty, and those of read_table.
 
     >>> offsets = compstiff.read_offsets("offsets.csv", reach_mm=10.0)
-    >>> len(offsets)
-    ?
+    >>> offsets.first, offsets.offset.shape
+    (0, (3586, 3))
     """
     from identification.common.tables import read_table
 
-    table = read_table(path, required=("target", *OFFSET), optional=TURN, may_be_empty=(*OFFSET, *TURN), together=(TURN,))
+    table = read_table(file, required=("target", *OFFSET), optional=TURN, may_be_empty=(*OFFSET, *TURN), together=(TURN,))
     if not len(table):
-        raise error("CS5001", "has no row: there is nothing to push", file=str(path))
-    _check_targets(table.numbers["target"], table.line, path)
+        raise error("CS5001", "has no row: there is nothing to push", file=str(file))
+    _check_targets(table.numbers["target"], table.line, file)
     findings = [finding for finding in table.findings if finding.level != "note"]
     offset = 1e-3 * table.stack(*OFFSET)
     empty = np.isnan(offset)
     partly = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
     if len(partly):
         raise error("CS5006", f"an offset with {counted(int(empty[partly[0]].sum()), 'empty cell')} of three",
-                    file=str(path), line=int(table.line[partly[0]]), hint="give all three components, or none: no correction")
+                    file=str(file), line=int(table.line[partly[0]]), hint="give all three components, or none: no correction")
     none = empty.all(axis=1)
     if none.any():
         findings.append(Finding("CS5002", "note", f"{counted(int(none.sum()), 'target')} without an offset: 0 is sent",
-                                file=str(path), line=int(table.line[np.argmax(none)])))
+                                file=str(file), line=int(table.line[np.argmax(none)])))
     turn = np.full(len(table), np.nan)
     if TURN[0] in table.numbers:
         turn = np.radians(np.linalg.norm(table.stack(*TURN), axis=1))
-    findings.append(_turn_not_sent(table.numbers["target"], turn, reach_mm, path))
+    findings.append(_turn_not_sent(table.numbers["target"], turn, reach_mm, file))
     first = int(table.numbers["target"][0])
-    return Offsets(str(path), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings))
+    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings))
 
 
 def check_offsets(offsets: Offsets, limit: float) -> None:
@@ -116,31 +116,31 @@ def tables_of(offsets: Offsets, window_rows: int) -> list[OffsetTable]:
     return tables
 
 
-def _check_targets(target: Array, line: NDArray[np.intp], path: Path) -> None:
+def _check_targets(target: Array, line: NDArray[np.intp], file: str | Path) -> None:
     expected = target[0] + np.arange(len(target))
     if target[0] != np.floor(target[0]) or not 0 <= target[0] < 2 ** 31:
-        raise error("CS5001", f"column 'target': found {target[0]:g}, expected a whole number from 0", file=str(path),
+        raise error("CS5001", f"column 'target': found {target[0]:g}, expected a whole number from 0", file=str(file),
                     line=int(line[0]))
     wrong = np.flatnonzero(target != expected)
     if len(wrong):
         row = int(wrong[0])
         raise error("CS5001", f"column 'target': found {target[row]:g} where {expected[row]:.0f} should follow",
-                    file=str(path), line=int(line[row]),
+                    file=str(file), line=int(line[row]),
                     hint="one row a target, counted up without gaps, as correct --offsets writes them")
 
 
-def _turn_not_sent(target: Array, turn: Array, reach_mm: float, path: Path) -> Finding:
+def _turn_not_sent(target: Array, turn: Array, reach_mm: float, file: str | Path) -> Finding:
     """What is left because only positions are sent."""
     if not np.isfinite(turn).any():
         return Finding("CS5007", "note", "the file does not say by how much the correction turns the tool; only positions are "
-                       "sent, and the error that leaves is not known", file=str(path),
+                       "sent, and the error that leaves is not known", file=str(file),
                        hint="push the file that correct --offsets writes")
     worst = int(np.nanargmax(turn))
     left = left_um(float(turn[worst]), reach_mm)
     return Finding("CS5005", "note", "only positions are sent: the tool stays turned by up to "
                    f"{np.degrees(turn[worst]):.4f} deg (target {int(target[worst])}); the TCP itself lies right, "
                    f"{reach_mm:g} mm from it up to {left:.1f} um are left",
-                   file=str(path), hint="name the distance of the cutting edge from the TCP with --reach; the corrected RAPID "
+                   file=str(file), hint="name the distance of the cutting edge from the TCP with --reach; the corrected RAPID "
                    "program carries the orientation too")
 
 

@@ -49,7 +49,7 @@ def post_files(
     >>> from pathlib import Path
     >>> posted = compstiff.post_files(Path("post.yaml"), Path("part.apt"), Path("part.mod"), compstiff.Settings().posting)
     >>> posted.as_dict()["targets"]
-    ?
+    51
     """
     inputs, record_file = [cell_file, toolpath_file], output.with_name(output.name + ".json")
     check_outputs(inputs, [output, record_file])

@@ -36,7 +36,7 @@ class PlannedProgram:
         return self.text.toolpath
 
 
-def read_toolpath(file: Path, cell: Cell, settings: PostingSettings = AS_POSTED) -> PlannedProgram:
+def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_POSTED) -> PlannedProgram:
     """Reads a toolpath by its suffix; APT and CSV are posted first (post.py).
 
     Raises CompstiffError: CS4201 for formats that are not read, and what the readers and `post` raise.
@@ -44,8 +44,9 @@ def read_toolpath(file: Path, cell: Cell, settings: PostingSettings = AS_POSTED)
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program = compstiff.read_toolpath("insert.mod", cell)
     >>> len(program.toolpath), program.toolpath.position[0].round(4).tolist()
-    ?
+    (3586, [-0.0148, 0.002, 0.062])
     """
+    file = Path(file)
     suffix = file.suffix.lower()
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
         posted = post(read_cam_path(file, settings), cell, settings, f"{file} (posted)")

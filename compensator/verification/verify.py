@@ -64,8 +64,8 @@ class Verification:
 
 
 def verify(
-    cell: Cell, before_file: Path, after_file: Path, predicted_file: Path | None = None, *, tolerance_um: float | None = None,
-    within: float = 1e-3, frame: Literal["base", "workobject"] = "base",
+    cell: Cell, before_file: str | Path, after_file: str | Path, predicted_file: str | Path | None = None, *,
+    tolerance_um: float | None = None, within: float = 1e-3, frame: Literal["base", "workobject"] = "base",
 ) -> Verification:
     """Compares the deviation measured before and after a correction, place by place, and with what was predicted.
 
@@ -76,9 +76,9 @@ def verify(
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> verification = compstiff.verify(cell, "before.csv", "after.csv", tolerance_um=20.0)
     >>> verification.accepted, round(verification.comparison.ratio, 1)
-    ?
+    (False, 8.5)
     """
-    before, after = read_readings(before_file, cell), read_readings(after_file, cell)
+    before, after = read_readings(Path(before_file), cell), read_readings(Path(after_file), cell)
     rows_before, rows_after = pair(before, after, within)
     findings = [*before.findings, *after.findings, *_unpaired(before, rows_before), *_unpaired(after, rows_after)]
     first, second = before.select(rows_before), after.select(rows_after)
@@ -89,7 +89,7 @@ def verify(
     predicted, scale = None, None
     axis_scales: dict[str, Scale] = {}
     if predicted_file is not None:
-        predicted, more = predicted_at(before, predicted_file, cell, within, in_object=frame == "workobject")
+        predicted, more = predicted_at(before, Path(predicted_file), cell, within, in_object=frame == "workobject")
         scale, axis_scales = _scales(before, predicted, predicted_file)
         findings += [*more, *_scale_findings(scale, axis_scales, before.source)]
     findings += _comparison_findings(comparison, after.source)
@@ -111,7 +111,7 @@ def _unpaired(readings: Readings, rows: Indices) -> list[Finding]:
                     hint="measure the same places in both passes")]
 
 
-def _scales(before: Readings, predicted: Array, predicted_file: Path) -> tuple[Scale, dict[str, Scale]]:
+def _scales(before: Readings, predicted: Array, predicted_file: str | Path) -> tuple[Scale, dict[str, Scale]]:
     """Overall and by axis where there are several. Raises CompstiffError (CS6028) where nothing is predicted."""
     overall = estimate_scale(before.deviation, predicted)
     if overall is None:

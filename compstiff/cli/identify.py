@@ -58,7 +58,7 @@ def identify(
     if report:
         from identification.fit.report import identification_report
 
-        files[report] = identification_report(cell, measurements, fit).encode()
+        files[report] = identification_report(fit).encode()
     write_whole(files)
     return Outcome(fit.as_dict(), fit.findings, fit.lines(),
                    next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "

@@ -24,7 +24,7 @@ def explain_code(code: str) -> dict[str, str]:
     """One page, with its code. Raises CompstiffError (CS0009) for a code that does not exist.
 
     >>> compstiff.explain_code("CS1012")["title"]
-    ?
+    'A joint was not seen by the data'
     """
     name = code.upper()
     pages = catalogue()

@@ -55,7 +55,7 @@ class CompstiffError(ValueError):
     ...     compstiff.read_cell("no_such_cell.yaml")
     ... except compstiff.CompstiffError as stopped:
     ...     print(stopped.findings[0].code)
-    ?
+    CS0005
     """
 
     exit_code = 1

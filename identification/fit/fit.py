@@ -36,7 +36,7 @@ LARGER_THAN_STATED = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What the data say.
+    """What the measurements of a cell say.
 
     model: the posterior as stiffness.json carries it. residual (N, 3) [m]: measured minus predicted, all rows, NaN where not
     measured. std (N, 3) [m]: what the estimated noise allows there. row_weight (N,): 1 for ordinary rows, small for gross
@@ -44,6 +44,8 @@ class Fit:
     None without such rows. profiles: empty unless asked for.
     """
 
+    cell: Cell
+    measurements: Measurements
     model: IdentifiedModel
     posterior: Posterior
     residual: Array
@@ -122,7 +124,8 @@ def fit_stiffness(
                             tuple(grade.grade for grade in grades), _figures(fitted, rms(residual[identify])),
                             interval=fitted.draws.interval(0.95))
     findings = (*measurements.findings, *_findings(fitted, grades, conflicts), *_not_better(measurements.source, held_out))
-    return Fit(model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)), row_weight, grades,
+    return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),
+               row_weight, grades,
                ellipsoid(fitted), information_spectrum(fitted), conflicts, profiles(fitted) if with_profiles else (), held_out,
                findings)
 

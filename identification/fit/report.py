@@ -13,9 +13,9 @@ from identification.measurements import Measurements
 from identification.model.cell import Cell
 
 
-def identification_report(cell: Cell, measurements: Measurements, fit: Fit) -> str:
+def identification_report(fit: Fit) -> str:
     """The report of `identify`."""
-    model = fit.model
+    cell, measurements, model = fit.cell, fit.measurements, fit.model
     grades = {grade: [f"k{i}" for i, g in enumerate(model.grades, start=1) if g == grade] for grade in model.grades}
     graded = "; ".join(f"{grade}: {', '.join(names)}" for grade, names in grades.items())
     noise = model.fit["noise"]

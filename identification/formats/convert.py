@@ -59,8 +59,9 @@ def convert_log(
     rate: samples a second (metallicadour, net-ft); channels: names of the force, then the moment channels (lvm); counts: per
     newton and per newton metre (net-ft). Raises what the form's reader raises.
 
-    >>> Path("log.txt").write_text("?")
-    ?
+    >>> converted = compstiff.convert_log("log.lvm", "lvm")
+    >>> converted.lines()
+    ['40 samples over 0.004 s: time_s, fx_n, fy_n, fz_n']
     """
     if form == "kuka-kr300":
         from identification.formats.kuka_kr300 import read_kuka_kr300

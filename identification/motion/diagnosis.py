@@ -122,7 +122,7 @@ def diagnose_joint_logs(
     >>> log, other = compstiff.read_motion_log("log_a.csv"), compstiff.read_motion_log("log_b.csv")
     >>> diagnosis = compstiff.diagnose_joint_logs(cell, [log], other, replicates=49)
     >>> diagnosis.as_dict()["verdict"]
-    ?
+    'named'
     """
     return JointLogDiagnosis(cell, tuple(logs), diagnose_axes(list(logs), held_out, alarm=alarm, replicates=replicates),
                              1 / (replicates + 1))

@@ -53,7 +53,7 @@ def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> fit = compstiff.fit_joint_logs(cell, [compstiff.read_motion_log("log_a.csv")])
     >>> print(fit.lines()[2])
-    ?
+    k2      5.02e+06                4.98e+06 ... 5.05e+06        reliable
     """
     numbers = sorted({joint for log in logs for joint in log.joints})
     joints = tuple(axis_stiffness(joint, list(logs)) for joint in numbers)

@@ -73,8 +73,8 @@ def read_motion_log(path: str | Path) -> MotionLog:
     too short.
 
     >>> log = compstiff.read_motion_log("log_a.csv")
-    >>> log.joints, round(log.rate)
-    ((2,), 250)
+    >>> list(log.joints), round(log.rate)
+    ([2], 250)
     """
     path = Path(path)
     line: NDArray[np.intp] | None = None

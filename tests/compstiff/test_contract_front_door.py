@@ -19,6 +19,7 @@ from benchmarks.same_outputs import prepare
 from compstiff import writing
 from compstiff.cli.main import COMMANDS
 from compstiff.cli.main import compstiff as command_line
+from tests.identification.formats.test_contract_force_logs import VALUES, lvm
 from tests.identification.motion import simulated_joint
 
 
@@ -27,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sample files, as the examples name them, with the stiffnesses and offsets made from them."""
     place = tmp_path_factory.mktemp("front_door")
     prepare(place)
+    (place / "log.lvm").write_text(lvm([(0.0, VALUES[:20, :3]), (0.002, VALUES[20:, :3])]))
     for name, seed in (("log_a.csv", 1), ("log_b.csv", 2)):
         simulated_joint.write(place / name, simulated_joint.columns(seed, {"channel_delay": 1.0}))
     cell = compstiff.read_cell(place / "cell.yaml")
