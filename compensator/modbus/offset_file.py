@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.modbus.wire import LARGEST_UM, OffsetTable, to_registers
+from identification.common.arrays import Array
 from identification.common.findings import Finding, Refused, counted, error
 
-Array = NDArray[np.float64]
 OFFSET = ("ox_mm", "oy_mm", "oz_mm")
 TURN = ("orx_deg", "ory_deg", "orz_deg")
 # Decimal millimetres are not exact in binary: an offset of exactly the limit must pass.

@@ -15,12 +15,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.verification.batch_means import Mean, mean_along
 from compensator.verification.readings import Readings
+from identification.common.arrays import Array
 
-Array = NDArray[np.float64]
 # A place got worse beyond its noise where |after| - |before| is over so many sigmas: by chance 2.3 % of equal places are.
 WORSE_SIGMAS, BY_CHANCE = 2.0, 0.0228
 # A scale outside this range is not what motion adds to a static deflection.

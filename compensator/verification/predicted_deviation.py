@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.verification.readings import DEVIATION, POSITION, Readings, nearest
+from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.common.tables import read_table
 from identification.model.cell import Cell
-
-Array = NDArray[np.float64]
 
 
 def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, in_object: bool) -> tuple[Array, list[Finding]]:

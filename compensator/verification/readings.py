@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
 from identification.common.tables import Table, read_table
 from identification.model.cell import Cell
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Key = Literal["target", "path_mm", "x_mm y_mm z_mm"]
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -36,6 +36,9 @@ class Readings:
     sigma: Array
     normal: Array | None
     findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        read_only(self.place, self.deviation, self.sigma, *([] if self.normal is None else [self.normal]))
 
     def __len__(self) -> int:
         return len(self.place)

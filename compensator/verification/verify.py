@@ -11,7 +11,8 @@ import numpy as np
 
 from compensator.verification.comparison import SANE_SCALE, WORSE_SIGMAS, Comparison, Scale, compare, estimate_scale
 from compensator.verification.predicted_deviation import predicted_at
-from compensator.verification.readings import Array, Indices, Readings, pair, read_readings
+from compensator.verification.readings import Indices, Readings, pair, read_readings
+from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.cell import Cell
 

@@ -17,12 +17,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-Signature = tuple[int, int, int, int]
+FileStamp = tuple[int, int, int, int]
 _MODULE = re.compile(rb"^\s*MODULE\s", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"\bENDMODULE\b", re.IGNORECASE)
 
 
-def signature(path: Path) -> Signature | None:
+def file_stamp(path: Path) -> FileStamp | None:
     """Device, inode, size and time of a file, which change when it does; None where there is none."""
     with contextlib.suppress(OSError):
         state = path.stat()
@@ -37,24 +37,24 @@ class Settled:
 
     settle: float
     clock: Callable[[], float] = time.monotonic
-    _since: dict[Path, tuple[Signature, float]] = field(default_factory=dict)
+    _since: dict[Path, tuple[FileStamp, float]] = field(default_factory=dict)
 
-    def look(self, paths: Iterable[Path]) -> list[Signature] | None:
+    def look(self, paths: Iterable[Path]) -> list[FileStamp] | None:
         """Looks at all these files now: how they are, if all have been like this for long enough and nobody has one open for
         writing; else None."""
-        states = [self._look(path) for path in paths]
-        finished = [state for state in states if state is not None]
-        return finished if len(finished) == len(states) else None
+        stamps = [self._look(path) for path in paths]
+        settled = [stamp for stamp in stamps if stamp is not None]
+        return settled if len(settled) == len(stamps) else None
 
-    def _look(self, path: Path) -> Signature | None:
-        now, state = self.clock(), signature(path)
-        if state is None:
+    def _look(self, path: Path) -> FileStamp | None:
+        now, stamp = self.clock(), file_stamp(path)
+        if stamp is None:
             self._since.pop(path, None)
             return None
         before = self._since.get(path)
-        if before is None or before[0] != state:
-            self._since[path] = before = (state, now)
-        return state if now - before[1] >= self.settle and not open_for_writing(path) else None
+        if before is None or before[0] != stamp:
+            self._since[path] = before = (stamp, now)
+        return stamp if now - before[1] >= self.settle and not open_for_writing(path) else None
 
 
 def open_for_writing(path: Path) -> bool:

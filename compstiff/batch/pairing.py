@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from compensator.correction.files import Outputs
 from compensator.posting.read_toolpath import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
 from identification.common.findings import Finding, error
 
@@ -36,15 +37,13 @@ class Folders:
 
 
 @dataclass(frozen=True)
-class Job:
+class ProgramFiles:
     """One program of a batch and the files it is to become. logs: its force logs, of which there should be one. rival: another
     program of the batch that would write one of the same files, or has the same log."""
 
     program: Path
     logs: tuple[Path, ...]
-    output: Path
-    offsets: Path | None
-    report: Path | None
+    outputs: Outputs
     rival: Path | None = None
 
     @property
@@ -54,15 +53,9 @@ class Job:
             raise error("CS6002", f"and {self.rival} have the same log or would become the same file", file=str(self.program),
                         hint="programs of one batch need names of their own")
         if len(self.logs) > 1:
-            raise error("CS6001", f"has {len(self.logs)} force logs: {', '.join(path.name for path in self.logs)}",
+            raise error("CS6001", f"has {len(self.logs)} force logs: {', '.join(log.name for log in self.logs)}",
                         file=str(self.program), hint="keep the one that was logged when this program was milled")
         return self.logs[0]
-
-    @property
-    def written(self) -> tuple[Path, ...]:
-        """Every file that the correction writes."""
-        record = self.output.with_name(self.output.name + ".json")
-        return (self.output, record, *(path for path in (self.offsets, self.report) if path))
 
 
 def is_program(path: Path) -> bool:
@@ -80,10 +73,10 @@ def programs_in(folder: Path) -> list[Path]:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(folder)) from reason
 
 
-def log_beside(program: Path, folder: Path | None = None) -> Path | None:
-    """The log with the program's stem beside it, or in a folder; None without one, or with several."""
-    found = [path for suffix in LOG_SUFFIXES if (path := (folder or program.parent) / (program.stem + suffix)).is_file()]
-    return found[0] if len(found) == 1 else None
+def logs_of(program: Path, folder: Path | None = None) -> tuple[Path, ...]:
+    """The force logs with the program's stem, beside it or in a folder."""
+    place = folder or program.parent
+    return tuple(log for suffix in LOG_SUFFIXES if (log := place / (program.stem + suffix)).is_file())
 
 
 def no_log(program: Path, folder: Path | None, then: str) -> Finding:
@@ -94,22 +87,20 @@ def no_log(program: Path, folder: Path | None, then: str) -> Finding:
                    hint="log the forces of a first pass, or name the folder of the logs with --forces")
 
 
-def jobs_for(programs: Iterable[Path], logs: Path | None, folders: Folders) -> list[Job]:
+def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> list[ProgramFiles]:
     """The programs with their logs (beside each, or in the folder `logs`) and the files they are to become. Toolpaths that are
     not RAPID are written as RAPID."""
-    jobs = []
+    pairs = []
     owner: dict[Path, Path] = {}
     rivals: dict[Path, Path] = {}
     for program in {path.resolve(): path for path in programs}.values():
-        place = logs or program.parent
-        found = tuple(path for suffix in LOG_SUFFIXES if (path := place / (program.stem + suffix)).is_file())
         rapid = program.suffix.lower() in RAPID_SUFFIXES
-        job = Job(program, found, folders.output / (program.name if rapid else f"{program.stem}.mod"),
-                  folders.offsets / f"{program.stem}.offsets.csv" if folders.offsets else None,
-                  folders.report / f"{program.stem}.html" if folders.report else None)
-        jobs.append(job)
-        for path in (*job.written, *found):
+        outputs = Outputs(folders.output / (program.name if rapid else f"{program.stem}.mod"),
+                          folders.offsets / f"{program.stem}.offsets.csv" if folders.offsets else None,
+                          folders.report / f"{program.stem}.html" if folders.report else None)
+        pairs.append(ProgramFiles(program, logs_of(program, logs), outputs))
+        for path in (*outputs.files(), *pairs[-1].logs):
             other = owner.setdefault(path.resolve(), program)
             if other is not program:
                 rivals |= {program: other, other: program}
-    return [replace(job, rival=rivals.get(job.program)) for job in jobs]
+    return [replace(files, rival=rivals.get(files.program)) for files in pairs]

@@ -10,14 +10,52 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from compstiff.batch.finished_files import Settled, Signature, lacks_its_end, signature
+from compstiff.batch.finished_files import FileStamp, Settled, file_stamp, lacks_its_end
 from compstiff.batch.journal import Journal, sync_folder
-from compstiff.batch.pairing import Folders, Job, jobs_for, no_log, programs_in
-from compstiff.batch.program import Common, Done, done_with, run_job
+from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired, programs_in
+from compstiff.batch.programs import ProgramResult, Shared, correct_program
 from compstiff.outcome import DONE, INTERRUPTED, Outcome
 from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
 from identification.model.cell import read_cell
+from identification.model.stiffness_file import read_stiffness
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """settle [s]: a file is finished when it has not changed for so long; interval [s]: between looks. once: take what is
+    finished now, and end. retry: try programs again that failed before."""
+
+    settle: float = 5.0
+    interval: float = 2.0
+    once: bool = False
+    retry: bool = False
+
+
+def watch_folder(
+    source: Path, folders: Folders, shared: Shared, rhythm: Rhythm | None = None, *,
+    stopped: Callable[[], bool] = lambda: False, say: Callable[[str], None] = lambda text: None,
+) -> Iterator[ProgramResult]:
+    """Corrects every finished program that appears in `source`, once, and yields how it went, until `stopped`.
+
+    say: called with what else a person wants to know. Raises CompstiffError: CS6006 the folders, CS6005 another watch, CS0004
+    a folder or the journal cannot be written, and what `read_cell` and `read_stiffness` raise: a mistake in what every program
+    needs is no program's failure.
+    """
+    rhythm = rhythm or Rhythm()
+    check_folders(source, folders)
+    read_stiffness(shared.stiffness, read_cell(shared.cell))
+    folders.make()
+    with contextlib.closing(Journal(folders.output)) as journal:
+        journal.sweep()
+        if rhythm.retry:
+            journal.forget_failures()
+        if not rhythm.once:
+            say(f"watching {source}; Ctrl-C ends it")
+        for finding in journal.findings:
+            say(str(finding))
+        watch = Watch(source, folders, shared, journal, Settled(rhythm.settle))
+        yield from watch.once(stopped) if rhythm.once else watch.always(rhythm.interval, stopped, say)
 
 
 @dataclass
@@ -26,85 +64,115 @@ class Watch:
 
     source: Path
     folders: Folders
-    common: Common
+    shared: Shared
     journal: Journal
     settled: Settled
-    handled: dict[Path, list[Signature]] = field(default_factory=dict)
+    handled: dict[Path, list[FileStamp]] = field(default_factory=dict)
 
-    def look(self) -> Iterator[Done]:
+    def always(self, interval: float, stopped: Callable[[], bool], say: Callable[[str], None]) -> Iterator[ProgramResult]:
+        """Looks every `interval` seconds until `stopped`; that the folder cannot be read for a while (CS0005) is said once."""
+        last_trouble = ""
+        while not stopped():
+            try:
+                for result in self.look():
+                    yield result
+                    if stopped():
+                        return
+                last_trouble = ""
+            except CompstiffError as trouble:
+                if trouble.findings[0].code != "CS0005":
+                    raise
+                if str(trouble) != last_trouble:
+                    last_trouble = str(trouble)
+                    say(last_trouble)
+            pause(interval, stopped)
+
+    def once(self, stopped: Callable[[], bool]) -> Iterator[ProgramResult]:
+        """Takes what is finished now: looks, waits until files can have settled, and looks again."""
+        yield from self.look()
+        if self.settled.settle:
+            pause(self.settled.settle, stopped)
+            if not stopped():
+                yield from self.look()
+
+    def look(self) -> Iterator[ProgramResult]:
         """Looks at the folder once: corrects what is finished and new, and says once what waits. Raises CompstiffError: CS0005
         the folder, CS0004 the journal."""
-        shared = self.settled.look([self.common.cell, self.common.stiffness])
-        for job in jobs_for(programs_in(self.source), None, self.folders):
-            files = [job.program, *job.logs]
-            if self.handled.get(job.program) == [signature(path) for path in (*files, self.common.cell, self.common.stiffness)]:
+        shared = self.settled.look([self.shared.cell, self.shared.stiffness])
+        for files in paired(programs_in(self.source), None, self.folders):
+            if self.handled.get(files.program) == [file_stamp(path) for path in self._read_for(files)]:
                 continue
-            own = self.settled.look(files)
+            own = self.settled.look([files.program, *files.logs])
             if own is None or shared is None:
                 continue
-            state = [*own, *shared]
-            waits = self._waits_for(job)
+            stamps = [*own, *shared]
+            waits = self._waits_for(files)
             if waits:
-                self.handled[job.program] = state
-                yield done_with(job, self.common, Outcome(findings=(waits,)), "waiting", DONE)
+                self.handled[files.program] = stamps
+                yield ProgramResult.of(files, self.shared, Outcome(findings=(waits,)), "waiting", DONE)
                 continue
-            done = self._take(job, state)
-            if done:
-                yield done
+            result = self._take(files, stamps)
+            if result:
+                yield result
 
-    def _waits_for(self, job: Job) -> Finding | None:
-        if not job.logs:
-            return no_log(job.program, None, "it waits")
+    def _read_for(self, files: ProgramFiles) -> list[Path]:
+        """Every file that the correction of a program reads."""
+        return [files.program, *files.logs, self.shared.cell, self.shared.stiffness]
+
+    def _waits_for(self, files: ProgramFiles) -> Finding | None:
+        if not files.logs:
+            return no_log(files.program, None, "it waits")
         with contextlib.suppress(OSError):
-            if lacks_its_end(job.program):
+            if lacks_its_end(files.program):
                 return Finding("CS6009", "warning", "has a MODULE without ENDMODULE: it is taken for half written, and waits",
-                               file=str(job.program), hint="copy it again, under another name first and renamed at the end")
+                               file=str(files.program),
+                               hint="copy it again, under another name first and renamed at the end")
         return None
 
-    def _take(self, job: Job, state: list[Signature]) -> Done | None:
+    def _take(self, files: ProgramFiles, stamps: list[FileStamp]) -> ProgramResult | None:
         """Corrects a program unless the journal says that this was done; None where nothing new was learnt."""
-        files = (job.program, *job.logs, self.common.cell, self.common.stiffness)
+        name, outputs = files.program.name, files.outputs.files()
         try:
-            digests = [sha256(path) for path in (job.program, *job.logs)]
-            key = self._key(job, digests)
+            digests = [sha256(path) for path in (files.program, *files.logs)]
+            key = self._key(files, digests)
         except OSError:
             return None     # Gone, or no longer readable: the next look sees it.
-        last = self.journal.last.get(job.program.name, {})
+        last = self.journal.last.get(name, {})
         if last.get("key") == key:
-            self.handled[job.program] = state
+            self.handled[files.program] = stamps
             return None
-        outputs = [os.path.relpath(path, self.folders.output) for path in job.written]
-        own = all(name in self.journal.outputs for name, path in zip(outputs, job.written, strict=True) if path.exists())
-        self.journal.begun(job.program.name, key, outputs)
+        written = [os.path.relpath(path, self.folders.output) for path in outputs]
+        own = all(file in self.journal.outputs for file, path in zip(written, outputs, strict=True) if path.exists())
+        self.journal.begun(name, key, written)
 
         def still_the_same() -> None:
-            if [signature(path) for path in files] != state:
+            if [file_stamp(path) for path in self._read_for(files)] != stamps:
                 raise error("CS6004", "it, its log, the cell or the stiffness file changed while it was being corrected; it is "
-                            "taken again when they are finished", file=str(job.program))
+                            "taken again when they are finished", file=str(files.program))
 
-        done = run_job(job, self.common, overwrite=own, before_writing=still_the_same)
-        if done.code == INTERRUPTED:
+        result = correct_program(files, self.shared, overwrite=own, before_writing=still_the_same)
+        if result.code == INTERRUPTED:
             raise KeyboardInterrupt
-        if any(finding.code == "CS6004" for finding in done.findings):
-            return done
+        if any(finding.code == "CS6004" for finding in result.findings):
+            return result
         if last.get("program_sha256", digests[0]) != digests[0] and last.get("logs_sha256") == digests[1:]:
-            done = done.with_finding(Finding(
+            result = result.with_finding(Finding(
                 "CS6012", "warning", "changed since it was last corrected, its force log did not: the forces are taken for "
-                "those of the new program", file=str(job.program), hint="mill the new program once and replace the log"))
-        for folder in {path.parent for path in job.written}:
+                "those of the new program", file=str(files.program), hint="mill the new program once and replace the log"))
+        for folder in {path.parent for path in outputs}:
             sync_folder(folder)
-        self.journal.done(job.program.name, key, program_sha256=digests[0], logs_sha256=digests[1:], status=done.status,
-                          exit_code=done.code, findings=[finding.as_dict() for finding in fold(done.findings)])
-        self.handled[job.program] = state
-        return done
+        self.journal.done(name, key, program_sha256=digests[0], logs_sha256=digests[1:], status=result.status,
+                          exit_code=result.code, findings=[finding.as_dict() for finding in fold(result.findings)])
+        self.handled[files.program] = stamps
+        return result
 
-    def _key(self, job: Job, digests: list[str]) -> str:
-        """What makes a job another one: names and content of program and log, cell, robot, stiffness and settings."""
+    def _key(self, files: ProgramFiles, digests: list[str]) -> str:
+        """What makes a program another one: names and content of program and log, cell, robot, stiffness and settings."""
         robot = ""
         with contextlib.suppress(CompstiffError):
-            robot = read_cell(self.common.cell).robot.sha256
-        chosen = self.common.settings.values()
-        parts = [job.program.name, *digests, str(job.rival), sha256(self.common.cell), robot, sha256(self.common.stiffness),
+            robot = read_cell(self.shared.cell).robot.sha256
+        chosen = self.shared.settings.values()
+        parts = [files.program.name, *digests, str(files.rival), sha256(self.shared.cell), robot, sha256(self.shared.stiffness),
                  *(f"{name}={value!r}" for name, value in chosen.items()),
                  *(sha256(value) for value in chosen.values() if isinstance(value, Path) and value.is_file())]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -116,34 +184,6 @@ def check_folders(source: Path, folders: Folders) -> None:
         if folder and folder.resolve().is_relative_to(source.resolve()):
             raise error("CS6006", f"lies in the folder that is watched, {source}", file=str(folder),
                         hint="give a folder beside it: what was corrected must never be read again")
-
-
-def watching(watch: Watch, interval: float, stopped: Callable[[], bool]) -> Iterator[Done | CompstiffError]:
-    """Looks every `interval` seconds until `stopped`; that the folder cannot be read for a while (CS0005) is said once."""
-    said = ""
-    while not stopped():
-        try:
-            for done in watch.look():
-                yield done
-                if stopped():
-                    return
-            said = ""
-        except CompstiffError as trouble:
-            if trouble.findings[0].code != "CS0005":
-                raise
-            if str(trouble) != said:
-                said = str(trouble)
-                yield trouble
-        pause(interval, stopped)
-
-
-def look_once(watch: Watch, stopped: Callable[[], bool]) -> Iterator[Done]:
-    """Takes what is finished now: looks, waits until files can have settled, and looks again."""
-    yield from watch.look()
-    if watch.settled.settle:
-        pause(watch.settled.settle, stopped)
-        if not stopped():
-            yield from watch.look()
 
 
 def pause(seconds: float, stopped: Callable[[], bool]) -> None:

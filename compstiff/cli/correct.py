@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import EXISTING, PATH, command, option
+from compstiff.cli.correct_batch import correct_batch, is_batch
 from compstiff.cli.options import (
     CELL,
     CORRECTION_OPTIONS,
@@ -18,8 +20,10 @@ from compstiff.cli.options import (
     STIFFNESS,
     with_settings,
 )
-from compstiff.cli.watch import correct_batch, is_batch
 from compstiff.outcome import Outcome, Session
+
+if TYPE_CHECKING:
+    from compensator.correction.files import Inputs, Outputs
 
 
 @command("correct", writes=True, examples=(
@@ -50,38 +54,45 @@ def correct(
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
     """
     if is_batch(toolpath_files, output):
-        return correct_batch(session, cell_file, toolpath_files, stiffness_file, forces_file, Path(output), offsets, report,
-                             settings, jobs)
-    return _correct_one(session, cell_file, toolpath_files[0], stiffness_file, forces_file, Path(output), offsets, report,
-                        settings)
+        from compstiff.batch.pairing import Folders
+        from compstiff.batch.programs import Shared
+
+        return correct_batch(toolpath_files, Folders(Path(output), offsets, report),
+                             Shared(cell_file, stiffness_file, settings, session, forces_file), jobs)
+    from compensator.correction.files import Inputs, Outputs
+
+    inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file or _log_beside(toolpath_files[0]))
+    return _correct_one(session, inputs, Outputs(Path(output), offsets, report), settings)
 
 
-def _correct_one(
-    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
-    offsets: Path | None, report: Path | None, settings: Settings,
-) -> Outcome:
-    from compensator.correction.files import Inputs, Outputs, correct_files
-    from compstiff.batch.pairing import log_beside
+def _log_beside(toolpath_file: Path) -> Path:
+    from compstiff.batch.pairing import logs_of
 
-    forces_file = forces_file or log_beside(toolpath_file)
-    if forces_file is None:
+    logs = logs_of(toolpath_file)
+    if len(logs) != 1:
         raise click.UsageError("Missing option '--forces': there is no force log " +
                                f"{toolpath_file.stem}.forces.csv (or .parquet) beside the program.")
-    for path in (forces_file, offsets, report):
+    return logs[0]
+
+
+def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: Settings) -> Outcome:
+    from compensator.correction.files import correct_files
+
+    for path in (inputs.forces, outputs.offsets, outputs.report):
         if path and path.is_dir():
             raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
-    inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
-    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
+    session.inputs += [inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces, *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
-    corrected = correct_files(inputs, Outputs(output, offsets, report), settings, overwrite=session.overwrite)
-    step = f"open {report} in a browser" if report else f"load {output}{_parts_of(output)} into the robot, first in air"
+    corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)
+    step = (f"open {outputs.report} in a browser" if outputs.report
+            else f"load {outputs.program}{_parts_of(outputs)} into the robot, first in air")
     return Outcome(corrected.as_dict(), corrected.findings, corrected.lines(), step)
 
 
-def _parts_of(output: Path) -> str:
+def _parts_of(outputs: Outputs) -> str:
     """The parts that were written with a program, by its record: parts of an earlier split may lie beside them."""
     import json
 
-    parts = [part["file"] for part in json.loads(output.with_name(output.name + ".json").read_bytes())["parts"]]
+    parts = [part["file"] for part in json.loads(outputs.record.read_bytes())["parts"]]
     return f" and its parts {parts[0]} ... {parts[-1]}" if parts else ""

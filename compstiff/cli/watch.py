@@ -1,12 +1,9 @@
-"""The commands of a CAM pipeline: `correct` on many programs, and `watch`."""
+"""`compstiff watch`: a folder of a CAM pipeline."""
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import signal
-from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,67 +13,13 @@ import click
 from compensator.correction.settings import Settings
 from compstiff.cli.console import PATH, READABLE, command
 from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, SPLITTING_OPTIONS, with_settings
+from compstiff.cli.signals import ending_signals
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 
 if TYPE_CHECKING:
-    from compstiff.batch.program import Done
+    from compstiff.batch.programs import ProgramResult
 
 FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
-
-
-def is_batch(programs: Sequence[Path], output: str) -> bool:
-    """Whether a call of `correct` is one of many programs: several, a folder of them, or a folder to write to."""
-    return len(programs) > 1 or programs[0].is_dir() or Path(output).is_dir() or output.endswith(("/", os.sep))
-
-
-def correct_batch(
-    session: Session, cell_file: Path, programs: Sequence[Path], stiffness_file: Path, forces: Path | None, output: Path,
-    offsets: Path | None, report: Path | None, settings: Settings, processes: int,
-) -> Outcome:
-    """Each program by itself: one that fails does not stop the others."""
-    session.jobs = True
-    for path, option in ((output, "-o"), (forces, "--forces"), (offsets, "--offsets"), (report, "--report")):
-        if path and path.exists() and not path.is_dir():
-            raise click.UsageError(f"'{path}' is a file. Of several programs, {option} names a folder.")
-    from compstiff.batch.pairing import Folders, jobs_for, programs_in
-    from compstiff.batch.program import Common, run_jobs, worst
-    from identification.common.findings import Finding, counted, error
-
-    found = [one for path in programs for one in (programs_in(path) if path.is_dir() else [path])]
-    if not found:
-        raise error("CS6003", "has no program in it", file=str(programs[0]), hint="name the folder of the programs (.mod ...)")
-    folders = Folders(output, offsets, report)
-    folders.make()
-    jobs = jobs_for(found, forces, folders)
-    done: list[Done] = []
-    findings: tuple[Finding, ...] = ()
-    with _stopping() as signals:
-        for one in run_jobs(jobs, Common(cell_file, stiffness_file, settings, session, forces), processes,
-                            lambda: bool(signals)):
-            done.append(one)
-            show(session, one)
-    if signals and len(done) < len(jobs):
-        findings = (Finding("CS6011", "error", f"interrupted: {len(done)} of {counted(len(jobs), 'program')} were dealt with, "
-                            "no further one was begun"),)
-    code = INTERRUPTED if findings else worst([one.code for one in done])
-    counts = {status: sum(one.status == status for one in done) for status in dict.fromkeys(one.status for one in done)}
-    words = {"ok": "corrected", "left": "left alone"}
-    text = ", ".join(f"{number} {words.get(status, status)}" for status, number in counts.items())
-    return Outcome(findings=findings, exit_code=code, lines=[f"{counted(len(jobs), 'program')}: {text or 'none dealt with'}"],
-                   next_step=f"compare the programs with those in {output}, then load them into the robot" if not code else "")
-
-
-def show(session: Session, done: Done) -> None:
-    """One program, as soon as it is done: a line of JSON on stdout, or its findings on stderr and a line of text."""
-    from identification.common.findings import fold
-
-    if session.as_json:
-        click.echo(json.dumps(done.document, allow_nan=False))
-        return
-    for finding in done.findings if session.verbose else fold(done.findings):
-        if finding.level == "error" or not session.quiet:
-            click.echo(str(finding), err=True)
-    click.echo(done.line)
 
 
 @command("watch", writes=True)
@@ -103,68 +46,29 @@ def watch(
     the program under way.
     """
     session.jobs = True
-    from compstiff.batch.finished_files import Settled
-    from compstiff.batch.journal import Journal
     from compstiff.batch.pairing import Folders
-    from compstiff.batch.program import Common, Done, worst
-    from compstiff.batch.watch import Watch, check_folders, look_once, watching
-    from identification.model.cell import read_cell
-    from identification.model.stiffness_file import read_stiffness
+    from compstiff.batch.programs import Shared, worst
+    from compstiff.batch.watch import Rhythm, watch_folder
 
-    folders = Folders(output, offsets, report)
-    check_folders(source, folders)
-    # What every program needs is read now: a mistake in it is no program's failure.
-    read_stiffness(stiffness_file, read_cell(cell_file))
-    folders.make()
-    journal = Journal(output)
-    one = Watch(source, folders, Common(cell_file, stiffness_file, settings, session), journal, Settled(settle))
+    shared = Shared(cell_file, stiffness_file, settings, session)
     codes: list[int] = []
-    with contextlib.closing(journal), _stopping() as signals:
-        journal.sweep()
-        if retry:
-            journal.forget_failures()
-        if not once:
-            session.say(f"watching {source}; Ctrl-C ends it")
-        for finding in journal.findings:
-            session.say(str(finding))
-        looks = look_once(one, lambda: bool(signals)) if once else watching(one, interval, lambda: bool(signals))
-        for done in looks:
-            if isinstance(done, Done):
-                codes.append(done.code)
-                _log(session, done)
-            else:
-                session.say(str(done))
-    code = INTERRUPTED if signal.SIGINT in signals else worst(codes) if once else DONE
-    return Outcome(exit_code=code)
+    with ending_signals() as signals:
+        for result in watch_folder(source, Folders(output, offsets, report), shared, Rhythm(settle, interval, once, retry),
+                                   stopped=lambda: bool(signals), say=session.say):
+            codes.append(result.code)
+            _log(session, result)
+    return Outcome(exit_code=INTERRUPTED if signal.SIGINT in signals else worst(codes) if once else DONE)
 
 
-def _log(session: Session, done: Done) -> None:
+def _log(session: Session, result: ProgramResult) -> None:
     """One program of a watched folder: a line on stderr, with what went wrong; with `--json` a line on stdout."""
     if session.as_json:
-        click.echo(json.dumps(done.document, allow_nan=False))
+        click.echo(json.dumps(result.as_dict(), allow_nan=False))
         return
     from identification.common.findings import fold
 
-    if done.code or not session.quiet:
-        click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {done.line}", err=True)
-    for finding in done.findings if session.verbose else fold(done.findings):
+    if result.code or not session.quiet:
+        click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {result.lines()[0]}", err=True)
+    for finding in result.findings if session.verbose else fold(result.findings):
         if finding.level == "error" or session.verbose:
             click.echo(f"  {str(finding).replace(chr(10), chr(10) + '  ')}", err=True)
-
-
-@contextlib.contextmanager
-def _stopping() -> Iterator[list[int]]:
-    """The signals that ask to end, as they come. The second one ends the program under way, too: nothing of it is written."""
-    received: list[int] = []
-
-    def note(number: int, frame: object) -> None:
-        received.append(number)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -21,7 +21,7 @@ from compstiff.batch import watch as watching
 from compstiff.batch.finished_files import Settled
 from compstiff.batch.journal import NAME, Journal
 from compstiff.batch.pairing import Folders
-from compstiff.batch.program import Common, Done
+from compstiff.batch.programs import ProgramResult, Shared
 from compstiff.batch.watch import Watch
 from compstiff.cli.main import compstiff
 from compstiff.outcome import Session
@@ -50,17 +50,17 @@ class Watched:
         self.clock, self.out = Clock(), place.folder / "out"
         self.out.mkdir(exist_ok=True)
         self.journal = Journal(self.out)
-        common = Common(place.cell, place.stiffness, Settings(), Session("watch", jobs=True))
-        self.watch = Watch(place.source, Folders(self.out), common, self.journal, Settled(5.0, self.clock))
+        shared = Shared(place.cell, place.stiffness, Settings(), Session("watch", jobs=True))
+        self.watch = Watch(place.source, Folders(self.out), shared, self.journal, Settled(5.0, self.clock))
 
-    def after(self, seconds: float) -> list[Done]:
+    def after(self, seconds: float) -> list[ProgramResult]:
         """What a look finds when so many seconds have passed."""
         self.clock.now += seconds
         return list(self.watch.look())
 
     def settled(self) -> list[tuple[str, str]]:
         """Program and status of what is dealt with once nothing changes any more."""
-        return [(done.job.program.name, done.status) for seconds in (0, 6, 6) for done in self.after(seconds)]
+        return [(result.files.program.name, result.status) for seconds in (0, 6, 6) for result in self.after(seconds)]
 
 
 def entries(out: Path, event: str = "done") -> list[dict]:
@@ -81,7 +81,7 @@ def test_each_program_is_taken_once(place: Shop) -> None:
     a, b = place.put("a", "b")
     assert watched.after(0) == []
     assert watched.after(4) == []
-    assert {done.job.program.name for done in watched.after(1.5)} == {"a.mod", "b.mod"}
+    assert {result.files.program.name for result in watched.after(1.5)} == {"a.mod", "b.mod"}
     assert watched.settled() == []
     assert (watched.out / "a.mod").read_bytes() == (watched.out / "b.mod").read_bytes() == place.alone()
     # The corrected program is taken away to the machine: no reason to make it again. Nor is a copy with another time.
@@ -167,16 +167,16 @@ def test_a_half_written_file_is_never_taken(place: Shop) -> None:
 def test_a_file_that_changes_under_the_correction_is_taken_again(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(place)
     (program,) = place.put("a")
-    run_job = watching.run_job
+    correct_program = watching.correct_program
 
-    def changing(*given: object, before_writing: Callable[[], None], **more: object) -> Done:
+    def changing(*given: object, before_writing: Callable[[], None], **more: object) -> ProgramResult:
         def late() -> None:
             program.write_text(program.read_text() + "! late\n")
             before_writing()
 
-        return run_job(*given, before_writing=late, **more)      # type: ignore[arg-type]
+        return correct_program(*given, before_writing=late, **more)      # type: ignore[arg-type]
 
-    monkeypatch.setattr(watching, "run_job", changing)
+    monkeypatch.setattr(watching, "correct_program", changing)
     watched.after(0)
     (done,) = watched.after(6)
     assert (done.code, done.findings[0].code) == (1, "CS6004")

@@ -8,8 +8,7 @@ from identification.common.autocorrelation import FEWEST_BLOCKS, autocorrelation
 
 
 def autoregression(phi: float, count: int, columns: int = 1, seed: int = 1) -> np.ndarray:
-    """x_k = phi x_(k-1) + white noise (count, columns), from its stationary state, about zero: its time is
-    (1 + phi) / (1 - phi)."""
+    """x_k = phi x_(k-1) + white noise (count, columns), stationary, about zero; its time is (1 + phi) / (1 - phi)."""
     rng = np.random.default_rng(seed)
     noise = rng.standard_normal((count, columns))
     series = lfilter([np.sqrt(1 - phi**2)], [1, -phi], noise, axis=0, zi=phi * rng.standard_normal((1, columns)))[0]

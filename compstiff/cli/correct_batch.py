@@ -1,0 +1,71 @@
+"""`compstiff correct` on many programs: each as soon as it is done, and all of them in one line."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from compstiff.cli.signals import ending_signals
+from compstiff.outcome import INTERRUPTED, Outcome, Session
+
+if TYPE_CHECKING:
+    from compstiff.batch.pairing import Folders
+    from compstiff.batch.programs import ProgramResult, Shared
+
+STATUS_WORDS = {"ok": "corrected", "left": "left alone"}
+
+
+def is_batch(programs: Sequence[Path], output: str) -> bool:
+    """Whether a call of `correct` is one of many programs: several, a folder of them, or a folder to write to."""
+    return len(programs) > 1 or programs[0].is_dir() or Path(output).is_dir() or output.endswith(("/", os.sep))
+
+
+def correct_batch(programs: Sequence[Path], folders: Folders, shared: Shared, processes: int) -> Outcome:
+    """Each program by itself: one that fails does not stop the others."""
+    session = shared.session
+    session.jobs = True
+    for path, option in ((folders.output, "-o"), (shared.logs, "--forces"), (folders.offsets, "--offsets"),
+                         (folders.report, "--report")):
+        if path and path.exists() and not path.is_dir():
+            raise click.UsageError(f"'{path}' is a file. Of several programs, {option} names a folder.")
+    from compstiff.batch.pairing import paired
+    from compstiff.batch.programs import correct_programs, programs_of, worst
+    from identification.common.findings import Finding, counted
+
+    files = programs_of(programs)
+    folders.make()
+    batch = paired(files, shared.logs, folders)
+    results: list[ProgramResult] = []
+    findings: tuple[Finding, ...] = ()
+    with ending_signals() as signals:
+        for result in correct_programs(batch, shared, processes=processes, stopped=lambda: bool(signals)):
+            results.append(result)
+            _show(session, result)
+    if signals and len(results) < len(batch):
+        findings = (Finding("CS6011", "error", f"interrupted: {len(results)} of {counted(len(batch), 'program')} were dealt "
+                            "with, no further one was begun"),)
+    code = INTERRUPTED if findings else worst([result.code for result in results])
+    statuses = [result.status for result in results]
+    counts = ", ".join(f"{statuses.count(status)} {STATUS_WORDS.get(status, status)}" for status in dict.fromkeys(statuses))
+    step = "" if code else f"compare the programs with those in {folders.output}, then load them into the robot"
+    return Outcome(findings=findings, lines=[f"{counted(len(batch), 'program')}: {counts or 'none dealt with'}"],
+                   next_step=step, exit_code=code)
+
+
+def _show(session: Session, result: ProgramResult) -> None:
+    """One program, as soon as it is done: a line of JSON on stdout, or its findings on stderr and a line of text."""
+    from identification.common.findings import fold
+
+    if session.as_json:
+        click.echo(json.dumps(result.as_dict(), allow_nan=False))
+        return
+    for finding in result.findings if session.verbose else fold(result.findings):
+        if finding.level == "error" or not session.quiet:
+            click.echo(str(finding), err=True)
+    for line in result.lines():
+        click.echo(line)
