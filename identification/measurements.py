@@ -98,32 +98,42 @@ def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = Fa
     ]
     if problems:
         raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:20])
-    loaded = np.any(wrench != 0, axis=1)
-    if not loaded.any():
-        raise error("CS1005", f"none of the {count} rows has a load: there is nothing to identify", file=table.source,
-                    hint="fx_n fy_n fz_n are the forces on the tool in newton")
-    if np.nanmax(np.abs(deflection), initial=0.0) > LARGEST_DEFLECTION_M:
-        row = int(np.nanargmax(np.nanmax(np.abs(np.nan_to_num(deflection)), axis=1)))
-        raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
-                    f"{1e3 * LARGEST_DEFLECTION_M:g} mm", file=table.source, line=int(table.line[row]),
-                    hint="deflections are in micrometres, loaded minus unloaded, not positions")
-    findings = list(table.findings)
-    empty = np.isnan(deflection)
-    if empty.any() and not planned:
-        findings.append(Finding("CS1007", "note", f"{int(empty.sum())} of {deflection.size} deflection components are "
-                                "empty and were taken as not measured", file=table.source))
-    if "reference" not in table.texts and "time_s" in table.numbers and np.any(np.diff(table.numbers["time_s"]) < 0):
-        row = int(np.argmax(np.diff(table.numbers["time_s"]) < 0)) + 1
-        findings.append(Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were "
-                                "taken", file=table.source, line=int(table.line[row]), hint="a new reading of the "
-                                "unloaded reference needs a new id in the column 'reference'"))
+    _check_sizes(table, wrench, deflection)
     return Measurements(
         source=table.source, theta=theta, wrench=wrench, deflection=deflection, sigma=sigma,
         time=table.numbers.get("time_s", nothing), dwell=table.numbers.get("dwell_s", nothing),
         visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
-        findings=fold(findings))
+        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table)]))
+
+
+def _check_sizes(table: Table, wrench: Array, deflection: Array) -> None:
+    """Refuses a file without any load (CS1005) and deflections whose unit cannot be right (CS1006)."""
+    if not np.any(wrench != 0):
+        raise error("CS1005", f"none of the {len(table)} rows has a load: there is nothing to identify", file=table.source,
+                    hint="fx_n fy_n fz_n are the forces on the tool in newton")
+    if np.nanmax(np.abs(deflection), initial=0.0) > LARGEST_DEFLECTION_M:
+        row = int(np.nanargmax(np.nanmax(np.abs(np.nan_to_num(deflection)), axis=1)))
+        raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
+                    f"{1e3 * LARGEST_DEFLECTION_M:g} mm", file=table.source, line=int(table.line[row]),
+                    hint="deflections are in micrometres, loaded minus unloaded, not positions")
+
+
+def _not_measured(table: Table, deflection: Array) -> list[Finding]:
+    empty = int(np.isnan(deflection).sum())
+    return [Finding("CS1007", "note", f"{empty} of {deflection.size} deflection components are empty and were taken as not "
+                    "measured", file=table.source)] if empty else []
+
+
+def _backwards(table: Table) -> list[Finding]:
+    """Time that runs backwards within one reference."""
+    back = np.diff(table.numbers.get("time_s", np.zeros(len(table)))) < 0
+    if "reference" in table.texts or not back.any():
+        return []
+    return [Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken",
+                    file=table.source, line=int(table.line[int(np.argmax(back)) + 1]),
+                    hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
 
 
 def run_numbers(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:

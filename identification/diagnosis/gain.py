@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import read_only
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
@@ -31,6 +32,9 @@ class Gain:
     support: float
     by_pose: Array
     poses: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        read_only(self.by_pose)
 
     @property
     def ratio(self) -> float:

@@ -24,6 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import read_only
 from identification.common.findings import error
 from identification.fit.fitted_model import Term, predicted_deflection, response, with_terms
 from identification.fit.linearised import Linearised
@@ -68,6 +69,9 @@ class Posterior:
     readings: int
     at_map: Linearised
     terms: tuple[Term, ...] = ()
+
+    def __post_init__(self) -> None:
+        read_only(self.mean, self.covariance, self.laplace, self.components_covariance, self.information)
 
     @property
     def map(self) -> Array:

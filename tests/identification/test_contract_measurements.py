@@ -65,6 +65,14 @@ def test_pose_visits(tmp_path) -> None:
     assert read(tmp_path, HEADER, ROW, ROW, moved, ROW).visit.tolist() == [0, 0, 1, 2]
 
 
+def test_rows_followed_by_others_stay_selectable(tmp_path) -> None:
+    """Validate is a mask before and after: an integer array in its place would pick rows by number."""
+    rows = read(tmp_path, HEADER + ",purpose", ROW + ",identify", ROW + ",validate")
+    both = rows.followed_by(rows)
+    assert both.select(~both.validate).row.tolist() == [1, 3]
+    assert both.visit.tolist() == [0, 0, 1, 1]
+
+
 def test_components_that_were_not_measured(tmp_path) -> None:
     rows = read(tmp_path, HEADER, "10,5,20,30,60,40,0,100,0,,210,")
     assert np.isnan(rows.deflection[0]).tolist() == [True, False, True]
