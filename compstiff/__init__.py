@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from compensator.posting.job import post_files
     from compensator.posting.read_toolpath import read_toolpath
     from compensator.verification.verify import verify
+    from compstiff.batch.pairing import Folders, paired
+    from compstiff.batch.programs import Shared, correct_programs
+    from compstiff.batch.watch import watch_folder
     from compstiff.milling_poses import milling_poses
     from compstiff.writing import report, write
     from identification.common.catalogue import explain_code
@@ -62,6 +65,9 @@ _FILES = {
     "compensator.posting.job": ("post_files",),
     "compensator.posting.read_toolpath": ("read_toolpath",),
     "compensator.verification.verify": ("verify",),
+    "compstiff.batch.pairing": ("Folders", "paired"),
+    "compstiff.batch.programs": ("Shared", "correct_programs"),
+    "compstiff.batch.watch": ("watch_folder",),
     "compstiff.milling_poses": ("milling_poses",),
     "compstiff.writing": ("report", "write"),
     "identification.common.catalogue": ("explain_code",),
@@ -82,11 +88,11 @@ _FILES = {
 }
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
-    "Address", "CompstiffError", "Finding", "Inputs", "Outputs", "Request", "Settings", "built_in_robots",
-    "convert_log", "correct", "correct_files", "design_plan", "diagnose", "diagnose_joint_logs", "explain_code",
-    "fit_joint_logs", "fit_stiffness", "judge_plan", "milling_poses", "post_files", "predict", "push", "read_cell",
-    "read_force_log", "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath",
-    "report", "still_payload", "verify", "write",
+    "Address", "CompstiffError", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
+    "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "diagnose",
+    "diagnose_joint_logs", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "milling_poses", "paired",
+    "post_files", "predict", "push", "read_cell", "read_force_log", "read_measurements", "read_motion_log",
+    "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "verify", "watch_folder", "write",
 ]
 
 

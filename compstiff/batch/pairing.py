@@ -18,7 +18,12 @@ LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
 
 @dataclass(frozen=True)
 class Folders:
-    """Where a batch writes. offsets, report: None where they are not wanted."""
+    """Where a batch writes. offsets, report: None where they are not wanted.
+
+    >>> from pathlib import Path
+    >>> compstiff.Folders(Path("corrected"), report=Path("reports")).offsets is None
+    True
+    """
 
     output: Path
     offsets: Path | None = None
@@ -89,7 +94,13 @@ def no_log(program: Path, folder: Path | None, then: str) -> Finding:
 
 def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> list[ProgramFiles]:
     """The programs with their logs (beside each, or in the folder `logs`) and the files they are to become. Toolpaths that are
-    not RAPID are written as RAPID."""
+    not RAPID are written as RAPID.
+
+    >>> from pathlib import Path
+    >>> files = compstiff.paired([Path("insert.mod")], None, compstiff.Folders(Path(".")))
+    >>> files[0].forces.name
+    'insert.forces.parquet'
+    """
     pairs = []
     owner: dict[Path, Path] = {}
     rivals: dict[Path, Path] = {}

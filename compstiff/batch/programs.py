@@ -23,7 +23,12 @@ WORST_FIRST = (INTERRUPTED, DEFECT, FAILED, REFUSED, DONE)
 @dataclass(frozen=True)
 class Shared:
     """What all programs share. session: the options of the call (verbose, overwrite). logs: the folder of the force logs, None
-    where each lies beside its program."""
+    where each lies beside its program.
+
+    >>> from pathlib import Path
+    >>> compstiff.Shared(Path("cell.yaml"), Path("stiffness.json")).settings == compstiff.Settings()
+    True
+    """
 
     cell: Path
     stiffness: Path
@@ -90,7 +95,15 @@ def correct_programs(
     programs: Iterable[ProgramFiles], shared: Shared, *, processes: int = 1, stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[ProgramResult]:
     """Corrects the programs (`paired`), in their order: each by itself, one that fails does not stop the others. Once
-    `stopped`, those under way are finished and no further one is begun."""
+    `stopped`, those under way are finished and no further one is begun.
+
+    >>> from pathlib import Path
+    >>> folders = compstiff.Folders(Path("corrected"))
+    >>> folders.make()
+    >>> shared = compstiff.Shared(Path("cell.yaml"), Path("stiffness.json"), compstiff.Settings.of(tare=((0, 2),)))
+    >>> [result.status for result in compstiff.correct_programs(compstiff.paired([Path("insert.mod")], None, folders), shared)]
+    ['ok']
+    """
     left = deque(programs)
     if processes > 1 and len(left) > 1:
         while left and not stopped():

@@ -41,6 +41,13 @@ def watch_folder(
     say: called with what else a person wants to know. Raises CompstiffError: CS6006 the folders, CS6005 another watch, CS0004
     a folder or the journal cannot be written, and what `read_cell` and `read_stiffness` raise: a mistake in what every program
     needs is no program's failure.
+
+    >>> from pathlib import Path
+    >>> from compstiff.batch.watch import Rhythm
+    >>> shared = compstiff.Shared(Path("cell.yaml"), Path("stiffness.json"), compstiff.Settings.of(tare=((0, 2),)))
+    >>> watched = compstiff.watch_folder(Path("batch"), compstiff.Folders(Path("watched")), shared, Rhythm(settle=0, once=True))
+    >>> [result.status for result in watched]
+    ['ok', 'ok', 'waiting']
     """
     rhythm = rhythm or Rhythm()
     check_folders(source, folders)

@@ -36,7 +36,7 @@ def cell(
 
     from compensator.modbus.embedded import serve_cell
     from compensator.modbus.server import Endpoint
-    from identification.model.cell import read_cell
+    from compstiff import read_cell
 
     session.inputs.append(cell_file)
     described = read_cell(cell_file, geometry=False)

@@ -30,8 +30,8 @@ def convert(
     counts_per_torque: float,
 ) -> Outcome:
     """Turn a public or a sensor's own log into columns that the other commands read."""
+    from compstiff import convert_log
     from identification.common.files import check_writable, write_whole
-    from identification.formats.convert import convert_log
 
     session.inputs.append(log)
     check_writable([output], overwrite=session.overwrite)

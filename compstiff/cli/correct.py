@@ -59,7 +59,7 @@ def correct(
 
         return correct_batch(toolpath_files, Folders(Path(output), offsets, report),
                              Shared(cell_file, stiffness_file, settings, session, forces_file), jobs)
-    from compensator.correction.files import Inputs, Outputs
+    from compstiff import Inputs, Outputs
 
     inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file or _log_beside(toolpath_files[0]))
     return _correct_one(session, inputs, Outputs(Path(output), offsets, report), settings)
@@ -76,7 +76,7 @@ def _log_beside(toolpath_file: Path) -> Path:
 
 
 def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: Settings) -> Outcome:
-    from compensator.correction.files import correct_files
+    from compstiff import correct_files
 
     for path in (inputs.forces, outputs.offsets, outputs.report):
         if path and path.is_dir():

@@ -33,9 +33,9 @@ def correct_batch(programs: Sequence[Path], folders: Folders, shared: Shared, pr
                          (folders.report, "--report")):
         if path and path.exists() and not path.is_dir():
             raise click.UsageError(f"'{path}' is a file. Of several programs, {option} names a folder.")
-    from compstiff.batch.pairing import paired
-    from compstiff.batch.programs import correct_programs, programs_of, worst
-    from identification.common.findings import Finding, counted
+    from compstiff import Finding, correct_programs, paired
+    from compstiff.batch.programs import programs_of, worst
+    from identification.common.findings import counted
 
     files = programs_of(programs)
     folders.make()

@@ -76,13 +76,9 @@ def design(
     # Matrices of six by six: threads only get into each other's way, five times as slow where the cores are shared.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-    from compstiff.milling_poses import milling_poses
+    from compstiff import Request, design_plan, milling_poses, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
     from identification.design.discrimination import read_diagnosis
-    from identification.design.procedure import design_plan
-    from identification.design.request import Request
-    from identification.measurements import read_measurements
-    from identification.model.cell import read_cell
 
     more, measured_file = add or (measurements, None)
     session.inputs += [file for file in (cell_file, toolpath, forces_file, measured_file, diagnosis) if file]

@@ -46,10 +46,8 @@ def diagnose(
     if validate is not None:
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
+    from compstiff import diagnose, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.diagnosis.diagnose import diagnose
-    from identification.measurements import read_measurements
-    from identification.model.cell import read_cell
 
     session.inputs += [cell_file, measurements_file]
     optional = [path for path in (extended, report) if path]
@@ -65,9 +63,9 @@ def diagnose(
         if not model.effects:
             session.say(f"{extended} is the model of six springs: no effect of the robot is named")
     if report:
-        from identification.diagnosis.pages import diagnosis_report
+        from compstiff.writing import report as page_of
 
-        files[report] = diagnosis_report(diagnosis).encode()
+        files[report] = page_of(diagnosis).encode()
     write_whole(files)
     following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
                  "-o PART_corrected.mod") if extended else ""
@@ -80,10 +78,8 @@ def _diagnose_log(
     alarm: float, replicates: int, report: Path | None,
 ) -> Outcome:
     """What the plain springs get wrong in a log, its cause, and the gain on a log that was not fitted."""
+    from compstiff import diagnose_joint_logs, read_cell, read_motion_log
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.model.cell import read_cell
-    from identification.motion.diagnosis import diagnose_joint_logs
-    from identification.motion.log_file import read_motion_log
 
     session.inputs += [cell_file, log_file, *([validate] if validate else [])]
     check_writable([output, *(file for file in (extended, report) if file)], overwrite=session.overwrite)
@@ -95,9 +91,9 @@ def _diagnose_log(
     if extended:
         files[extended] = json_bytes(diagnosis.extended().as_dict())
     if report:
-        from identification.motion.pages import diagnosis_report
+        from compstiff.writing import report as page_of
 
-        files[report] = diagnosis_report(diagnosis).encode()
+        files[report] = page_of(diagnosis).encode()
     write_whole(files)
     return Outcome(content, diagnosis.findings, diagnosis.lines(),
                    next_step=f"compstiff identify {cell_file} {log_file} -o stiffness.json")
@@ -106,10 +102,8 @@ def _diagnose_log(
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
     """What a plan could and could not tell apart."""
 
+    from compstiff import judge_plan, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.diagnosis.plan import judge_plan
-    from identification.measurements import read_measurements
-    from identification.model.cell import read_cell
 
     session.inputs += [cell_file, plan]
     check_writable([output] if output else [], overwrite=session.overwrite)

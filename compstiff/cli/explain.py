@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 @click.argument("code", metavar="[CODE]", required=False)
 def explain(session: Session, code: str | None) -> Outcome:
     """Explain a finding: its cause, its effect, what to do; without CODE, list them."""
-    from identification.common.catalogue import catalogue, explain_code
+    from compstiff import explain_code
+    from identification.common.catalogue import catalogue
 
     if code is None:
         titles = {name: page["title"] for name, page in catalogue().items()}

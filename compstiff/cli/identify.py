@@ -44,10 +44,8 @@ def identify(
     if also:
         raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
 
+    from compstiff import fit_stiffness, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.fit.fit import fit_stiffness
-    from identification.measurements import read_measurements
-    from identification.model.cell import read_cell
 
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
@@ -56,9 +54,9 @@ def identify(
     fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
     files = {output: json_bytes(fit.model.as_dict())}
     if report:
-        from identification.fit.report import identification_report
+        from compstiff.writing import report as page_of
 
-        files[report] = identification_report(fit).encode()
+        files[report] = page_of(fit).encode()
     write_whole(files)
     return Outcome(fit.as_dict(), fit.findings, fit.lines(),
                    next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
@@ -67,10 +65,8 @@ def identify(
 
 def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], output: Path, report: Path | None) -> Outcome:
     """Stiffnesses of the joints with encoders on both sides, from one or more logs."""
+    from compstiff import fit_joint_logs, read_cell, read_motion_log
     from identification.common.files import check_writable, json_bytes, write_whole
-    from identification.model.cell import read_cell
-    from identification.motion.fit import fit_joint_logs
-    from identification.motion.log_file import read_motion_log
 
     session.inputs += [cell_file, *log_files]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
@@ -78,9 +74,9 @@ def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], out
     content = fit.as_dict()
     files = {output: json_bytes(content)}
     if report:
-        from identification.motion.pages import stiffness_report
+        from compstiff.writing import report as page_of
 
-        files[report] = stiffness_report(fit).encode()
+        files[report] = page_of(fit).encode()
     write_whole(files)
     return Outcome(content, fit.findings, fit.lines(),
                    next_step=f"compstiff diagnose {cell_file} {log_files[0]} -o diagnosis.json")

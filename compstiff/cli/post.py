@@ -23,7 +23,7 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     Mill it once, log the forces, and give it to correct. Beside OUTPUT stands OUTPUT.json, the record of what was assumed. With
     --split OUTPUT calls parts OUTPUT_001 ...; correct then takes TOOLPATH again, with the same options.
     """
-    from compensator.posting.job import post_files
+    from compstiff import post_files
     from identification.common.files import write_whole
 
     session.inputs += [cell_file, toolpath_file]

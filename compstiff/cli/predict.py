@@ -29,9 +29,10 @@ def predict(
     CELL is cell.yaml, TOOLPATH a RAPID program, APT or CSV; the deviation and its standard deviation are written target by
     target.
     """
-    from compensator.correction.files import Inputs, check_distinct, predict_files
+    from compensator.correction.files import check_distinct, predict_files
     from compensator.correction.offsets import deviation_csv
     from compensator.posting.read_toolpath import rapid_suffix
+    from compstiff import Inputs
     from identification.common.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
@@ -42,9 +43,9 @@ def predict(
     predicted = predict_files(inputs, settings)
     files = {output: deviation_csv(predicted)}
     if report:
-        from compensator.correction.report import path_report
+        from compstiff.writing import report as page_of
 
-        files[report] = path_report(predicted).encode()
+        files[report] = page_of(predicted).encode()
     write_whole(files)
     return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
                    next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "

@@ -52,11 +52,9 @@ def push(
     if corrwrite and not receiver:
         raise click.UsageError("--corrwrite belongs to --receiver")
     from compensator.modbus.audit import NAME
-    from compensator.modbus.link import Address
-    from compensator.modbus.offset_file import read_offsets
-    from compensator.modbus.push import Waiting, push
+    from compensator.modbus.push import Waiting
     from compensator.modbus.receiver import Receiver
-    from identification.model.cell import read_cell
+    from compstiff import Address, push, read_cell, read_offsets
 
     session.inputs += [cell_file, offsets_file]
     cell = read_cell(cell_file, geometry=False)

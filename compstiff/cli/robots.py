@@ -16,7 +16,8 @@ def robots(session: Session) -> Outcome:
     """List the built-in robots."""
     import numpy as np
 
-    from identification.model.robot import built_in_robots, read_robot
+    from compstiff import built_in_robots
+    from identification.model.robot import read_robot
 
     listed, lines = [], [f"{'name':<22}{'reach':>9}  {'springs':<8}{'prior k1 ... k6 [1e6 N m/rad]'}"]
     for name, path in built_in_robots().items():

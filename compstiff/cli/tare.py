@@ -20,10 +20,8 @@ def tare(session: Session, cell_file: Path, still_file: Path, output: Path | Non
     STILL is a force log without contact, q1_deg ... q6_deg beside the forces, in orientations that differ: spindle down, and
     tilted to several sides. What comes out goes to force_log in cell.yaml.
     """
-    from compensator.forces.log import read_force_log
-    from compensator.forces.tare import still_payload
+    from compstiff import read_cell, read_force_log, still_payload
     from identification.common.files import check_writable, write_whole
-    from identification.model.cell import read_cell
 
     session.inputs += [cell_file, still_file]
     check_writable([output] if output else [], overwrite=session.overwrite)

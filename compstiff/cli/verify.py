@@ -33,9 +33,8 @@ def verify(
     CELL is cell.yaml. BEFORE and AFTER are CSV files of the part, or of the tool, measured along the path: target, path_mm or
     x_mm y_mm z_mm, with dx_um dy_um dz_um (any of them) or dn_um along the normal.
     """
-    from compensator.verification.verify import verify
+    from compstiff import read_cell, verify
     from identification.common.files import check_writable, write_whole
-    from identification.model.cell import read_cell
 
     session.inputs += [cell_file, before_file, after_file, *([predicted_file] if predicted_file else [])]
     if report:

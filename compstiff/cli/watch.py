@@ -46,9 +46,9 @@ def watch(
     the program under way.
     """
     session.jobs = True
-    from compstiff.batch.pairing import Folders
-    from compstiff.batch.programs import Shared, worst
-    from compstiff.batch.watch import Rhythm, watch_folder
+    from compstiff import Folders, Shared, watch_folder
+    from compstiff.batch.programs import worst
+    from compstiff.batch.watch import Rhythm
 
     shared = Shared(cell_file, stiffness_file, settings, session)
     codes: list[int] = []
