@@ -38,7 +38,7 @@ class Cause(EffectInForce):
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was found).
-    detection: of the plain model, adequacy: of the extended one. causes, alternatives: docs/formats.md#diagnose, diagnosis.json. scatter:
+    detection: of the plain model, adequacy: of the extended one. causes, alternatives: see docs/formats.md#diagnose. scatter:
     parts of the noise that outgrow what was stated. patterns: what is seen of an unknown cause. robot_difference: by how much
     [m, RMS] the rivals differ in what the robot does under the largest load, None where nothing is ambiguous. left_out: effects
     these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
