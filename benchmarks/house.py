@@ -3,9 +3,9 @@
     python benchmarks/house.py CHECKOUT [CHECKOUT ...]
 
 Each checkout is measured by its own code (this Python needs compstiff's requirements). The way of a program: `correct` on the
-sample, every call followed. `files passed` are those in which a function ran; `climb back` counts, among the calls that the
-files of the job make into other files, one after the other, those that go to a file deeper in the order of imports than the
-call before: a flow that is read from top to bottom has few.
+sample, every call followed. `files passed` are those in which a function ran. The stages are the calls of functions in other
+files that the files of the job make, one after the other; those `climb back` that go to a file deeper in the order of imports
+than the stage before: a flow that is read from top to bottom has few.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def follow(frame, event, _):
         job_files.add(file)
     if file not in passed: passed.append(file)
     back = frame.f_back
-    if back and back.f_code.co_filename in job_files and back.f_code.co_filename != file and (not flow or flow[-1] != file):
+    stage = "." not in frame.f_code.co_qualname and "/common/" not in file
+    if stage and back and back.f_code.co_filename in job_files and file not in (back.f_code.co_filename, *flow[-1:]):
         flow.append(file)
 try:
     from compstiff.cli.main import compstiff
@@ -105,7 +106,7 @@ def flow(root: Path, files: dict[str, Path]) -> tuple[int, int, int]:
         subprocess.run([*start, "identify", str(samples / "cell.yaml"), str(samples / "measurements.csv"), "-o", stiffness,
                         "-q"], **where, stdout=subprocess.DEVNULL, check=False)
         done = subprocess.run(
-            [sys.executable, "-c", FOLLOW, str(root), "predict_program,correct_program,predict,correct,run_correction",
+            [sys.executable, "-c", FOLLOW, str(root), "predict_program,correct_program,predict_files,predict,correct",
              str(samples / "cell.yaml"), str(samples / "insert.mod"), "--stiffness", stiffness, "--forces",
              str(samples / "insert.forces.parquet"), "--tare", "0:2", "-o", f"{folder}/out.mod", "-q"],
             **where, capture_output=True, text=True, check=True)
@@ -139,7 +140,7 @@ def main() -> None:
               f"{sum(len(file.read_text().splitlines()) for file in tests)} lines)")
         print(f"  median file {statistics.median(lengths.values()):g} lines, largest {lengths[largest]} ({largest})")
         print(f"  circles of imports: {circles(graph)}")
-        print("  one program through correct: {} files passed, {} steps of the job, {} climb back".format(*flow(root, files)))
+        print("  one program through correct: {} files passed, {} stages, {} climb back".format(*flow(root, files)))
         entry = "compstiff" if "compstiff" in files else "compensator"
         print(f"  CPU: python {cpu(root, '-c', 'pass'):.0f} ms, import {entry} {cpu(root, '-c', f'import {entry}'):.0f} ms, "
               f"import click {cpu(root, '-c', 'import click'):.0f} ms, --help {cpu(root, '-m', entry, '--help'):.0f} ms")
