@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,8 +13,7 @@ from compensator.correction.record import check_not_corrected, record
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.split_files import split_files
-from identification.common.files import check_writable, json_bytes, write_whole
-from identification.common.findings import CompstiffError, Finding
+from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
 
@@ -32,6 +31,10 @@ class Inputs:
     toolpath: Path
     stiffness: Path
     forces: Path
+
+    def files(self) -> list[Path]:
+        """All of them."""
+        return [self.cell, self.toolpath, self.stiffness, self.forces]
 
 
 @dataclass(frozen=True)
@@ -77,14 +80,14 @@ def correct_files(
     >>> Path("part_corrected.mod.json").is_file()
     True
     """
-    check_distinct(inputs, outputs.files())
+    check_distinct(inputs.files(), outputs.files())
     check_writable(outputs.files(), overwrite=overwrite)
     if not overwrite:
         check_not_corrected(inputs.toolpath)
     corrected = correct(predict_files(inputs, settings))
     air = ~corrected.predicted.forces.forced | corrected.predicted.program.air
     files, _, of_parts = split_files(corrected.content, air, settings.posting, outputs.program, overwrite=overwrite)
-    check_distinct(inputs, files)
+    check_distinct(inputs.files(), files)
     corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
     files[outputs.record] = json_bytes(record(corrected, files))
     if outputs.offsets:
@@ -97,13 +100,3 @@ def correct_files(
         before_writing()
     write_whole(files)
     return corrected
-
-
-def check_distinct(inputs: Inputs, outputs: Iterable[Path]) -> None:
-    """Raises CompstiffError (CS0006) where an output is one of the inputs, or two outputs are one file."""
-    seen = {path.resolve(): "input" for path in (inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces)}
-    for path in outputs:
-        if path.resolve() in seen:
-            raise CompstiffError(Finding("CS0006", "error", f"would overwrite an {seen[path.resolve()]} of this command",
-                                         file=str(path), hint="give the output another name"))
-        seen[path.resolve()] = "output"

@@ -10,8 +10,8 @@ from typing import Any
 
 from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, Posted, post, read_cam_path
 from compensator.posting.settings import PostingSettings
-from compensator.posting.split_files import check_outputs, split_files
-from identification.common.files import check_writable, json_bytes, sha256
+from compensator.posting.split_files import split_files
+from identification.common.files import check_distinct, check_writable, json_bytes, sha256
 from identification.common.findings import Finding, error, fold
 from identification.model.cell import read_cell
 
@@ -52,7 +52,7 @@ def post_files(
     51
     """
     inputs, record_file = [cell_file, toolpath_file], output.with_name(output.name + ".json")
-    check_outputs(inputs, [output, record_file])
+    check_distinct(inputs, [output, record_file])
     check_writable([output, record_file], overwrite=overwrite)
     posted_suffixes = (*APT_SUFFIXES, *TABLE_SUFFIXES)
     if toolpath_file.suffix.lower() not in posted_suffixes:
@@ -62,7 +62,7 @@ def post_files(
     cell = read_cell(cell_file)
     posted = post(read_cam_path(toolpath_file, settings), cell, settings, str(output))
     files, parts, of_splitting = split_files(posted.content, posted.rapid, settings, output, overwrite=overwrite)
-    check_outputs(inputs, files)
+    check_distinct(inputs, files)
     result = PostedFiles(posted, files, parts, (*posted.findings, *of_splitting))
     files[record_file] = json_bytes(_record(cell_file, toolpath_file, result))
     return result

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +10,6 @@ from numpy.typing import NDArray
 from compensator.posting.settings import PostingSettings
 from identification.common.files import check_writable
 from identification.common.findings import Finding, error
-
-
-def check_outputs(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
-    """Raises CompstiffError (CS0006) where an output is one of the inputs."""
-    taken = {file.resolve() for file in inputs}
-    for file in outputs:
-        if file.resolve() in taken:
-            raise error("CS0006", "would overwrite an input of this command", file=str(file),
-                        hint="give the output another name")
 
 
 def split_files(

@@ -43,6 +43,16 @@ def check_writable(paths: Iterable[Path], *, overwrite: bool) -> None:
                         hint="make the folder first")
 
 
+def check_distinct(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
+    """Raises CompstiffError (CS0006) where an output is one of the inputs, or two outputs are one file."""
+    taken = {file.resolve(): "input" for file in inputs}
+    for file in outputs:
+        if file.resolve() in taken:
+            raise error("CS0006", f"would overwrite an {taken[file.resolve()]} of this command", file=str(file),
+                        hint="give the output another name")
+        taken[file.resolve()] = "output"
+
+
 def write_whole(files: dict[Path, bytes]) -> None:
     """Writes all files or none: each to a temporary name beside its target, then all renamed (docs/formats.md#conventions).
 
