@@ -68,7 +68,7 @@ class Measurements:
         return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
 
 
-def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = False) -> Measurements:
+def read_measurements(file: str | Path, robot: RobotModel, *, planned: bool = False) -> Measurements:
     """Reads measurements.csv (or Parquet) for this robot; planned: a plan, whose deflections may all be empty.
 
     Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
@@ -81,7 +81,7 @@ def read_measurements(path: str | Path, robot: RobotModel, *, planned: bool = Fa
     ((112, 6), 28)
     """
     table = read_table(
-        path, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),
+        file, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),
         texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, *SIGMAS, "dwell_s"),
         together=(MOMENTS, SIGMAS))
     count = len(table)

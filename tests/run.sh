@@ -27,5 +27,8 @@ if [ -z "${COMPSTIFF_REAL_DATA:-}" ] && [ -d ../shared/data ]; then
     export COMPSTIFF_REAL_DATA
 fi
 
+# Matrices of six by six: threads of the linear algebra only get into the way of the two test processes.
+export OPENBLAS_NUM_THREADS=1
+
 echo "== tests"
 "$environment/bin/python" -m pytest -n 2 --dist loadfile

@@ -61,12 +61,12 @@ def check_not_corrected(toolpath: Path, *folders: Path) -> None:
                                   hint=f"correct the CAM system's program {source}; --force if this really is one"))
 
 
-def _recorded(path: Path) -> list[tuple[str, str]] | None:
+def _recorded(file: Path) -> list[tuple[str, str]] | None:
     """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
     try:
-        if path.stat().st_size > 64 << 20:
+        if file.stat().st_size > 64 << 20:
             return None
-        record = json.loads(path.read_bytes())
+        record = json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
     if not isinstance(record, dict) or record.get("format") != RECORD:

@@ -15,19 +15,19 @@ from identification.common.findings import error
 NAME = "push-log.jsonl"
 
 
-def append(path: Path, entry: dict[str, Any]) -> None:
+def append(file: Path, entry: dict[str, Any]) -> None:
     """Appends the entry with user, host and time, onto the disk. Raises CompstiffError (CS0004)."""
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     line = {"time": now, "user": _user(), "host": socket.gethostname(), **entry}
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        handle = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         try:
             os.write(handle, (json.dumps(line, allow_nan=False) + "\n").encode())
             os.fsync(handle)
         finally:
             os.close(handle)
     except OSError as reason:
-        raise error("CS0004", f"the log of pushes cannot be written: {reason.strerror}", file=str(path),
+        raise error("CS0004", f"the log of pushes cannot be written: {reason.strerror}", file=str(file),
                     hint="give another file with --log") from reason
 
 

@@ -101,8 +101,8 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def _not_ours(path: Path, why: str) -> CompstiffError:
-    return error("CS5102", f"is not as the cell wrote it ({why})", file=str(path),
+def _not_ours(file: Path, why: str) -> CompstiffError:
+    return error("CS5102", f"is not as the cell wrote it ({why})", file=str(file),
                  hint="move the state directory away and push again")
 
 

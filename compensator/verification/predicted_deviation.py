@@ -13,16 +13,16 @@ from identification.common.tables import read_table
 from identification.model.cell import Cell
 
 
-def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, in_object: bool) -> tuple[Array, list[Finding]]:
+def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, in_object: bool) -> tuple[Array, list[Finding]]:
     """The predicted deviation (N, C) [m] at the readings, in their frame and components; NaN where the file has none.
 
     path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
     z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
     CS0203, CS6028 the readings cannot be joined with targets.
     """
-    table = read_table(path, required=("target", *DEVIATION), optional=POSITION, may_be_empty=DEVIATION, together=(POSITION,))
+    table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=DEVIATION, together=(POSITION,))
     if readings.key == "path_mm":
-        raise error("CS6028", f"is placed by path_mm, {path} by targets and their places", file=readings.source,
+        raise error("CS6028", f"is placed by path_mm, {file} by targets and their places", file=readings.source,
                     hint="measure at targets (column target), or give x_mm y_mm z_mm")
     if readings.key == "target":
         mine, rows = nearest(readings.place, table.numbers["target"][:, None], 0.0)
@@ -34,7 +34,7 @@ def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, i
         mine = np.flatnonzero(distance <= within)
         rows = closest[mine]
     else:
-        raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(path))
+        raise error("CS6028", f"has no x_mm y_mm z_mm, and {readings.source} is placed by them", file=str(file))
     predicted = np.full((len(readings), 3), np.nan)
     predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
     if in_object:
@@ -42,7 +42,7 @@ def predicted_at(readings: Readings, path: Path, cell: Cell, within: float, *, i
     findings = []
     if len(mine) < len(readings):
         findings.append(Finding("CS6022", "warning", f"{counted(len(readings) - len(mine), 'reading')} of {len(readings)} "
-                                f"without a target in {path}; left out of the scale", file=readings.source))
+                                f"without a target in {file}; left out of the scale", file=readings.source))
     if readings.deviation.shape[1] == 3:
         return predicted, findings
     if readings.normal is None:

@@ -59,10 +59,10 @@ class Readings:
                         None if self.normal is None else self.normal[rows], self.findings)
 
 
-def read_readings(path: Path, cell: Cell) -> Readings:
+def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
     or both kinds, CS6021 no column places the rows."""
-    table = read_table(path, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
+    table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL),
                        may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
     key, place = _placed(table)

@@ -22,10 +22,10 @@ _MODULE = re.compile(rb"^\s*MODULE\s", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"\bENDMODULE\b", re.IGNORECASE)
 
 
-def file_stamp(path: Path) -> FileStamp | None:
+def file_stamp(file: Path) -> FileStamp | None:
     """Device, inode, size and time of a file, which change when it does; None where there is none."""
     with contextlib.suppress(OSError):
-        state = path.stat()
+        state = file.stat()
         return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
     return None
 
@@ -46,22 +46,22 @@ class Settled:
         settled = [stamp for stamp in stamps if stamp is not None]
         return settled if len(settled) == len(stamps) else None
 
-    def _look(self, path: Path) -> FileStamp | None:
-        now, stamp = self.clock(), file_stamp(path)
+    def _look(self, file: Path) -> FileStamp | None:
+        now, stamp = self.clock(), file_stamp(file)
         if stamp is None:
-            self._since.pop(path, None)
+            self._since.pop(file, None)
             return None
-        before = self._since.get(path)
+        before = self._since.get(file)
         if before is None or before[0] != stamp:
-            self._since[path] = before = (stamp, now)
-        return stamp if now - before[1] >= self.settle and not open_for_writing(path) else None
+            self._since[file] = before = (stamp, now)
+        return stamp if now - before[1] >= self.settle and not open_for_writing(file) else None
 
 
-def open_for_writing(path: Path) -> bool:
+def open_for_writing(file: Path) -> bool:
     """Whether a process of this machine has the file open for writing, or it cannot be opened. False where the kernel does not
     say: another user's file, a network folder."""
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK)
     except OSError:
         return True
     # A lease is broken with SIGIO, which by default ends the process.
@@ -78,7 +78,7 @@ def open_for_writing(path: Path) -> bool:
     return False
 
 
-def lacks_its_end(path: Path) -> bool:
+def lacks_its_end(file: Path) -> bool:
     """Whether a file has a RAPID MODULE without its ENDMODULE."""
-    text = path.read_bytes()
+    text = file.read_bytes()
     return len(_MODULE.findall(text)) > len(_END.findall(text))

@@ -63,11 +63,11 @@ class ProgramFiles:
         return self.logs[0]
 
 
-def is_program(path: Path) -> bool:
+def is_program(file: Path) -> bool:
     """Whether a file of a folder is a toolpath: by its suffix, neither hidden nor a force log."""
-    name = path.name.lower()
-    return (path.suffix.lower() in TOOLPATH_SUFFIXES and not name.startswith(".") and not name.endswith(LOG_SUFFIXES)
-            and path.is_file())
+    name = file.name.lower()
+    return (file.suffix.lower() in TOOLPATH_SUFFIXES and not name.startswith(".") and not name.endswith(LOG_SUFFIXES)
+            and file.is_file())
 
 
 def programs_in(folder: Path) -> list[Path]:

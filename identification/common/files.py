@@ -19,9 +19,9 @@ from identification.common.findings import error
 written: list[Path] = []
 
 
-def sha256(path: str | Path) -> str:
+def sha256(file: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
-    with open(path, "rb") as stream:
+    with open(file, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
@@ -95,10 +95,10 @@ def _uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _mode(path: Path) -> int:
+def _mode(file: Path) -> int:
     """Permissions of the file that is replaced, else what the umask leaves of rw-rw-rw-."""
     with contextlib.suppress(FileNotFoundError):
-        return path.stat().st_mode & 0o777
+        return file.stat().st_mode & 0o777
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask

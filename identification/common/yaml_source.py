@@ -70,11 +70,11 @@ _Loader.add_implicit_resolver(
 )
 
 
-def read_yaml(path: str | Path, model: type[Model]) -> Model:
+def read_yaml(file: str | Path, model: type[Model]) -> Model:
     """The file as `model`. Raises CompstiffError (CS0101 not YAML, CS0102 wrong content) with every place at fault."""
-    name = str(path)
+    name = str(file)
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
+        text = Path(file).read_bytes().decode("utf-8-sig")
         node = yaml.compose(text, Loader=_Loader)
         places: dict[Key, Place] = {}
         content = None if node is None else _plain(node, (), places, name)

@@ -91,29 +91,29 @@ def _share(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.01 else "under 1 %"
 
 
-def read_diagnosis(path: Path, cell: Cell) -> Diagnosed:
+def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
     """diagnosis.json of this robot. Raises CompstiffError (CS1650) for another file or another robot's."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, UnicodeDecodeError) as problem:
-        raise error("CS1650", f"not a diagnosis file: {problem}", file=str(path),
+        raise error("CS1650", f"not a diagnosis file: {problem}", file=str(file),
                     hint="give what compstiff diagnose -o wrote") from problem
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise error("CS1650", f"not a diagnosis file: its format is not {FORMAT}", file=str(path),
+        raise error("CS1650", f"not a diagnosis file: its format is not {FORMAT}", file=str(file),
                     hint="give what compstiff diagnose -o wrote")
     if content.get("robot") != cell.robot.name:
         raise error("CS1650", f"the diagnosis is of robot {content.get('robot')}, the cell has {cell.robot.name}",
-                    file=str(path), hint="diagnose the measurements of this cell")
+                    file=str(file), hint="diagnose the measurements of this cell")
     known = effects()
     names = []
     for cause in content.get("alternatives", []):
         if cause["effect"] not in known:
-            raise error("CS1650", f"the diagnosis names {cause['effect']}, which no effect here is called", file=str(path),
+            raise error("CS1650", f"the diagnosis names {cause['effect']}, which no effect here is called", file=str(file),
                         hint="diagnose again with the same effects installed")
         names.append((str(cause["effect"]), cause["joint"]))
     rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
             if "single_row" in cause.get("parameters", {})]
-    return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(path))
+    return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(file))
 
 
 def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -> Rivals:

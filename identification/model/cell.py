@@ -182,7 +182,7 @@ class Cell:
     tool_centre: Array | None
 
 
-def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
+def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     """Reads cell.yaml and the robot file it names; geometry: whether the robot must have joints.
 
     Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints).
@@ -191,27 +191,27 @@ def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
     >>> cell.robot.name, (1e3 * cell.flange_from_tcp.position).round(3).tolist()
     ('irb6660-205-1.90', [120.0, 0.0, 250.0])
     """
-    path = Path(path)
-    file = read_yaml(path, CellFile)
-    log = file.force_log
+    file = Path(file)
+    described = read_yaml(file, CellFile)
+    log = described.force_log
     if log.frame == "sensor" and (log.sensor_quaternion is None or log.sensor_position_mm is None):
         raise error("CS0102", "force_log.frame is 'sensor', but sensor_quaternion and sensor_position_mm are not both "
-                    "given", file=str(path), hint="state the sensor frame in the flange frame")
+                    "given", file=str(file), hint="state the sensor frame in the flange frame")
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
-    robot = _robot(file.robot, path, geometry)
-    stiffness, relative_std = file.prior.stiffness_nm_per_rad, file.prior.relative_std
+    robot = _robot(described.robot, file, geometry)
+    stiffness, relative_std = described.prior.stiffness_nm_per_rad, described.prior.relative_std
     prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
                   robot.prior.relative_std if relative_std is None else np.array(relative_std))
-    measurement = file.measurement
-    centre = file.tool.centre_of_mass_mm
+    measurement = described.measurement
+    centre = described.tool.centre_of_mass_mm
     return Cell(
-        source=path,
+        source=file,
         robot=robot,
-        flange_from_tcp=file.tool.frame(),
-        world_from_base=file.base_frame.frame(),
-        world_from_object=file.workobject.frame(),
+        flange_from_tcp=described.tool.frame(),
+        world_from_base=described.base_frame.frame(),
+        world_from_object=described.workobject.frame(),
         noise=Noise(
             deflection=1e-6 * np.array(measurement.deflection_std_um),
             force=np.array(measurement.force_std_n),
@@ -222,11 +222,11 @@ def read_cell(path: str | Path, *, geometry: bool = True) -> Cell:
             offset_stated="pose_offset_std_um" in measurement.model_fields_set,
         ),
         prior=prior,
-        force_log=_force_log(log, sensor, file.tool),
-        max_offset=1e-3 * file.limits.max_offset_mm,
-        max_tilt=float(np.radians(file.limits.max_tilt_deg)),
-        modbus=file.modbus,
-        tool_mass=file.tool.mass_kg,
+        force_log=_force_log(log, sensor, described.tool),
+        max_offset=1e-3 * described.limits.max_offset_mm,
+        max_tilt=float(np.radians(described.limits.max_tilt_deg)),
+        modbus=described.modbus,
+        tool_mass=described.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
     )
 

@@ -178,28 +178,28 @@ def built_in_robots() -> dict[str, Path]:
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
 
-def read_robot(path: str | Path, *, geometry: bool = True) -> RobotModel:
+def read_robot(file: str | Path, *, geometry: bool = True) -> RobotModel:
     """Reads a robot file; geometry: whether it must have joints. Raises CompstiffError (CS0005, CS0101, CS0102) with line and
     column, CS0105 where it has no joints and must have them."""
-    file = read_yaml(path, RobotFile)
-    if geometry and file.joints is None:
+    described = read_yaml(file, RobotFile)
+    if geometry and described.joints is None:
         raise error("CS0105", "has no joints; only joint deflection logs can be judged without the arm's geometry",
-                    file=str(path), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
+                    described=str(file), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
     coupling = np.eye(6)
     window = None
-    if file.coupling is not None:
-        row = file.coupling.joint - 1
-        coupling[row, file.coupling.driven_by - 1] = file.coupling.ratio
-        if file.coupling.window_deg is not None:
-            low, high = np.radians(file.coupling.window_deg)
+    if described.coupling is not None:
+        row = described.coupling.joint - 1
+        coupling[row, described.coupling.driven_by - 1] = described.coupling.ratio
+        if described.coupling.window_deg is not None:
+            low, high = np.radians(described.coupling.window_deg)
             window = (row, float(low), float(high))
-    links = file.links
-    joints = file.joints or [_Joint(alpha_deg=0, a_mm=0, d_mm=0, limits_deg=(-360, 360), speed_deg_s=1,
+    links = described.links
+    joints = described.joints or [_Joint(alpha_deg=0, a_mm=0, d_mm=0, limits_deg=(-360, 360), speed_deg_s=1,
                                     acceleration_deg_s2=1)] * 6
     return RobotModel(
-        name=file.name,
-        manufacturer=file.manufacturer,
-        load_path=file.load_path or "serial",
+        name=described.name,
+        manufacturer=described.manufacturer,
+        load_path=described.load_path or "serial",
         alpha=np.radians([joint.alpha_deg for joint in joints]),
         a=1e-3 * np.array([joint.a_mm for joint in joints]),
         d=1e-3 * np.array([joint.d_mm for joint in joints]),
@@ -209,10 +209,10 @@ def read_robot(path: str | Path, *, geometry: bool = True) -> RobotModel:
         acceleration=np.radians([joint.acceleration_deg_s2 for joint in joints]),
         coupling=coupling,
         window=window,
-        prior=Prior(np.array(file.prior.stiffness_nm_per_rad), np.array(file.prior.relative_std)),
+        prior=Prior(np.array(described.prior.stiffness_nm_per_rad), np.array(described.prior.relative_std)),
         link_mass=None if links is None else np.array([link.mass_kg for link in links]),
         link_centre=None if links is None else 1e-3 * np.array([link.centre_of_mass_mm for link in links]),
-        source=Path(path),
-        sha256=sha256(path),
-        has_geometry=file.joints is not None,
+        source=Path(file),
+        sha256=sha256(file),
+        has_geometry=described.joints is not None,
     )

@@ -68,7 +68,7 @@ class _StiffnessFile(_File):
     fit: dict[str, Any] = {}
 
 
-def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
+def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     """Reads stiffness.json for this cell.
 
     Raises CompstiffError: CS1201 not such a file, CS1202 another robot or load path than the cell's, or another tool where an
@@ -79,17 +79,17 @@ def read_stiffness(path: str | Path, cell: Cell) -> IdentifiedModel:
     >>> [f"{k:.2e}" for k in model.stiffness[:2]]
     ['1.55e+06', '4.04e+06']
     """
-    name = str(path)
-    file = _parse(path, name)
-    _check_robot(file, cell, name)
-    in_force = tuple(_effect(item, name) for item in file.effects)
-    _check_parameters(file, in_force, name)
-    _check_tool(file, cell, in_force, name)
-    mean, covariance = _posterior(file, in_force, name)
+    name = str(file)
+    content = _parse(file, name)
+    _check_robot(content, cell, name)
+    in_force = tuple(_effect(item, name) for item in content.effects)
+    _check_parameters(content, in_force, name)
+    _check_tool(content, cell, in_force, name)
+    mean, covariance = _posterior(content, in_force, name)
     return IdentifiedModel(
-        cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in file.parameters[SPRINGS]),
-        file.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
-        source=Path(path))
+        cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in content.parameters[SPRINGS]),
+        content.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
+        source=Path(file))
 
 
 def same_tool(tool: Frame, other: Frame) -> bool:
@@ -99,9 +99,9 @@ def same_tool(tool: Frame, other: Frame) -> bool:
     return off <= SAME_TOOL_POSITION and turned <= SAME_TOOL_ROTATION
 
 
-def _parse(path: str | Path, name: str) -> _StiffnessFile:
+def _parse(file: str | Path, name: str) -> _StiffnessFile:
     try:
-        content = json.loads(Path(path).read_bytes())
+        content = json.loads(Path(file).read_bytes())
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except json.JSONDecodeError as reason:

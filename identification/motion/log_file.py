@@ -44,29 +44,29 @@ class MotionLog:
         return MotionLog(self.source, self.time[part], joints, {k: angle[part] for k, angle in self.angle.items()}, ())
 
 
-def is_motion_log(path: str | Path) -> bool:
+def is_motion_log(file: str | Path) -> bool:
     """Whether a file is a joint deflection log: a .mat file, or a table with motor and link angles."""
-    path = Path(path)
-    if path.suffix.lower() == ".mat":
+    file = Path(file)
+    if file.suffix.lower() == ".mat":
         return True
-    if path.suffix.lower() in (".parquet", ".pq"):
+    if file.suffix.lower() in (".parquet", ".pq"):
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         try:
-            names = pq.read_schema(path).names
+            names = pq.read_schema(file).names
         except (OSError, pa.ArrowInvalid):
             return False
         return any(COLUMN.match(name) for name in names)
     try:
-        with open(path, encoding="utf-8-sig", errors="replace") as stream:
+        with open(file, encoding="utf-8-sig", errors="replace") as stream:
             header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
     except OSError:
         return False
     return any(COLUMN.match(name.strip().strip('"')) for name in re.split(r"[,;\t]", header))
 
 
-def read_motion_log(path: str | Path) -> MotionLog:
+def read_motion_log(file: str | Path) -> MotionLog:
     """Reads a joint deflection log.
 
     Raises what `tables.read_table` raises, and CompstiffError CS1501: no joint with both encoders and torque, uneven time,
@@ -76,16 +76,16 @@ def read_motion_log(path: str | Path) -> MotionLog:
     >>> list(log.joints), round(log.rate)
     ([2], 250)
     """
-    path = Path(path)
+    file = Path(file)
     line: NDArray[np.intp] | None = None
     findings: list[Finding] = []
-    if path.suffix.lower() == ".mat":
+    if file.suffix.lower() == ".mat":
         from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        columns = read_kuka_kr300(path)
+        columns = read_kuka_kr300(file)
     else:
-        columns, line, findings = _table(path)
-    name, time = str(path), columns["time_s"]
+        columns, line, findings = _table(file)
+    name, time = str(file), columns["time_s"]
     joints = [k for k in range(1, 7) if f"q{k}_motor_deg" in columns]
     if not joints:
         raise error("CS1501", "no joint has q?_motor_deg, q?_link_deg and q?_torque_nm", file=name,
@@ -108,10 +108,10 @@ def read_motion_log(path: str | Path) -> MotionLog:
     return MotionLog(name, time, logs, angles, tuple(findings))
 
 
-def _table(path: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
+def _table(file: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
     names = [f"q{k}_{what}" for k in range(1, 7) for what in ("motor_deg", "link_deg", "torque_nm", "speed_deg_s")]
     groups = [[f"q{k}_motor_deg", f"q{k}_link_deg", f"q{k}_torque_nm"] for k in range(1, 7)]
-    table = read_table(path, required=["time_s"], optional=names, together=groups)
+    table = read_table(file, required=["time_s"], optional=names, together=groups)
     return dict(table.numbers), table.line, list(table.findings)
 
 
