@@ -127,6 +127,20 @@ def test_a_wrong_sign_makes_the_payload_negative(tmp_path) -> None:
     assert said["findings"][0]["code"] == "CS3042"
 
 
+def test_an_uncertain_payload_is_said(tmp_path) -> None:
+    """The sensor's zero wanders by 10 N from orientation to orientation, and three of them turn gravity by 14 degrees at most."""
+    still = still_log(tmp_path, np.random.default_rng(1), np.array([[0.0, 0], [14, 0], [-14, 0]]))
+    head, *rows = still.read_text().splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    _, orientation = np.unique(values[:, :6], axis=0, return_inverse=True)
+    values[:, 6:9] += np.random.default_rng(3).normal(0, 10, (orientation.max() + 1, 3))[orientation.ravel()]
+    still.write_text("\n".join([head, *(",".join(f"{x:.6f}" for x in row) for row in values)]) + "\n")
+    code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
+    assert code == 0
+    assert "CS3045" in {finding["code"] for finding in said["findings"]}
+    assert said["result"]["mass_kg"]["std"] * 9.80665 > 10
+
+
 def test_two_orientations_leave_the_centre_open(tmp_path) -> None:
     still = still_log(tmp_path, np.random.default_rng(1), WRIST[:2])
     code, said = tare(tmp_path, still, CELL + SENSOR % "sign: on_tool")
