@@ -1,0 +1,1 @@
+"""A force log becomes one wrench a target."""

@@ -1,0 +1,1 @@
+"""Toolpaths of other forms become RAPID; a large program becomes parts."""

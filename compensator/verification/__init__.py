@@ -1,0 +1,1 @@
+"""Measured deviation before a correction against after it."""

@@ -1,0 +1,1 @@
+"""Many programs: pairing with their logs, processes, a watched folder."""

@@ -1,0 +1,1 @@
+"""The posterior of the joint stiffnesses from load tests."""

@@ -128,7 +128,7 @@ def test_a_wrong_sign_makes_the_payload_negative(tmp_path) -> None:
 
 
 def test_an_uncertain_payload_is_said(tmp_path) -> None:
-    """The sensor's zero wanders by 10 N from orientation to orientation, and three of them turn gravity by 14 degrees at most."""
+    """The sensor's zero wanders by 10 N from orientation to orientation, and they turn gravity by 14 degrees at most."""
     still = still_log(tmp_path, np.random.default_rng(1), np.array([[0.0, 0], [14, 0], [-14, 0]]))
     head, *rows = still.read_text().splitlines()
     values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
