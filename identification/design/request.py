@@ -19,6 +19,7 @@ from identification.design.task import Demand, Task, free_demand
 from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+from identification.model.effects_in_force import SPRINGS
 from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
 
@@ -118,7 +119,7 @@ def _known(cell: Cell, request: Request) -> tuple[Instrument, Array, str, tuple[
 
         fit = fit_stiffness(cell, request.measured)
         model = fit.model
-        return (instrument(cell, model.compliance), np.asarray(np.linalg.inv(model.covariance[:6, :6]), dtype=float),
+        return (instrument(cell, model.compliance), np.asarray(np.linalg.inv(model.covariance[SPRINGS, SPRINGS]), dtype=float),
                 f"what {request.measured.source} says already", fit.findings)
     rig = instrument(cell)
     prior = PriorModel(cell.prior, "gaussian" if request.preset == "paper" else "lognormal")
