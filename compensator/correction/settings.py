@@ -56,6 +56,10 @@ class FeedSettings:
     strict_feed: bool = False
 
 
+GROUPS: dict[str, type[Any]] = {"log": LogSettings, "correction": CorrectionSettings, "feed": FeedSettings,
+                                "posting": PostingSettings}
+
+
 @dataclass(frozen=True)
 class Settings:
     """All of them. No name stands in two groups.
@@ -73,12 +77,11 @@ class Settings:
     @classmethod
     def of(cls, **values: Any) -> Settings:
         """From names of the groups' fields: `Settings.of(tare=((0, 2),), check_feed=True)`. Raises TypeError for an unknown."""
-        groups = {item.name: item.default_factory for item in fields(cls)}
-        chosen = {group: {item.name: values.pop(item.name) for item in fields(kind) if item.name in values}  # type: ignore
-                  for group, kind in groups.items()}
+        chosen = {group: {item.name: values.pop(item.name) for item in fields(kind) if item.name in values}
+                  for group, kind in GROUPS.items()}
         if values:
             raise TypeError(f"no such setting: {', '.join(values)}")
-        return cls(**{group: kind(**chosen[group]) for group, kind in groups.items()})  # type: ignore
+        return cls(**{group: kind(**chosen[group]) for group, kind in GROUPS.items()})
 
     def values(self) -> dict[str, Any]:
         """Every value by its name, groups one after the other."""
