@@ -79,9 +79,12 @@ class Unconfirmed(CompstiffError):
     exit_code = 4
 
 
-def error(code: str, message: str, **where: Any) -> CompstiffError:
-    """A `CompstiffError` with one finding; `where` is file, line, column, target, hint."""
-    return CompstiffError(Finding(code, "error", message, **where))
+def error(
+    code: str, message: str, *, file: str | None = None, line: int | None = None, column: int | None = None,
+    target: int | None = None, hint: str = "",
+) -> CompstiffError:
+    """A `CompstiffError` with one finding."""
+    return CompstiffError(Finding(code, "error", message, file=file, line=line, column=column, target=target, hint=hint))
 
 
 def counted(number: int, noun: str) -> str:

@@ -84,8 +84,8 @@ def read_yaml(file: str | Path, model: type[Model]) -> Model:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
-        where = {"line": mark.line + 1, "column": mark.column + 1} if mark else {}
-        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, **where) from reason
+        line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
+        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, line=line, column=column) from reason
     except yaml.YAMLError as reason:
         raise error("CS0101", f"is not YAML: {reason}", file=name) from reason
     except RecursionError as reason:

@@ -184,7 +184,7 @@ def read_robot(file: str | Path, *, geometry: bool = True) -> RobotModel:
     described = read_yaml(file, RobotFile)
     if geometry and described.joints is None:
         raise error("CS0105", "has no joints; only joint deflection logs can be judged without the arm's geometry",
-                    described=str(file), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
+                    file=str(file), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
     coupling = np.eye(6)
     window = None
     if described.coupling is not None:
