@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from compensator.correction.correct import correct
     from compensator.correction.files import Inputs, Outputs, correct_files
+    from compensator.correction.offsets import deviation_csv, offsets_csv
     from compensator.correction.predict import predict
     from compensator.correction.settings import Settings
     from compensator.forces.log import read_force_log
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
 _FILES = {
     "compensator.correction.correct": ("correct",),
     "compensator.correction.files": ("Inputs", "Outputs", "correct_files"),
+    "compensator.correction.offsets": ("deviation_csv", "offsets_csv"),
     "compensator.correction.predict": ("predict",),
     "compensator.correction.settings": ("Settings",),
     "compensator.forces.log": ("read_force_log",),
@@ -89,10 +91,11 @@ _FILES = {
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
     "Address", "CompstiffError", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
-    "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "diagnose",
-    "diagnose_joint_logs", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "milling_poses", "paired",
-    "post_files", "predict", "push", "read_cell", "read_force_log", "read_measurements", "read_motion_log",
-    "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "verify", "watch_folder", "write",
+    "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "deviation_csv",
+    "diagnose", "diagnose_joint_logs", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "milling_poses",
+    "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_measurements",
+    "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "verify",
+    "watch_folder", "write",
 ]
 
 

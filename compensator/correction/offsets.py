@@ -18,6 +18,13 @@ def offsets_csv(corrected: Corrected) -> bytes:
 
     One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
     which a target may have intermediate ones beside it and so a narrower share of the log.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> settings = compstiff.Settings.of(tare=((0, 2),))
+    >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", settings)
+    >>> compstiff.offsets_csv(compstiff.correct(predicted)).count(b"\\n")
+    3587
     """
     targets = corrected.correction.targets
     count = len(corrected.predicted.path.toolpath)
@@ -29,7 +36,15 @@ def offsets_csv(corrected: Corrected) -> bytes:
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
-    """The same rows without a correction: what `predict` writes."""
+    """The same rows without a correction: what `predict` writes.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> settings = compstiff.Settings.of(tare=((0, 2),))
+    >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", settings)
+    >>> compstiff.deviation_csv(predicted).split(b",")[:3]
+    [b'target', b'line', b'x_mm']
+    """
     return _csv(predicted, {})
 
 

@@ -34,7 +34,6 @@ def identify(
     CELL is cell.yaml, MEASUREMENTS a CSV or Parquet file with joint angles, forces and deflections, or a joint deflection
     log.
     """
-
     from identification.motion.log_file import is_motion_log
 
     if is_motion_log(measurements_file):

@@ -30,9 +30,8 @@ def predict(
     target.
     """
     from compensator.correction.files import predict_files
-    from compensator.correction.offsets import deviation_csv
     from compensator.posting.read_toolpath import rapid_suffix
-    from compstiff import Inputs
+    from compstiff import Inputs, deviation_csv
     from identification.common.files import check_distinct, check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
