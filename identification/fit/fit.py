@@ -13,7 +13,7 @@ from identification.common.findings import Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import residual_std
+from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
@@ -138,9 +138,12 @@ def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
         "noise_scale": components.sensor,
         "noise": {
             "sensor_scale": components.sensor, "sensor_log_std": float(fitted.components_log_std[0]),
-            "force_relative_scale": components.force, "force_stated": noise.stated[1], "force_told_apart": noise.separable[1],
-            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[2],
-            "pose_offset_told_apart": noise.separable[2],
+            "force_stated": any(noise.stated[FORCE:OFFSET]),
+            "force_relative_scale": components.force, "force_relative_stated": noise.stated[FORCE],
+            "force_absolute_scale": components.absolute, "force_absolute_stated": noise.stated[ABSOLUTE],
+            "force_told_apart": noise.told_apart[0], "setup_relative": USUAL_SETUP * components.setup, "memory": components.rho,
+            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[OFFSET],
+            "pose_offset_told_apart": noise.told_apart[1],
             "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
         },
         "prior": {"kind": prior.kind, "gamma": prior.gamma} if prior.kind == "gaussian" else {"kind": prior.kind},
