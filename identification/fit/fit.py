@@ -13,7 +13,7 @@ from identification.common.findings import Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, USUAL_SETUP, residual_std
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
@@ -161,7 +161,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_light_rows(fitted)]
+    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -208,6 +208,21 @@ def _larger_noise(fitted: Posterior) -> list[Finding]:
                     "intervals use the estimated noise", file=fitted.data.rows.source,
                     hint="state the noise in cell.yaml if it is known; otherwise see which pose or axis stands out in the "
                     "report")]
+
+
+def _not_independent(fitted: Posterior) -> list[Finding]:
+    """What the rows of a visit share beyond its re-seating (CS1040, CS1041)."""
+    source, components, active = fitted.data.rows.source, fitted.components, fitted.at_map.noise.active
+    findings = []
+    if active[MEMORY]:
+        findings.append(Finding("CS1040", "note", "neighbouring readings of a visit are alike beyond what they share "
+                                f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
+                                file=source, hint="wait longer between readings, or take more poses"))
+    if active[SETUP]:
+        findings.append(Finding("CS1041", "note", "the forces of one visit are stretched and turned against those of the next, "
+                                f"by {100 * USUAL_SETUP * components.setup:.2g} % of the load", file=source,
+                                hint="align the loading device anew at each pose with a level or a square"))
+    return findings
 
 
 def _light_rows(fitted: Posterior) -> list[Finding]:

@@ -32,11 +32,9 @@ class NoiseGram:
     def _some(self, values: Array) -> tuple[Array, Array]:
         model, columns, q = self._model, self._columns, self._count
         precision, log_determinant = model.own(values, self._row_weight)                                # (S, b, 3 B, 3 B)
-        if columns.shape[1] == 3:
-            # Three products are far quicker than many small matrices.
-            weighted = sum(precision[..., axis, None] * columns[:, None, axis] for axis in range(3))
-        else:
-            weighted = precision @ columns
+        # Many small matrices are quicker at once than one by one.
+        small = columns.shape[1] == 3
+        weighted = np.einsum("sbij,bjk->sbik", precision, columns) if small else precision @ columns
         flat = weighted.reshape(len(values), -1, columns.shape[2])
         gram = columns.reshape(-1, columns.shape[2])[:, :q].T @ flat[:, :, :q]
         if columns.shape[2] == q or not model.loading.any():
@@ -56,4 +54,4 @@ def _inverse(matrix: Array) -> tuple[Array, Array]:
     if matrix.shape[-1] == 3:
         inverse, determinant = inverse_of_three(matrix)
         return inverse, np.log(determinant)
-    return np.linalg.inv(matrix), np.linalg.slogdet(matrix)[1]
+    return np.asarray(np.linalg.inv(matrix), dtype=float), np.asarray(np.linalg.slogdet(matrix)[1], dtype=float)

@@ -10,8 +10,8 @@ The covariance of the deflections of the rows of one pose visit (docs/effects.md
     offset     o^2 O                     re-seating, one draw a visit
 
 s, f, a, v, o and rho are estimated by restricted maximum likelihood (the stiffnesses integrated out), v and rho only where the
-rows ask for them (posterior.py). w_n is the row's weight in a Student likelihood whose degrees of freedom are estimated too: 1 for
-ordinary rows, small for gross errors.
+rows ask for them (variance_components.py). w_n is the row's weight in a Student likelihood whose degrees of freedom are
+estimated too: 1 for ordinary rows, small for gross errors.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ DEGREES = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 
 @dataclass(frozen=True)
 class VarianceComponents:
-    """Square roots of the variance components of the parts, as multiples of what is stated of each (of what is usual where nothing
-    is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom."""
+    """Square roots of the variance components of the parts, as multiples of what is stated of each (of what is usual where
+    nothing is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom."""
 
     sensor: float = 1.0
     force: float = 1.0
@@ -81,7 +81,7 @@ class VarianceComponents:
 
     def with_logs(self, logs: Array) -> VarianceComponents:
         """The same degrees of freedom with other multiples (6,)."""
-        return VarianceComponents(*(float(value) for value in np.exp(logs)), degrees=self.degrees)
+        return VarianceComponents(*map(float, np.exp(logs)), self.degrees)
 
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
@@ -98,10 +98,10 @@ def memory_of(multiple: Array) -> Array:
 class NoiseModel:
     """The noise of n rows in units of each component's sensor sigma.
 
-    rotation (n, 3, 3): S^-1/2, zero where a component was not measured. force, absolute (n, 3, 3): roots of the two parts of the
-    force error in these units. setups (n, 3, 9): what one visit's forces do to its rows. measured (n, 3). visit (n,): pose visit,
-    from 0. offset (3,): stated standard deviation of the re-seating offset [m]. stated (6,): which of PARTS the cell file states.
-    active (6,): which of PARTS there are.
+    rotation (n, 3, 3): S^-1/2, zero where a component was not measured. force, absolute (n, 3, 3): roots of the two parts of
+    the force error in these units. setups (n, 3, 9): what one visit's forces do to its rows. measured (n, 3). visit (n,): pose
+    visit, from 0. offset (3,): stated standard deviation of the re-seating offset [m]. stated (6,): which of PARTS the cell
+    file states. active (6,): which of PARTS there are.
     """
 
     rotation: Array
@@ -196,7 +196,7 @@ class NoiseModel:
             weight = row_weight[rows[:, 0]]
             missing = 3 - measured.sum(axis=(1, 2))
             log_determinant = np.log(determinant) - missing * np.log(sensor) - (3 - missing) * np.log(weight)
-            return precision * weight[:, None, None], log_determinant.sum(axis=1)
+            return np.asarray(precision * weight[:, None, None]), log_determinant.sum(axis=1)
         apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
         alike = (memory_of(values[:, MEMORY])[:, None, None] ** apart)[:, None, :, :, None] * (
             measured[:, :, None, :] & measured[:, None, :, :])
@@ -208,7 +208,8 @@ class NoiseModel:
         covariance[:, :, index, :, index, :] += np.moveaxis(parts, 2, 0)
         weight = np.repeat(np.sqrt(np.where(rows >= 0, row_weight[rows], 1.0)), 3, axis=1)
         root = np.linalg.cholesky(covariance.reshape(count, blocks, 3 * size, 3 * size))
-        precision = np.linalg.inv(covariance.reshape(root.shape)) * (weight[:, :, None] * weight[:, None, :])
+        inverse: Array = np.asarray(np.linalg.inv(covariance.reshape(root.shape)), dtype=float)
+        precision = inverse * (weight[:, :, None] * weight[:, None, :])
         log_determinant = 2 * np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=(1, 2))
         seen = measured.reshape(blocks, -1)
         log_determinant -= np.log(sensor[:, 0]) * (~seen).sum() + 2 * np.log(weight[seen]).sum()
@@ -224,7 +225,7 @@ class NoiseModel:
         # Woodbury, so written that a part of no size stays finite: (I + L^T P L)^-1.
         inner = np.eye(loading.shape[2]) + total
         log_total = float(log_determinant[0] + np.sum(np.linalg.slogdet(inner)[1]))
-        return Weights(self, components, precision[0], loading, np.linalg.inv(inner), log_total)
+        return Weights(self, components, precision[0], loading, np.asarray(np.linalg.inv(inner), dtype=float), log_total)
 
     def draw(self, values: Array, row_weight: Array, rng: np.random.Generator) -> Array:
         """Noise (n, 3, S) of these rows, one draw for each of the multiples (S, 6)."""
@@ -247,7 +248,7 @@ class NoiseModel:
 @dataclass(frozen=True, eq=False)
 class Weights:
     """Sigma^-1: of each block its own precision (b, 3 B, 3 B), less what each visit shares: loading (b, 3 B, r) and
-    inner (visits, r, r). log_determinant: of Sigma, without the constant of the coordinates."""
+    shared_inverse (visits, r, r). log_determinant: of Sigma, without the constant of the coordinates."""
 
     model: NoiseModel
     components: VarianceComponents
@@ -335,18 +336,20 @@ def sensor_sigma(data: LoadTest) -> Array:
 def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array) -> Array:
     """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts."""
     noise, values = noise_model(data, compliance), components.values**2
-    own = values[SENSOR] + values[FORCE] * np.sum(noise.force**2, axis=2) + values[ABSOLUTE] * np.sum(noise.absolute**2, axis=2)
+    own = values[SENSOR] + sum(values[part] * np.sum(root**2, axis=2) for part, root in (
+        (FORCE, noise.force), (ABSOLUTE, noise.absolute)))
     # A Student distribution's variance is more than its scale squared.
     heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
-    shared = values[SETUP] * np.sum(noise.setups**2, axis=2) + values[OFFSET] * np.sum((noise.rotation * noise.offset)**2, axis=2)
+    shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
+        (SETUP, noise.setups), (OFFSET, noise.rotation * noise.offset)))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))
 
 
 def distances(
     model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
 ) -> tuple[Array, NDArray[np.int_]]:
-    """Squared distance (n,) of each row's residual (n, 3), what its visit shares taken out, in its own noise, and its components'
-    count."""
+    """Squared distance (n,) of each row's residual (n, 3), what its visit shares taken out, in its own noise, and the count of
+    its components."""
     own = np.where(model.measured, residual - weights.shared(residual), 0.0)
     alone = replace(model, active=(*model.active[:MEMORY], False))
     precision = np.empty((len(own), 3, 3))

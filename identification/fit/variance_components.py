@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import LARGEST_LOG, MEMORY, REMEMBERED, SETUP, NoiseModel, VarianceComponents
+from identification.fit.noise import LARGEST_LOG, MEMORY, PARTS, REMEMBERED, SETUP, NoiseModel, VarianceComponents
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]
@@ -104,12 +104,14 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
         if tried[best] < value + ENOUGH:
             break
         logs, value = trials[best], float(tried[best])
-    return components.with_logs(logs)
+    fitted = components.with_logs(logs)
+    return replace(fitted, **{PARTS[part]: getattr(components, PARTS[part]) for part in np.flatnonzero(~np.array(
+        posterior.noise.active))})
 
 
 def asked_for(at: Linearised, components: VarianceComponents) -> tuple[int, ...]:
-    """The parts that the rows ask for beyond the usual ones: set-ups, where visits have several loaded rows, and a memory, where
-    visits have several rows."""
+    """The parts that the rows ask for beyond the usual ones: set-ups, where visits have several loaded rows, and a memory,
+    where visits have several rows."""
     noise = at.noise
     loaded = np.bincount(noise.visit, np.any(noise.setups != 0, axis=(1, 2)))
     rows = np.bincount(noise.visit)

@@ -220,7 +220,8 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
             pose_offset=1e-6 * np.array(measurement.pose_offset_std_um),
             deflection_stated="deflection_std_um" in stated,
             force_stated="force_std_n" in stated or ("force_relative_std" in stated and measurement.force_relative_std == 0),
-            force_relative_stated="force_relative_std" in stated or ("force_std_n" in stated and not any(measurement.force_std_n)),
+            force_relative_stated="force_relative_std" in stated or (
+                "force_std_n" in stated and not any(measurement.force_std_n)),
             offset_stated="pose_offset_std_um" in stated,
         ),
         prior=prior,

@@ -42,8 +42,8 @@ def cell_yaml(case: Case) -> str:
     three = "[{0:g}, {0:g}, {0:g}]"
     stated = [f"  {key}: {form.format(value)}" for key, form, value in (
         ("deflection_std_um", three, noise.stated_sensor_um), ("force_std_n", three, noise.stated_force_n),
-        ("force_relative_std", "{0:g}", noise.stated_force_relative), ("pose_offset_std_um", three, noise.stated_pose_offset_um),
-    ) if value is not None]
+        ("force_relative_std", "{0:g}", noise.stated_force_relative),
+        ("pose_offset_std_um", three, noise.stated_pose_offset_um)) if value is not None]
     return "\n".join([
         "# A virtual cell (tests/virtual_cell): simulated, all values made up for tests.", "robot: robot.yaml", "tool:",
         f"  position_mm: {_numbers(1e3 * np.array(tool.tcp))}", "  quaternion: [1, 0, 0, 0]", f"  mass_kg: {tool.mass:g}",

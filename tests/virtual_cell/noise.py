@@ -16,8 +16,8 @@ class Noise:
     sensor_um: one reading of one laser; degrees_of_freedom: of its Student t, None for a Gaussian; force_relative and force_n:
     each component of the real force against the force cell's, loaded rows only; pose_offset_um: re-seating, one draw a pose and
     component, Student too with offset_degrees; quantum_um: the reading's last digit (0: none). setup_relative: of each pose,
-    how far its forces are stretched and turned, one 3 x 3 matrix of such numbers a pose. memory: how alike neighbouring readings
-    of a pose are (AR(1)). stated_*: what the file says, None where it is silent.
+    how far its forces are stretched and turned, one 3 x 3 matrix of such numbers a pose. memory: how alike neighbouring
+    readings of a pose are (AR(1)). stated_*: what the file says, None where it is silent.
     """
 
     sensor_um: float = 0.0
@@ -40,10 +40,10 @@ STRATA = ("sheet", "unstated force", "worse", "heavy tails", "wandering", "coars
 
 
 def draw_noise(kind: str, rng: np.random.Generator) -> Noise:
-    """The noise of a case: "realistic", "white" (5 um, exactly stated), "none", or one of STRATA: as the sheet says; an absolute
-    force error of which the file says nothing; a sensor and a force cell worse than their sheets; heavy tails of readings and
-    re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at each pose; a file that
-    says nothing of noise."""
+    """The noise of a case: "realistic", "white" (5 um, exactly stated), "none", or one of STRATA: as the sheet says; an
+    absolute force error of which the file says nothing; a sensor and a force cell worse than their sheets; heavy tails of
+    readings and re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at each
+    pose; a file that says nothing of noise."""
     if kind == "none":
         return Noise()
     if kind == "white":
