@@ -7,7 +7,7 @@ load going straight from row to row of a visit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,12 +21,11 @@ SUBSTEPS = 2        # of the way from row to row, for laws with a memory
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows that come to rest together: q (n, 6) [rad]; time, dwell, pause since the reading before (n,) [s]; visit (n,)."""
+    """Rows that come to rest together: q (n, 6) [rad]; time, dwell (n,) [s]; visit (n,)."""
 
     q: np.ndarray
     time: np.ndarray
     dwell: np.ndarray
-    pause: np.ndarray
     visit: np.ndarray
 
 
@@ -41,11 +40,14 @@ class Law:
     def pull(self, x: np.ndarray, rows: Rows) -> tuple[np.ndarray, np.ndarray]:
         raise NotImplementedError
 
+    def reset(self) -> None:
+        """Nothing is remembered."""
+
     def begin(self, x: np.ndarray, rows: Rows) -> None:
         """The visits begin, at rest without load in x."""
 
-    def settle(self, x: np.ndarray, rows: Rows, reached: bool) -> None:
-        """The visits have come to rest in x; reached: under the load of a row, not on the way to it."""
+    def settle(self, x: np.ndarray, rows: Rows) -> None:
+        """The visits have come to rest in x."""
 
 
 @dataclass
@@ -91,6 +93,10 @@ class Arm:
         self.elements += [Element(place, screw, np.zeros(6), {k: 1.0}) for screw, k in zip(screws, new, strict=True)]
         return new
 
+    def hinge_of(self, joint: int) -> Element:
+        """The hinge of a joint (1-based)."""
+        return next(element for element in self.elements if element.place == joint)
+
     def in_series(self, joint: int) -> int:
         """A further coordinate that turns what the gear of a joint (1-based) turns."""
         (new,) = self.coordinates(np.zeros((1, 1)))
@@ -124,19 +130,17 @@ class Arm:
             u, now = at_rest(screws, rows.q @ drive.T, give, springs, loads, start)
             return u, now.point(last, tcp)
 
-        shape = (plan.visits, -1)
-        clock, count = plan.time.reshape(shape), len(plan.q) // plan.visits
-        pause = np.diff(clock, axis=1, prepend=clock[:, :1] - 60.0).reshape(-1)
-        everything = Rows(plan.q, plan.time, plan.dwell, pause, plan.visit)
-
         def rows_of(which: np.ndarray) -> Rows:
-            return Rows(*(getattr(everything, name)[which] for name in ("q", "time", "dwell", "pause", "visit")))
+            return Rows(plan.q[which], plan.time[which], plan.dwell[which], plan.visit[which])
 
+        count = len(plan.q) // plan.visits
         first = np.arange(plan.visits) * count
         rows = rows_of(first)
+        for law in self.laws:
+            law.reset()
         rest, before = solve(rows, np.zeros((plan.visits, 3)), np.zeros((plan.visits, size)))
         if not any(law.memory for law in self.laws):
-            _, after = solve(everything, force, np.repeat(rest, count, axis=0))
+            _, after = solve(rows_of(np.arange(len(force))), force, np.repeat(rest, count, axis=0))
             return after - np.repeat(before, count, axis=0)
         for law in self.laws:
             law.begin(rest[:, law.at], rows)
@@ -144,8 +148,9 @@ class Arm:
         for k in range(count):
             rows, target = rows_of(first + k), force[first + k]
             for way in range(1, SUBSTEPS + 1):
-                u, after = solve(rows, load + (target - load) * way / SUBSTEPS, u)
+                passing = rows if way == SUBSTEPS else replace(rows, dwell=np.zeros(plan.visits))
+                u, after = solve(passing, load + (target - load) * way / SUBSTEPS, u)
                 for law in self.laws:
-                    law.settle(u[:, law.at], rows, way == SUBSTEPS)
+                    law.settle(u[:, law.at], passing)
             load, moved[first + k] = target, after - before
         return moved

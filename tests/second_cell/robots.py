@@ -26,9 +26,11 @@ ELBOW = (-55.0, 55.0)
 @dataclass(frozen=True)
 class Robot:
     """screws (6, 6) at home; drive (6, 6): angles of the axes by the drives'; joints (3, 3), flange (3,) [m]: where shoulder,
-    elbow, wrist and flange are at home; stiffness (6,) [N m/rad]: published, about which the truth is drawn."""
+    elbow, wrist and flange are at home; stiffness (6,) [N m/rad]: published, about which the truth is drawn; text: of the
+    built-in file."""
 
     name: str
+    text: str
     screws: np.ndarray
     drive: np.ndarray
     joints: np.ndarray
@@ -65,7 +67,8 @@ class Robot:
 @cache
 def robot(name: str) -> Robot:
     """One of the built-in robots' lengths as this cell's arm."""
-    content = yaml.safe_load((FILES / f"{name}.yaml").read_text(encoding="utf-8"))
+    text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
+    content = yaml.safe_load(text)
     lengths = {f"{key}{i}": joint[f"{key}_mm"] / 1e3 for i, joint in enumerate(content["joints"], 1) for key in "ad"}
     shoulder = np.array([lengths["a2"], 0, lengths["d1"]])
     elbow = shoulder + lengths["a3"] * Z
@@ -74,7 +77,7 @@ def robot(name: str) -> Robot:
                        hinge(X, wrist)])
     drive = np.eye(6)
     drive[2, 1] = -1.0 if "coupling" in content else 0.0
-    return Robot(name, screws, drive, np.array([shoulder, elbow, wrist]), wrist + lengths["d6"] * X,
+    return Robot(name, text, screws, drive, np.array([shoulder, elbow, wrist]), wrist + lengths["d6"] * X,
                  np.array(content["prior"]["stiffness_nm_per_rad"], dtype=float))
 
 
