@@ -85,7 +85,7 @@ def backlash(world: World, joint: int, factor: float, rng: np.random.Generator) 
     """A gap in series with the gear; friction holds the teeth where they were last, anywhere in the middle half of it."""
     gap = factor * 4.6e-5
     at = world.arm.in_series(joint)
-    world.arm.laws += [Play(at, gap, 20 * world.arm.stiffness[joint - 1], rng.uniform(-0.5, 0.5, 99)),
+    world.arm.laws += [Play(at, gap, 100 * world.arm.stiffness[joint - 1], rng.uniform(-0.5, 0.5, 99)),
                        BoucWen(at, 3.0 * SMALLER[joint - 1], gap / 4)]
 
 
@@ -345,7 +345,7 @@ def transmission_error(world: World, joint: int, factor: float, rng: np.random.G
 @effect("encoder_zero", ALL, outside=True)
 def encoder_zero(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     """A joint's zero moves once between two visits."""
-    moved = world.plan.visit >= rng.integers(world.plan.visits // 4, world.plan.visits * 3 // 4)
+    moved = world.plan.visit >= rng.uniform(0.25, 0.75) * world.plan.visits
     world.reading.append(lambda seen: seen + world.across_tcp(joint, 2e-5 * factor * moved))
 
 
