@@ -5,6 +5,8 @@ The noise-free signal in standard deviations of the true noise, once the six spr
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.second_cell.cell import Case
@@ -17,10 +19,8 @@ def signal(case: Case) -> float:
     """Length of the signal [sigma] that is left with the springs free."""
     plan, noise = case.plan, case.noise
     plain = 1e6 * case.plain_arm().displacement(plan, plan.load)
-    columns = [case.seen_um - plain]
-    if not np.array_equal(case.world.table_q, plan.q):      # written down wrongly: what the written pose would give
-        columns = [plain - 1e6 * case.plain_arm().displacement(type(plan)(case.world.table_q, *list(vars(plan).values())[1:]),
-                                                               plan.load)]
+    written = 1e6 * case.plain_arm().displacement(replace(plan, q=case.world.table_q), plan.load)
+    columns = [case.seen_um - written]
     for i in range(6):
         softer = case.stiffness * np.exp(-STEP * np.eye(6)[i])
         columns.append((1e6 * case.plain_arm(softer).displacement(plan, plan.load) - plain) / STEP)
