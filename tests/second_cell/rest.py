@@ -3,7 +3,7 @@
     E(u) = springs(u) - sum_j f_j . p_j(s),   s = given + give u
 
 u are the elastic coordinates; f_j keep their direction in the base frame however far the point p_j moves. Newton's method with
-the exact second derivative, all rows at once, each row's step halved until its gradient gets smaller.
+the exact second derivative, all rows at once; along its step each row goes on to where the energy has stopped falling.
 """
 
 from __future__ import annotations
@@ -49,13 +49,15 @@ def at_rest(screws: np.ndarray, given: np.ndarray, give: np.ndarray, springs: Sp
         step = -np.linalg.solve(stiffness, pull[:, :, None])[:, :, 0]
         if np.abs(step).max() < TOLERANCE:
             return u, now
-        yielding = 1 / np.einsum("nii->ni", stiffness)
-        before, share = np.sum(yielding * pull**2, axis=1), np.ones(len(u))
-        for _ in range(12):
+        falling, coarse = np.abs(np.sum(pull * step, axis=1)), np.abs(step).max(axis=1) > 100 * TOLERANCE
+        low, high, share = np.zeros(len(u)), np.ones(len(u)), np.ones(len(u))
+        for _ in range(50):
             pull, stiffness, now = gradient(u + share[:, None] * step)
-            worse = (np.sum(yielding * pull**2, axis=1) > before) & (np.abs(step).max(axis=1) > TOLERANCE)
-            if not worse.any():
+            rising = np.sum(pull * step, axis=1)
+            far, short = coarse & (rising > falling / 2), coarse & (rising < -falling / 2) & (share < 1)
+            if not (far | short).any():
                 break
-            share = np.where(worse, share / 2, share)
+            high, low = np.where(far, share, high), np.where(short, share, low)
+            share = np.where(far | short, (low + high) / 2, share)
         u = u + share[:, None] * step
     raise ArithmeticError(f"not at rest: the last step was {np.abs(step).max():.1e}")
