@@ -3,10 +3,17 @@ out."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from benchmarks.independent_twin import at_fresh_poses, diagnosed
-from identification.diagnosis.diagnose import Diagnosis
+from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.stiffness_file import read_stiffness
 from tests.runs.hidden_effects.judge import answer, judge, truth_names
 from tests.second_cell.cell import Case, Hidden, simulate
 from tests.second_cell.detectable import CLEAR, signal
@@ -39,3 +46,19 @@ def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
                                                        (7712, "single", "tails")])
 def test_noise_alone_gets_no_name(seed: int, plan: str, stratum: str) -> None:
     assert diagnosed(simulate(seed, plan, stratum, weight="unknown")).judgement.verdict != "named"
+
+
+def test_the_model_in_memory_is_the_one_of_the_file(tmp_path: Path) -> None:
+    """A script that goes on with the diagnosis' model meets the weight that the file's reader takes from the cell: gaps in
+    force lie where gravity leaves them."""
+    case = simulate(7713, "single", "sheet", weight="known")
+    cell_file, table = case.write(tmp_path)
+    cell = read_cell(cell_file)
+    model = diagnose(cell, read_measurements(table, cell.robot)).extended()
+    written = tmp_path / "extended.json"
+    written.write_text(json.dumps(model.as_dict()), encoding="utf-8")
+    read = read_stiffness(written, cell)
+    assert model.tool_mass == read.tool_mass == 70.0
+    assert model.tool_centre is not None
+    np.testing.assert_allclose(model.tool_centre, [0, 0, case.tool[2] / 2], atol=1e-6)
+    np.testing.assert_array_equal(model.fall, read.fall)
