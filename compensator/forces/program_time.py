@@ -46,6 +46,12 @@ class ProgramTime:
         return float(self.time[-1] - self.time[0])
 
     @cached_property
+    def speed(self) -> Array:
+        """Mean speed (N,) [m/s] of the move to each target; 0 where that takes no time."""
+        step, duration = np.diff(self.length, prepend=self.length[:1]), np.diff(self.time, prepend=self.time[:1])
+        return np.asarray(np.where(duration > 0, step / np.maximum(duration, 1e-9), 0.0))
+
+    @cached_property
     def stretches(self) -> list[tuple[int, int]]:
         """Stretches of moves that may cut: the target before the first of them, and the last one."""
         cuts = ~self.air
