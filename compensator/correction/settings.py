@@ -33,7 +33,7 @@ class CorrectionSettings:
     compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
     for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
     tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
-    axis would lower the deviation."""
+    axis would lower the deviation. correct_again: also a program that a record names as the output of a correction."""
 
     confidence: float = 0.69
     slope: float | None = None
@@ -46,6 +46,7 @@ class CorrectionSettings:
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False
+    correct_again: bool = False
 
 
 @dataclass(frozen=True)

@@ -157,6 +157,11 @@ def _others(scan: Scan, places: Places) -> list[Finding]:
                       "are neither counted nor corrected", at, "cut with MoveL, MoveC or MoveJ if they are to be corrected")
         for name, at in offsets.items()
     ]
+    if len(scan.modules) > 1:
+        findings.append(places.offset(
+            "CS2051", "warning", f"the file holds {len(scan.modules)} modules: their targets are counted one module after the "
+            "other, and their tools and work objects are all used", scan.modules[1:2],
+            "a controller loads one module a file: save each as a file of its own, with its own force log"))
     if scan.stray >= 0:
         findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
                                       "and was skipped", [scan.stray], "check that the file is complete"))

@@ -32,12 +32,11 @@ def predict(
     from compensator.correction.files import predict_files
     from compensator.posting.read_toolpath import rapid_suffix
     from compstiff import Inputs, deviation_csv
-    from identification.common.files import check_distinct, check_writable, write_whole
+    from identification.common.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
     outputs = [output, *([report] if report else [])]
-    check_distinct(inputs.files(), outputs)
     check_writable(outputs, overwrite=session.overwrite)
     predicted = predict_files(inputs, settings)
     files = {output: deviation_csv(predicted)}
