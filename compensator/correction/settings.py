@@ -97,15 +97,14 @@ class Settings:
         """JSON values, files by their name."""
         return {name: value.name if isinstance(value, Path) else value for name, value in self.values().items()}
 
-    def as_options(self) -> str:
-        """What `correct` needs to read the log and the stiffness as here, as on the command line."""
+    def as_options(self) -> list[str]:
+        """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
         log, scale = self.log, self.correction.scale
-        options = [f"--tare {first}:{last}" for first, last in log.tare]
-        options += [f"--log-format {log.log_format}"] if log.log_format else []
-        options += [f"--spindle-rpm {log.spindle_rpm:g}"] if log.spindle_rpm else []
-        if scale != EXACTLY_ONE:
-            options.append(f"--scale {scale.value:g}" + (f":{scale.std:g}" if scale.std else ""))
-        return "".join(f" {option}" for option in options)
+        options = [word for first, last in log.tare for word in ("--tare", f"{first}:{last}")]
+        options += ["--log-format", log.log_format] if log.log_format else []
+        options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
+        options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        return options
 
 
 DEFAULTS = Settings()

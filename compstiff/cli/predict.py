@@ -9,7 +9,7 @@ import click
 from compensator.correction.settings import Settings
 from compstiff.cli.console import WRITABLE, command
 from compstiff.cli.options import CELL, FORCES, LOG_OPTIONS, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 @command("predict", writes=True)
@@ -46,5 +46,6 @@ def predict(
         files[report] = page_of(predicted).encode()
     write_whole(files)
     return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
-                   next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
-                   f"{forces_file}{settings.as_options()} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")
+                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
+                                  *settings.as_options(), "-o",
+                                  f"{toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}"))
