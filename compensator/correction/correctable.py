@@ -82,8 +82,8 @@ def _nowhere_declared(path: RobotPath, targets: Indices) -> list[Finding]:
         if len(which) and item.position is None and not item.problem and not path.cell.object_stated:
             finding = path.finding(
                 int(which[0]), "CS4104", "error", f"a move with force is in work object {item.name}, which neither this "
-                "program nor cell.yaml declares", "declare it with its numbers in this module, or state workobject in cell.yaml;"
-                " where it is the world, say so: workobject: {position_mm: [0, 0, 0]}")
+                "program nor cell.yaml declares", "declare it with its numbers in this module, or state workobject in "
+                "cell.yaml; where it is the world, say so: workobject: {position_mm: [0, 0, 0]}")
             problems.append(replace(finding, count=len(which)))
     return problems
 

@@ -18,6 +18,7 @@ import pytest
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import F0, Path3, line
 from tests.runs.command_line.user_files import Job
+from tests.support import cpu_seconds, started
 
 
 def by_target(forces: dict[int, np.ndarray]) -> str:
@@ -272,37 +273,31 @@ def big(tmp_path: Path, count: int = 6000) -> Job:
 
 def test_killed_while_it_runs(tmp_path: Path) -> None:
     job = big(tmp_path)
-    started = time.monotonic()
+    began = time.monotonic()
     whole = kit.spawn(*job.arguments())
-    took = time.monotonic() - started
+    took = time.monotonic() - began
     assert whole.code == 0, whole
     good = {name: (tmp_path / name).read_bytes() for name in ("out.mod", "offsets.csv", "out.mod.json")}
     for share in (0.7, 0.85, 0.95):
         for name in good:
             (tmp_path / name).write_bytes(b"old")
-        process = subprocess.Popen(
-            [sys.executable, "-m", "compstiff", *map(str, job.arguments("--force"))],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        time.sleep(share * took)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        with started(sys.executable, "-m", "compstiff", *job.arguments("--force"), stdout=subprocess.DEVNULL,
+                     stderr=subprocess.DEVNULL) as process:
+            time.sleep(share * took)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
         for name, text in good.items():
             assert (tmp_path / name).read_bytes() in (b"old", text), name
 
 
 def test_ctrl_c(tmp_path: Path) -> None:
     job = big(tmp_path)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "compstiff", *map(str, job.arguments())],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-    time.sleep(0.8)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    with started(sys.executable, "-m", "compstiff", *job.arguments(), stdout=subprocess.PIPE,
+                 stderr=subprocess.PIPE) as process:
+        while process.poll() is None and cpu_seconds(process) < 0.8:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
     if process.returncode != 0:
         assert process.returncode == 130
         assert b"Traceback" not in err
