@@ -14,7 +14,7 @@ from compensator.rapid.scan import Scan
 from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
-from compensator.toolpath import Array, ToolFrame, WorkObject
+from compensator.toolpath import Array, Move, ToolFrame, WorkObject
 from identification.common.findings import Finding, Level
 
 Mask = NDArray[np.bool_]
@@ -54,6 +54,7 @@ def report(
     findings += _shifted(scan, tails, places, displaced, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
     findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
+    findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
     findings += _others(scan, places)
     return block, tuple(findings)
@@ -126,6 +127,19 @@ def _frames(
             findings.append(places.targets(unknown, "note", f"{what} {frame.name} is not declared with numbers in this file",
                                            which, _CELL))
     return findings
+
+
+def _forgotten_object(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
+    """Moves that name no work object, in a program that declares one no move uses."""
+    without = np.array([tail.workobject is None for tail in scan.tails] or [False])[tails.tail]
+    poses = np.flatnonzero(without & (np.frombuffer(bytes(scan.move), dtype=np.uint8) != Move.ABSOLUTE))
+    used = {frame.name.lower() for frame in tails.workobjects}
+    idle = [item for item in scan.names.declarations if item.type == "wobjdata" and item.storage != "parameter"
+            and item.name not in used]
+    if not len(poses) or not idle:
+        return []
+    text = f"moves without \\WObj stand in wobj0, the world; no move uses {idle[0].name}, which the program declares"
+    return [places.targets("CS2052", "warning", text, poses.tolist(), "add \\WObj to the moves if it is meant")]
 
 
 def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
