@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 @command("diagnose", writes=True)
@@ -67,8 +67,8 @@ def diagnose(
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
-    following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
-                 "-o PART_corrected.mod") if extended else ""
+    following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
+                     "PART_corrected.mod") if extended else ""
     return Outcome(content, diagnosis.findings, diagnosis.lines(), next_step=following or _next_after(
         diagnosis.verdict, cell_file, measurements_file, output))
 
@@ -96,7 +96,7 @@ def _diagnose_log(
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
     return Outcome(content, diagnosis.findings, diagnosis.lines(),
-                   next_step=f"compstiff identify {cell_file} {log_file} -o stiffness.json")
+                   next_step=call("identify", cell_file, log_file, "-o", "stiffness.json"))
 
 
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
@@ -113,16 +113,16 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     if output:
         write_whole({output: json_bytes(content)})
     return Outcome(content, outlook.findings, outlook.lines(),
-                   next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
+                   next_step=f"measure it, then {call('diagnose', cell_file, plan, '-o', 'diagnosis.json')}")
 
 
 def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
     """What a user would do after this verdict."""
     if verdict == "named":
-        return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
+        return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
     if verdict == "adequate":
-        return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+        return call("identify", cell_file, measurements_file, "-o", "stiffness.json")
     if verdict == "ambiguous":
-        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
-                "loads that tell them apart; measure them, add the rows, then diagnose again")
+        more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, "-o", "more.csv")
+        return f"{more}, which plans loads that tell them apart; measure them, add the rows, then diagnose again"
     return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"

@@ -166,7 +166,10 @@ class ForceLogFrame:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object."""
+    """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object.
+
+    object_stated: whether the file states its work object; else that is the world.
+    """
 
     source: Path
     robot: RobotModel
@@ -181,6 +184,7 @@ class Cell:
     modbus: ModbusFile
     tool_mass: float | None
     tool_centre: Array | None
+    object_stated: bool = True
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -231,6 +235,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         modbus=described.modbus,
         tool_mass=described.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
+        object_stated="workobject" in described.model_fields_set,
     )
 
 
