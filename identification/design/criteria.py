@@ -24,6 +24,7 @@ searched with the matrix means (trace(M^-p) / 6)^(-1/p), which tend to it from a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,18 +88,29 @@ class Criterion:
         tangent = slope / np.trace(slope) if self.kind == "E" else float(self._value(seen)) * slope
         return self._carried_back(information, tangent)
 
+    @cached_property
+    def _hidden(self) -> Array:
+        """Orthonormal basis (6, 6 - r) of what is not seen."""
+        assert self.seen is not None
+        return np.asarray(np.linalg.qr(self.seen, mode="complete")[0][:, self.seen.shape[1]:])
+
     def _of_seen(self, information: Array) -> Array:
-        """N (..., r, r)."""
+        """N (..., r, r), as the Schur complement that it is."""
         if self.seen is None:
             return information
-        return np.asarray(np.linalg.inv(self.seen.T @ np.linalg.solve(information, self.seen)))
+        return np.asarray(self.seen.T @ information @ self._across(information))
+
+    def _across(self, information: Array) -> Array:
+        """A (..., 6, r)."""
+        assert self.seen is not None
+        crossed = self._hidden.T @ information
+        return np.asarray(self.seen - self._hidden @ np.linalg.solve(crossed @ self._hidden, crossed @ self.seen))
 
     def _carried_back(self, information: Array, slope: Array) -> Array:
         """A slope A^T (6, 6) of a slope (r, r) at N."""
         if self.seen is None:
             return slope
-        across = np.linalg.solve(information, self.seen)
-        across = across @ np.linalg.inv(self.seen.T @ across)
+        across = self._across(information)
         return np.asarray(across @ slope @ across.T)
 
     @property

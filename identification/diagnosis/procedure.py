@@ -79,11 +79,13 @@ class Procedure:
         return np.random.default_rng(self.seed)
 
     def allowing_for_swing(self, judgement: Judgement) -> Judgement:
-        """The judgement; where weights swung, of the rows with that in their sigmas."""
+        """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
         swing = swing_of(judgement.extended)
         if swing is None:
             return judgement
         again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).without_bad_rows()
+        if again.verdict == "unknown":
+            return judgement
         return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
     def without_bad_rows(self) -> Judgement:

@@ -117,18 +117,19 @@ class Case:
 
 
 def simulate(
-    seed: int, design: str = "ladder12", hidden: Sequence[Hidden] = (), noise: str | Noise = "realistic", *,
+    seed: int, design: str | Design = "ladder12", hidden: Sequence[Hidden] = (), noise: str | Noise = "realistic", *,
     validation: int = 0, tool: Tool | None = None, gravity: bool = True, stiffness: np.ndarray | None = None
 ) -> Case:
     """A case, the same for the same arguments.
 
-    design: paper5, poses20, ladder12 or hung12. hidden: what to hide, in any number. noise: realistic, white, none or a Noise.
-    validation: so many further poses with three single loads of 300 N each, marked `validate`. stiffness (6,) [N m/rad]:
+    design: paper5, poses20, ladder12, hung12, or rows of one's own. hidden: what to hide, in any number.
+    noise: realistic, white, none or a Noise.
+    validation: so many further poses with loads of their own, marked `validate`. stiffness (6,) [N m/rad]:
     drawn log-normally about the prior's medians when not given. Poses, stiffness and noise do not depend on what is hidden.
     """
     streams = [np.random.default_rng([seed, i]) for i in range(5)]
     tool = tool or Tool()
-    plan = DESIGNS[design](streams[0], tool, validation)
+    plan = design if isinstance(design, Design) else DESIGNS[design](streams[0], tool, validation)
     drawn = np.array(files.PRIOR) * np.exp(LOG_STD * streams[1].standard_normal(6))
     true = drawn if stiffness is None else np.asarray(stiffness, dtype=float)
     plant = Plant(true, tool, gravity)
@@ -136,7 +137,7 @@ def simulate(
     errors = draw_noise(noise, streams[3]) if isinstance(noise, str) else noise
     quiet = errors.force_n == 0 and errors.force_relative == 0
     seen = plant.displacement(plan, None if quiet else force_errors(errors, plan, streams[4]))[1]
-    return Case(seed, design, tuple(hidden), errors, tool, gravity, true, truth, plan,
+    return Case(seed, design if isinstance(design, str) else "own", tuple(hidden), errors, tool, gravity, true, truth, plan,
                 readings(errors, plan, 1e6 * seen, streams[4]), plant)
 
 

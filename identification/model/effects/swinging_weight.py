@@ -18,8 +18,8 @@ class SwingingWeight(Effect):
     name = "swinging_weight"
     family = "load path"
     of_robot = False
-    formula_source = ("engineering judgement: a pendulum pulls along its rope; its momentum repeats with the swing, so that the "
-                      "mean force is the weight")
+    formula_source = ("engineering judgement: a pendulum pulls along its rope; its momentum repeats with the swing, so "
+                      "the mean force is the weight")
     parameters = (Parameter("angle_rad", "rad", 0.01, 0.0, 0.2,
                             source="engineering judgement: 1 sigma across, half the amplitude of a swing of 20 mm on 1 m",
                             bounds_source="engineering judgement: none, to a swing of 23 degrees, which nobody reads at"),)
