@@ -53,7 +53,7 @@ def diagnose(
     optional = [path for path in (extended, report) if path]
     check_writable([output, *optional], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    measurements = read_measurements(measurements_file, cell.robot)
+    measurements = read_measurements(measurements_file, cell)
     diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
@@ -108,7 +108,7 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     session.inputs += [cell_file, plan]
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    outlook = judge_plan(cell, read_measurements(plan, cell.robot, planned=True))
+    outlook = judge_plan(cell, read_measurements(plan, cell, planned=True))
     content = outlook.as_dict()
     if output:
         write_whole({output: json_bytes(content)})

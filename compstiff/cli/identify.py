@@ -49,7 +49,7 @@ def identify(
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    measurements = read_measurements(measurements_file, cell.robot)
+    measurements = read_measurements(measurements_file, cell)
     fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
     files = {output: json_bytes(fit.model.as_dict())}
     if report:

@@ -8,7 +8,7 @@ import csv
 import difflib
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -61,17 +61,22 @@ class Table:
 def read_table(
     file: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
     may_be_empty: Sequence[str] = (), together: Sequence[Sequence[str]] = (),
+    instead: Mapping[str, Sequence[str]] | None = None,
 ) -> Table:
     """Reads the named columns, leaves the others alone and says so.
 
     required, optional: columns of finite numbers. texts: optional columns of text. may_be_empty: among the number
-    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there. Raises
+    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there.
+    instead: for an optional column the required ones whose cells it may stand for; they may then be empty or missing. Raises
     CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
     where a number must be.
     """
     file = Path(file)
     frame, line, header_line = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
     names = [str(name) for name in frame.columns]
+    for group in [group for name, group in (instead or {}).items() if name in names]:
+        required, optional = [name for name in required if name not in group], [*optional, *group]
+        may_be_empty, together = [*may_be_empty, *group], [*together, group]
     check_columns(names, required, together, str(file), header_line)
     wanted = [*required, *(name for name in optional if name in names)]
     numbers = as_numbers(frame[wanted], str(file), names, line, may_be_empty=may_be_empty)

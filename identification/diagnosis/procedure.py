@@ -25,6 +25,7 @@ from identification.diagnosis.naming import (
 )
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey
+from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements
@@ -59,7 +60,7 @@ def judge(
     """
     averaged, thinning = in_blocks(cell, measurements)
     procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.without_bad_rows(), thinning=thinning)
+    return replace(procedure.allowing_for_swing(procedure.without_bad_rows()), thinning=thinning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,16 @@ class Procedure:
     def rng(self) -> np.random.Generator:
         """Of all that is drawn, in the order of the procedure."""
         return np.random.default_rng(self.seed)
+
+    def allowing_for_swing(self, judgement: Judgement) -> Judgement:
+        """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
+        swing = swing_of(judgement.extended)
+        if swing is None:
+            return judgement
+        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).without_bad_rows()
+        if again.verdict == "unknown":
+            return judgement
+        return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
     def without_bad_rows(self) -> Judgement:
         """The judgement; where single rows are bad, of the others."""
