@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import rms
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, Refused, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -99,8 +99,8 @@ def predict(
 ) -> Predicted:
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
 
-    Raises CompstiffError (CS4202) for a program without a move, and what `read_force_log`, `place_forces`,
-    `targets_to_correct` and `predict_path` raise.
+    Raises Refused (CS1022) for a model that its own measurements reject, CompstiffError (CS4202) for a program without a move,
+    and what `read_force_log`, `place_forces`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -108,6 +108,7 @@ def predict(
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
     (2779, [-11.0, 13.0, 0.9])
     """
+    doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
     if settings.correction.scale != EXACTLY_ONE:
         model = model.scaled(*settings.correction.scale)
     if not len(program.toolpath):
@@ -115,7 +116,22 @@ def predict(
                     file=str(program.source or program.toolpath.source), hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+        predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+    return replace(predicted, findings=(*doubts, *predicted.findings))
+
+
+def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
+    """A model that its own measurements reject: Refused (CS1022), or a warning (CS1023) where it was asked for all the same."""
+    if not model.rejected:
+        return []
+    source = str(model.source) if model.source else None
+    message = f"the measurements that this model was made from reject it ({model.rejected})"
+    if not accepted:
+        raise Refused(Finding("CS1022", "error", f"{message}: its predictions are off by more than they say", file=source,
+                              hint="compstiff diagnose CELL MEASUREMENTS -o diagnosis.json --extended FILE finds what it "
+                              "lacks; --accept-rejected uses it all the same"))
+    return [Finding("CS1023", "warning", f"{message}; it is used all the same (--accept-rejected)", file=source,
+                    hint="the standard deviations do not say how far off it may be: measure after the first pass (verify)")]
 
 
 def under_forces(

@@ -57,9 +57,12 @@ def identify(
 
         files[report] = page_of(fit).encode()
     write_whole(files)
-    return Outcome(fit.as_dict(), fit.findings, fit.lines(),
-                   next_step=call("correct", cell_file, "PART.mod", "--stiffness", output, "--forces", "PART.forces.csv", "-o",
-                                  "PART_corrected.mod"))
+    following = (
+        call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json")
+        if fit.model.rejected else
+        call("correct", cell_file, "PART.mod", "--stiffness", output, "--forces", "PART.forces.csv", "-o",
+             "PART_corrected.mod"))
+    return Outcome(fit.as_dict(), fit.findings, fit.lines(), next_step=following)
 
 
 def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], output: Path, report: Path | None) -> Outcome:

@@ -103,6 +103,8 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
          help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
     _correction("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
+    _correction("--accept-rejected", is_flag=True,
+                help="Use a stiffness file that its own measurements reject (identify says so); else it is refused, exit 3."),
 )
 # How an APT or CSV toolpath becomes RAPID: `post`, `predict` and `correct`.
 POSTING_OPTIONS: tuple[Decorator, ...] = (

@@ -35,6 +35,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "subset_conflicts": [conflict.as_dict() for conflict in judgement.conflicts],
         "adequacy_p_value": None if judgement.adequacy is None else judgement.adequacy.p_value,
         "patterns": list(judgement.patterns), "noise_beyond_stated": judgement.scatter, "withdrawn": list(judgement.withdrawn),
+        "withdrawn_because": judgement.withdrawn, "not_converged": list(judgement.lost),
         "law_differs": judgement.law_differs,
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
@@ -62,6 +63,17 @@ def next_words(item: dict[str, Any]) -> tuple[str, str]:
             f"{item['separates'][0]} from {item['separates'][1]}, by {item['expected_sigmas']:.1f} sigma")
 
 
+def _seen_of(judgement: Judgement) -> str:
+    """What is seen of an unknown cause, in a few words."""
+    if judgement.patterns:
+        return "; ".join(judgement.patterns[:2])
+    if judgement.withdrawn:
+        return "; ".join(f"{label} is withdrawn: {why}" for label, why in judgement.withdrawn.items())
+    if judgement.scatter or not judgement.alternatives:
+        return "the readings scatter more than the stated noise"
+    return f"what is left looks most like {judgement.alternatives[0].label}, which does not explain it"
+
+
 def _named(cause: Cause) -> dict[str, Any]:
     return {"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability}
 
@@ -79,7 +91,7 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
             parameters |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
             moved = term.contribution(model.load_state, fitted)[:, :3]
             return _named(cause) | {"family": cause.effect.family, "of_robot": cause.effect.of_robot,
-                                    "sentence": cause.sentence, "parameters": parameters,
+                                    "open_laws": cause.open_laws, "sentence": cause.sentence, "parameters": parameters,
                                     "largest_um": 1e6 * float(np.linalg.norm(moved, axis=1).max())}
         place = own.stop
     raise KeyError(cause.label)
@@ -117,11 +129,10 @@ def _verdict(judgement: Judgement) -> list[str]:
                 *([_swing_line(judgement.swing)] if judgement.swing else [])]
     if judgement.verdict == "unknown":
         return ["unknown: something is wrong that no cause in the dictionary explains",
-                *(f"  seen: {pattern}" for pattern in judgement.patterns[:4])]
+                *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
+                *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
     names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
     lines = [f"ambiguous: these data cannot tell apart: {names}"]
-    if judgement.withdrawn:
-        lines.append(f"withdrawn: {', '.join(judgement.withdrawn)} does not predict poses that were not fitted")
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
                      "loads")
@@ -131,8 +142,13 @@ def _verdict(judgement: Judgement) -> list[str]:
 def _cause_line(judgement: Judgement, cause: Cause) -> str:
     content = _cause(judgement, cause)
     values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
-    return (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
+    line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
             f"({cause.label}: {values}; probability {cause.probability:.3f})")
+    if cause.open_laws and judgement.robot_difference is not None:
+        laws = ", ".join(f"{name} {probability:.2f}" for name, probability in cause.open_laws.items())
+        line += (f"; its law is open ({laws} would do as well): for a correction the choice makes "
+                 f"{1e6 * judgement.robot_difference:.1f} um RMS under the measured loads")
+    return line
 
 
 def _bad_row_line(bad: BadRow) -> str:
@@ -159,8 +175,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     findings = []
     if judgement.verdict == "unknown":
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
-                                + ("; ".join(judgement.patterns[:2]) or "the readings scatter more than the stated noise"),
-                                file=source, hint="no effect is carried into the model; look at the residuals in the report"))
+                                + _seen_of(judgement), file=source,
+                                hint="no effect is carried into the model; look at the residuals in the report"))
     if judgement.verdict == "ambiguous":
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
                                 + ", ".join(cause.label for cause in judgement.alternatives[:6]), file=source,
@@ -178,6 +194,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
                                 f"blocks: neighbouring rows share their noise over {length:.1f} rows, so they are worth "
                                 f"about {thin.rows / length:.0f} independent ones", file=source))
+    for label in judgement.lost:
+        findings.append(Finding("CS1020", "note", f"{label} is no candidate: its fit did not converge", file=source,
+                                hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))
     for part, factor in judgement.scatter.items():
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
                                 file=source, hint="state the noise as it is, or look for what scatters"))

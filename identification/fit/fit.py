@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 from identification.common.arrays import read_only, rms
 from identification.common.findings import Finding, error
 from identification.fit.fitted_model import predicted_deflection
-from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
+from identification.fit.identifiability import (
+    RELIABLE_LOG_STD,
+    Ellipsoid,
+    JointGrade,
+    ellipsoid,
+    grade_joints,
+    information_spectrum,
+)
 from identification.fit.load_test import LoadTest
+from identification.fit.misfit import ModelCheck, model_check
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
@@ -26,6 +34,8 @@ Array = NDArray[np.float64]
 
 # A row whose weight is under this is named; no row is ever cut.
 SUSPICIOUS_WEIGHT = 0.3
+# More rows than these are told in one finding.
+MOST_LIGHT_ROWS = 20
 # Probability of the prior under which its disagreement with the data is said.
 PRIOR_CONFLICT = 1e-3
 # Off by more than this factor in every joint that the data tell is no robot, but a unit.
@@ -87,6 +97,8 @@ class Fit:
         offset = sum(noise["pose_offset_um"]) / 3
         lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: "
                      f"sensor {noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
+        if model.rejected:
+            lines.append(f"rejected by its own rows, so that nothing is graded reliable ({model.rejected})")
         lines.append(self.ellipsoid.sentence)
         if self.held_out is not None:
             before, after = self.held_out
@@ -112,7 +124,9 @@ def fit_stiffness(
     identify = ~measurements.validate
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
     fitted = posterior(every.with_rows(measurements.select(identify)))
-    grades, conflicts = grade_joints(fitted), subset_conflicts(fitted)
+    conflicts = subset_conflicts(fitted)
+    check = model_check(fitted, conflicts)
+    grades = grade_joints(fitted, check)
     residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None
     if measurements.validate.any():
@@ -120,10 +134,12 @@ def fit_stiffness(
         held_out = (rms((measurements.deflection - literature)[measurements.validate]), rms(residual[measurements.validate]))
     row_weight = np.full(len(measurements), np.nan)
     row_weight[identify] = fitted.row_weight
+    figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
-                            tuple(grade.grade for grade in grades), _figures(fitted, rms(residual[identify])),
+                            tuple(grade.grade for grade in grades), figures,
                             interval=fitted.draws.interval(0.95))
-    findings = (*measurements.findings, *_findings(fitted, grades, conflicts), *_not_better(measurements.source, held_out))
+    findings = (*measurements.findings, *_rejected(measurements.source, check), *_findings(fitted, grades, conflicts),
+                *_not_better(measurements.source, held_out))
     return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),
                row_weight, grades,
                ellipsoid(fitted), information_spectrum(fitted), conflicts, profiles(fitted) if with_profiles else (), held_out,
@@ -173,11 +189,22 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
     return findings
 
 
+def _rejected(source: str, check: ModelCheck) -> list[Finding]:
+    """A model (CS1021) that does not explain the rows it was made from."""
+    if not check.rejected:
+        return []
+    why = f"(p = {check.p_value:.2g}): {check.seen}"
+    return [Finding("CS1021", "warning", f"six linear springs do not explain these rows {why}; "
+                    "no stiffness is graded reliable, and predict and correct refuse the file", file=source,
+                    hint="compstiff diagnose looks for the cause; --extended writes the model that has it")]
+
+
 def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Finding]:
     """A conflict (CS1017) of data and prior: the stiffnesses that the data tell, against what was expected of them."""
     from scipy.stats import chi2
 
-    seen = np.array([grade.grade == "reliable" for grade in grades])
+    seen = np.sqrt(np.diag(fitted.covariance)) <= RELIABLE_LOG_STD
+    seen &= np.array([grade.grade != "not identifiable" for grade in grades])
     if not seen.any():
         return []
     source, prior = fitted.data.rows.source, fitted.prior
@@ -226,12 +253,19 @@ def _not_independent(fitted: Posterior) -> list[Finding]:
 
 
 def _light_rows(fitted: Posterior) -> list[Finding]:
-    """Rows (CS1015) that do not fit the others, the worst first."""
+    """Rows (CS1015) that do not fit the others, the worst first; many are one finding."""
     rows, weight = fitted.data.rows, fitted.row_weight
     light = np.flatnonzero(weight < SUSPICIOUS_WEIGHT)
+    light = light[np.argsort(weight[light])]
+    if len(light) > MOST_LIGHT_ROWS:
+        worst = ", ".join(str(rows.line[row]) for row in light[:MOST_LIGHT_ROWS])
+        return [Finding("CS1015", "warning", f"{len(light)} of {len(rows)} rows do not fit the others and count less than "
+                        f"{100 * SUSPICIOUS_WEIGHT:.0f} % of an ordinary one each; the worst in lines {worst}",
+                        file=rows.source, line=int(rows.line[light[0]]),
+                        hint="so many are no single mistakes: see in the report what they have in common")]
     return [Finding("CS1015", "warning", f"this row does not fit the others and counts {100 * weight[row]:.0f} % of an "
                     "ordinary one", file=rows.source, line=int(rows.line[row]),
-                    hint="measure it again, or see what was different") for row in light[np.argsort(weight[light])]]
+                    hint="measure it again, or see what was different") for row in light]
 
 
 def _not_better(source: str, held_out: tuple[float, float] | None) -> list[Finding]:

@@ -43,6 +43,9 @@ MAX_STEPS = 200
 MAX_ROUNDS = 8
 # Steps after which a fiftieth of a posterior standard deviation is near enough: differences in a term can rattle.
 PATIENCE = 30
+# A search that has gained so little of ln posterior in that many steps is at the top: where a law has an edge (the torque at
+# which a gear crosses its play moves with the springs) it creeps along that edge for ever.
+SETTLED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +218,7 @@ def _maximise(model: _FittedModel, at: Linearised, weights: Weights) -> Linearis
         return 0.5 * float(weights.inner(column, column)[0, 0]) + prior.value(x)
 
     value, damping = cost(at.x, at.residual), 0.0
+    passed = [value]
     for number in range(MAX_STEPS):
         curvature = weights.inner(at.design, at.design) + prior.search_curvature(at.x)
         pull = weights.inner(at.design, at.residual[:, :, None])[:, 0]
@@ -222,19 +226,27 @@ def _maximise(model: _FittedModel, at: Linearised, weights: Weights) -> Linearis
         # eta is linear in c, not in ln c: where the data want a smaller c, its curvature is larger than Gauss-Newton's, which
         # would step to and fro for ever.
         curvature[joints, joints] += np.maximum(-pull[SPRINGS], 0.0)
-        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
+        free = ~prior.pressed(at.x, gradient)
+        damped = (curvature + damping * np.diag(np.diag(curvature)))[np.ix_(free, free)]
+        step = np.zeros_like(at.x)
+        step[free] = np.linalg.solve(damped, gradient[free])
         step = prior.inside(at.x + step * min(1.0, 1.0 / max(np.max(np.abs(step / step_limit)), 1e-300))) - at.x
         change = float(np.sqrt(step @ curvature @ step))
         x = at.x + step
         trial = model.residual(at.noise, x)
         trial_value = cost(x, trial)
-        if trial_value > value + 1e-9 * (1 + abs(value)):
+        better = trial_value <= value + 1e-9 * (1 + abs(value))
+        passed.append(min(value, trial_value))
+        settled = number >= PATIENCE and passed[-1 - PATIENCE] - passed[-1] < SETTLED
+        if better and (settled or change < (1e-3 if number < PATIENCE else 2e-2)):
+            # So small a step leaves the design as it is.
+            return replace(at, x=x, residual=trial)
+        if settled:
+            return at
+        if not better:
             damping = max(10 * damping, 1e-3)
             continue
         value, damping = trial_value, 0.1 * damping
-        if change < (1e-3 if number < PATIENCE else 2e-2):
-            # So small a step leaves the design as it is.
-            return replace(at, x=x, residual=trial)
         at = model.linearised(at.noise, at.row_weight, x)
     raise error("CS1011", f"the fit did not converge in {MAX_STEPS} steps: the last moved by {change:.2g} posterior standard "
                 "deviations", file=model.data.rows.source, hint="check the units and the prior")

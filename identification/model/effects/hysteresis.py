@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter
+from identification.model.effects.base import Parameter, Signature, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
+
+# Friction is seen where a load comes back: in so many rows at least, whose twist is off the first loading's by this share of
+# the amplitude. Engineering judgement: fewer are single readings, and less is no loop.
+FEWEST_WITNESSES, REMEMBERED = 3, 0.2
 
 
 class Hysteresis(GearTwist):
@@ -37,6 +43,23 @@ class Hysteresis(GearTwist):
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return np.asarray(values[0] * slip_state(rows.torque[:, i], rows.starts, values[1]))
+
+    def missing(self, rows: LoadState) -> str:
+        if any(self._witnesses(rows, joint, slip) for joint in self.joints for slip in self.parameters[1].grid):
+            return ""
+        return "no pose was loaded and unloaded, so that no load could leave anything behind"
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        """Nothing for a slip that leaves no trace in these rows: where the load only grew from zero the twist is that of a soft
+        gear, and tells nothing of friction."""
+        return [shape if self._witnesses(rows, joint, slip) else replace(shape, rows=np.zeros_like(shape.rows))
+                for slip, shape in zip(self.parameters[1].grid, super().signatures(rows, joint), strict=True)]
+
+    def _witnesses(self, rows: LoadState, joint: int | None, slip: float) -> bool:
+        """Whether enough rows keep something of the loads before theirs."""
+        torque = rows.torque[:, self.index(joint)]
+        kept = slip_state(torque, rows.starts, slip) - saturated(torque / slip)
+        return int(np.sum(np.abs(kept) > REMEMBERED)) >= FEWEST_WITNESSES
 
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.trunc(slip_state(rows.torque[:, self.index(joint)], rows.starts, values[1]))
