@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +23,11 @@ MOST_LAG, WORTH_SAYING = 5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class MotionLog:
-    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. angle: motor angles (n,) [rad]."""
+    """One record: time (n,) [s], even steps. joints: by number, compliance left at one."""
 
     source: str
     time: Array
     joints: dict[int, JointLog]
-    angle: dict[int, Array]
     findings: tuple[Finding, ...]
 
     @property
@@ -39,9 +38,14 @@ class MotionLog:
     def cut(self, start: int, stop: int) -> MotionLog:
         """The samples from start to stop."""
         part = slice(start, stop)
-        joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.compliance)
-                  for k, log in self.joints.items()}
-        return MotionLog(self.source, self.time[part], joints, {k: angle[part] for k, angle in self.angle.items()}, ())
+        joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.angle[part],
+                              log.compliance) for k, log in self.joints.items()}
+        return MotionLog(self.source, self.time[part], joints, ())
+
+    def less(self, joint: int, error: Array) -> MotionLog:
+        """The log with an error (n,) [rad] taken off the deflection of a joint."""
+        log = self.joints[joint]
+        return replace(self, joints=self.joints | {joint: replace(log, deflection=log.deflection - error)})
 
 
 def is_motion_log(file: str | Path) -> bool:
@@ -91,13 +95,12 @@ def read_motion_log(file: str | Path) -> MotionLog:
         raise error("CS1501", "no joint has q?_motor_deg, q?_link_deg and q?_torque_nm", file=name,
                     hint="a joint needs an encoder on either side of its gear, and its torque on the gear side")
     _check_time(time, line, name)
-    logs, angles = {}, {}
+    logs = {}
     for k in joints:
         angle = np.radians(columns[f"q{k}_motor_deg"])
         speed = np.gradient(angle, time)
         deflection = angle - np.radians(columns[f"q{k}_link_deg"])
-        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, 1.0)
-        angles[k] = angle
+        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, angle, 1.0)
         logged = columns.get(f"q{k}_speed_deg_s")
         lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
         if abs(lag) >= WORTH_SAYING:
@@ -105,7 +108,7 @@ def read_motion_log(file: str | Path) -> MotionLog:
             findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
                                     f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
                                     file=name))
-    return MotionLog(name, time, logs, angles, tuple(findings))
+    return MotionLog(name, time, logs, tuple(findings))
 
 
 def _table(file: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
