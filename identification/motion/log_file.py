@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -63,11 +64,9 @@ def is_motion_log(file: str | Path) -> bool:
             return False
         return any(COLUMN.match(name) for name in names)
     try:
-        with open(file, encoding="utf-8-sig", errors="replace") as stream:
-            header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
+        return any(COLUMN.match(name) for name in _header(file))
     except OSError:
         return False
-    return any(COLUMN.match(name.strip().strip('"')) for name in re.split(r"[,;\t]", header))
 
 
 def read_motion_log(file: str | Path) -> MotionLog:
@@ -86,7 +85,8 @@ def read_motion_log(file: str | Path) -> MotionLog:
     if file.suffix.lower() == ".mat":
         from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        columns = read_kuka_kr300(file)
+        columns, said = read_kuka_kr300(file)
+        findings += said
     else:
         columns, line, findings = _table(file)
     name, time = str(file), columns["time_s"]
@@ -114,8 +114,29 @@ def read_motion_log(file: str | Path) -> MotionLog:
 def _table(file: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
     names = [f"q{k}_{what}" for k in range(1, 7) for what in ("motor_deg", "link_deg", "torque_nm", "speed_deg_s")]
     groups = [[f"q{k}_motor_deg", f"q{k}_link_deg", f"q{k}_torque_nm"] for k in range(1, 7)]
+    if file.suffix.lower() not in (".parquet", ".pq") and "time_s" not in _header(file):
+        raise error("CS1501", "has no column time_s", file=str(file), line=1,
+                    hint="a logger with a fixed step needs no clock: write time_s as the row's number times the step (at "
+                    "250 Hz 0, 0.004, 0.008 ...), if no row was lost")
     table = read_table(file, required=["time_s"], optional=names, together=groups)
     return dict(table.numbers), table.line, list(table.findings)
+
+
+def _header(file: Path) -> list[str]:
+    """The names in the first line that says anything."""
+    with open(file, encoding="utf-8-sig", errors="replace") as stream:
+        header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
+    return [name.strip().strip('"') for name in re.split(r"[,;\t]", header)]
+
+
+def check_distinct(logs: Sequence[MotionLog]) -> None:
+    """Raises CompstiffError (CS1616) where a log is there twice: it would confirm itself."""
+    for k, log in enumerate(logs):
+        for other in logs[:k]:
+            both = [joint for joint in log.joints if joint in other.joints]
+            if both and all(np.array_equal(log.joints[joint].torque, other.joints[joint].torque) for joint in both):
+                raise error("CS1616", f"holds the same samples as {other.source}", file=log.source,
+                            hint="a further record is another motion, best of another day")
 
 
 def _check_time(time: Array, line: NDArray[np.intp] | None, name: str) -> None:

@@ -44,7 +44,7 @@ class AxisStiffness:
     """compliance c [rad/(N m)] with its standard deviations by the noise and by the law, NaN where refused; share: of the
     torque's variance that speed, its sign and acceleration do not explain; straight: c of a straight line through the torque;
     grade, reason: as in stiffness.json. records: (source, c, std) of each record alone. apart: the largest distance of two
-    records in standard deviations."""
+    records in standard deviations. beside: the transmission error that was taken out, in words."""
 
     joint: int
     compliance: float
@@ -58,6 +58,7 @@ class AxisStiffness:
     samples: int
     worth: float
     records: tuple[tuple[str, float, float], ...] = ()
+    beside: str = ""
     apart: float = 0.0
 
     @property
@@ -95,12 +96,13 @@ class AxisStiffness:
             "torque_share_of_its_own": self.share, "samples": self.samples, "worth_independent": self.worth,
             "link_delay_s": {"estimate": self.delay[0], "std": self.delay[1]},
             "records": [{"record": name, "compliance_rad_per_nm": c, "std": std} for name, c, std in self.records],
-            "records_apart_sigmas": self.apart if self.records else None,
+            "beside": self.beside, "records_apart_sigmas": self.apart if self.records else None,
         }
 
     def lines(self) -> list[str]:
         """How it was found, and what each record says by itself."""
-        return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones",
+        beside = f"; beside {self.beside}" if self.beside else ""
+        return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones{beside}",
                 *(f"  {name}: k = {1 / c:.3g} N m/rad (c = {c:.2e} +- {std:.1e})" for name, c, std in self.records)]
 
 
@@ -113,7 +115,7 @@ def axis_stiffness(joint: int, records: list[MotionLog], transmission: Transmiss
     """The joint's stiffness from all records that have it, and from each alone, beside a transmission error found before."""
     transmission = transmission or Transmission(joint)
     having = transmission.cleaned([record for record in records if joint in record.joints])
-    together = _from(joint, having, transmission)
+    together = replace(_from(joint, having, transmission), beside=transmission.words)
     if len(having) == 1:
         return together
     alone = [_from(joint, [record], transmission) for record in having]

@@ -1,23 +1,28 @@
 """ZeroShift: by how much the zero between motor and link encoder differs from one record to another.
 
 Each record has its own zero; what one record says of another is judged without it. The difference is estimated with all records
-in one model, so that its interval knows the autocorrelation of the noise and what is not known of the spring.
+in one model, so that its interval knows the autocorrelation of the noise and what is not known of the spring. The noise's
+spectrum at rest is known badly from a short record: simulated records say by how much the interval must be wider.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from identification.motion.axis import axis_of, solve
+from identification.motion.axis import Solved, axis_of, solve
 from identification.motion.band import BAND
+from identification.motion.dictionary import Shape
 from identification.motion.log_file import MotionLog
 from identification.motion.prediction import model_columns
 from identification.motion.search import Hypothesis
 from identification.motion.transmission import Transmission
 
+Array = NDArray[np.float64]
+REPLICATES = 60
 # Standard deviations from which on a shift is stated as one, of many joints and records.
 STATED = 3.29
 
@@ -61,10 +66,29 @@ def zero_shifts(
     if len(having) < 2:
         return ()
     axis = axis_of(joint, transmission.cleaned(having), BAND, transmission.smooth_over(having))
-    solved = solve(axis, model_columns(axis, hypothesis))
-    found = []
-    for k, record in enumerate(having[1:], start=1):
-        variance = solved.covariance[0, 0] + solved.covariance[k, k] - 2 * solved.covariance[0, k]
-        found.append(ZeroShift(joint, having[0].source, record.source,
-                               float(solved.coefficients[k] - solved.coefficients[0]), float(np.sqrt(max(variance, 0.0)))))
-    return tuple(found)
+    axis = replace(axis, dictionary=[[shape] for group in axis.dictionary for shape in group if _among(shape, hypothesis)])
+    columns = model_columns(axis, hypothesis)
+    solved = solve(axis, columns)
+    shift, std = _shifts(solved, len(having))
+    size = float(np.sqrt(solved.chi2 / max(1, solved.count - columns.shape[1])))
+    rng = np.random.default_rng(0)
+    apart = []
+    for _ in range(REPLICATES):
+        noise = np.concatenate([axis.noise.simulate(size, length, rng) for length in axis.lengths])
+        drawn, drawn_std = _shifts(solve(replace(axis, deflection=columns @ solved.coefficients + noise), columns), len(having))
+        apart.append((drawn - shift) / drawn_std)
+    std = std * np.maximum(1.0, np.std(apart, axis=0))
+    return tuple(ZeroShift(joint, having[0].source, record.source, float(one), float(spread))
+                 for record, one, spread in zip(having[1:], shift, std, strict=True))
+
+
+def _among(shape: Shape, hypothesis: Hypothesis) -> bool:
+    return any(shape.name == own.name and shape.smear == own.smear and np.array_equal(shape.fixed, own.fixed)
+               for own in hypothesis.shapes)
+
+
+def _shifts(solved: Solved, records: int) -> tuple[Array, Array]:
+    """Of each further record against the first (records - 1,), and their standard deviations."""
+    offsets, covariance = solved.coefficients[:records], solved.covariance[:records, :records]
+    variance = np.diag(covariance)[1:] + covariance[0, 0] - 2 * covariance[0, 1:]
+    return offsets[1:] - offsets[0], np.sqrt(np.maximum(variance, 1e-300))

@@ -25,14 +25,14 @@ class TransmissionError(InMotion):
         Parameter("smooth_rad", "rad", 1e-4, 0.0, 2e-3,
                   source="engineering judgement: a code ring of 100 mm radius that sits 15 um off its axis, as RMS",
                   bounds_source="engineering judgement: the same ring, 0.3 mm off its axis"),
-        Parameter("line_rad", "rad", 5e-6, 0.0, 1e-3,
-                  source="docs/real-data.md: lines of 0.4 to 10 urad on three axes of a KUKA KR300",
+        Parameter("line_rad", "rad", 1e-5, 0.0, 1e-3,
+                  source="docs/real-data.md: lines of 1 to 92 urad on three axes of a KUKA KR300",
                   bounds_source="engineering judgement: 3 arcmin, several times the backlash of a gear for robots"),
         Parameter("cycles_per_turn", "1", 500.0, 2.0, 4000.0, shape=True,
-                  source="docs/real-data.md: 339 to 2140 a turn on three axes of a KUKA KR300",
+                  source="docs/real-data.md: 413 to 1653 a turn on three axes of a KUKA KR300",
                   bounds_source="engineering judgement: from the ovality of a ring to sixteen times the motor's turns at a "
                                 "ratio of 250"),
-        Parameter("phase_rad", "rad", 1.0, -float(np.pi), float(np.pi), shape=True,
+        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
                   source="engineering judgement: no angle is more likely than another",
                   bounds_source="engineering judgement: any direction, a full turn"),
     )
