@@ -81,7 +81,8 @@ class VarianceComponents:
 
     def with_logs(self, logs: Array) -> VarianceComponents:
         """The same degrees of freedom with other multiples (6,)."""
-        return VarianceComponents(*map(float, np.exp(logs)), self.degrees)
+        sensor, force, absolute, offset, setup, memory = (float(value) for value in np.exp(logs))
+        return VarianceComponents(sensor, force, absolute, offset, setup, memory, self.degrees)
 
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
@@ -191,12 +192,11 @@ class NoiseModel:
         sensor = squared[:, SENSOR, None]
         measured = self.measured[rows] & there[..., 0]
         if size == 1:
-            covariance = parts[:, :, 0] + sensor[:, :, None, None] * np.eye(3)
-            precision, determinant = inverse_of_three(covariance)
+            single, determinant = inverse_of_three(parts[:, :, 0] + sensor[:, :, None, None] * np.eye(3))
             weight = row_weight[rows[:, 0]]
             missing = 3 - measured.sum(axis=(1, 2))
             log_determinant = np.log(determinant) - missing * np.log(sensor) - (3 - missing) * np.log(weight)
-            return np.asarray(precision * weight[:, None, None]), log_determinant.sum(axis=1)
+            return single * weight[:, None, None], log_determinant.sum(axis=1)
         apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
         alike = (memory_of(values[:, MEMORY])[:, None, None] ** apart)[:, None, :, :, None] * (
             measured[:, :, None, :] & measured[:, None, :, :])
@@ -209,7 +209,7 @@ class NoiseModel:
         weight = np.repeat(np.sqrt(np.where(rows >= 0, row_weight[rows], 1.0)), 3, axis=1)
         root = np.linalg.cholesky(covariance.reshape(count, blocks, 3 * size, 3 * size))
         inverse: Array = np.asarray(np.linalg.inv(covariance.reshape(root.shape)), dtype=float)
-        precision = inverse * (weight[:, :, None] * weight[:, None, :])
+        precision: Array = inverse * (weight[:, :, None] * weight[:, None, :])
         log_determinant = 2 * np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=(1, 2))
         seen = measured.reshape(blocks, -1)
         log_determinant -= np.log(sensor[:, 0]) * (~seen).sum() + 2 * np.log(weight[seen]).sum()

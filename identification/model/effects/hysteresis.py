@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.arrays import Array
+from identification.common.arrays import Array, read_only
 from identification.model.effects.base import Parameter, Signature, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import GearTwist
@@ -65,9 +66,16 @@ class Hysteresis(GearTwist):
         return np.trunc(slip_state(rows.torque[:, self.index(joint)], rows.starts, values[1]))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
-        start = np.zeros(len(log.torque), dtype=bool)
-        start[0] = True
-        return np.asarray(values[0] * slip_state(log.torque, start, values[1]))
+        return np.asarray(values[0] * _slip_state_of_log(np.ascontiguousarray(log.torque).tobytes(), float(values[1])))
+
+
+@lru_cache(maxsize=32)
+def _slip_state_of_log(torque: bytes, slip: float) -> Array:
+    """Slip state (n,) of a log from zero at its start; kept, since one torque is asked for again with every model of a log."""
+    path = np.frombuffer(torque)
+    state = slip_state(path, np.arange(len(path)) == 0, slip)
+    read_only(state)
+    return state
 
 
 def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float) -> Array:
