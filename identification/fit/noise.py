@@ -206,13 +206,13 @@ class NoiseModel:
             covariance[:, :, :, axis, :, axis] = sensor[:, :, None, None] * alike[..., axis]
         index = np.arange(size)
         covariance[:, :, index, :, index, :] += np.moveaxis(parts, 2, 0)
-        weight = np.repeat(np.sqrt(np.where(rows >= 0, row_weight[rows], 1.0)), 3, axis=1)
-        root = np.linalg.cholesky(covariance.reshape(count, blocks, 3 * size, 3 * size))
+        root_weight: Array = np.repeat(np.sqrt(np.where(rows >= 0, row_weight[rows], 1.0)), 3, axis=1)
+        root = np.asarray(np.linalg.cholesky(covariance.reshape(count, blocks, 3 * size, 3 * size)), dtype=float)
         inverse: Array = np.asarray(np.linalg.inv(covariance.reshape(root.shape)), dtype=float)
-        precision: Array = inverse * (weight[:, :, None] * weight[:, None, :])
+        precision: Array = inverse * (root_weight[:, :, None] * root_weight[:, None, :])
         log_determinant = 2 * np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=(1, 2))
         seen = measured.reshape(blocks, -1)
-        log_determinant -= np.log(sensor[:, 0]) * (~seen).sum() + 2 * np.log(weight[seen]).sum()
+        log_determinant -= np.log(sensor[:, 0]) * (~seen).sum() + 2 * np.log(root_weight[seen]).sum()
         return precision, log_determinant
 
     def weights(self, components: VarianceComponents, row_weight: Array | None = None) -> Weights:
