@@ -46,12 +46,12 @@ class Judgement:
     detection: of the plain model, adequacy: of the extended one. causes, alternatives: see docs/formats.md#diagnose. scatter:
     parts of the noise that outgrow what was stated. patterns: what is seen of an unknown cause. robot_difference: by how much
     [m, RMS] the rivals (or the laws that a cause leaves open) differ in what the robot does under the largest load, None where
-    nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit,
-    and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each. lost: sets
-    of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined
-    passes were averaged. carried: the extended model with the laws of its effects free within what real ones differ by, None
-    where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the model leaves and
-    allowed for in the rows' sigmas."""
+    nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
+    misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
+    lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the
+    rows of machined passes were averaged. carried: the extended model with the laws of its effects free within what real ones
+    differ by, None where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the
+    model leaves and allowed for in the rows' sigmas."""
 
     verdict: Verdict
     plain: Posterior

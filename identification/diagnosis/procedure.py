@@ -11,6 +11,7 @@ from identification.common.arrays import rms
 from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
 from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
+from identification.diagnosis.explained import explained
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows
 from identification.diagnosis.judgement import Cause, Judgement
@@ -27,10 +28,10 @@ from identification.diagnosis.naming import (
     with_open_laws,
     without_slight,
 )
-from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
+from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell

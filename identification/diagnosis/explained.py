@@ -1,4 +1,4 @@
-"""Is the noise that the data need still the noise that was stated? What no cause explains ends up in it."""
+"""How much of a misfit a model with causes explains, the noise not larger than ordinary."""
 
 from __future__ import annotations
 
@@ -11,27 +11,8 @@ from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
-PARTS = ("sensor noise", "force error", "absolute force error", "re-seating")
-# Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more.
-GRANTED_AFTER_NAMING = 3.0
-GRANTED = 4.0
 # Components up to so many times the stated ones when it is asked how much of a misfit is explained.
 ORDINARY = 1.5
-ONE_SIDED_95 = 1.645
-
-
-def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
-    """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
-    confidence: how many times the stated size each is."""
-    cell, rows = fitted.data.cell, fitted.data.rows
-    if np.any(rows.machined_pass != ""):
-        # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
-        return {}
-    stated = (cell.noise.deflection_stated or not np.isnan(rows.sigma).all(), *fitted.at_map.noise.stated[1:4])
-    components, log_std = fitted.components, fitted.components_log_std
-    multiples = (components.sensor, components.force, components.absolute, components.offset)
-    return {name: multiple for name, multiple, std, known in zip(PARTS, multiples, log_std[:4], stated, strict=True)
-            if known and np.log(multiple / granted) > ONE_SIDED_95 * std}
 
 
 @dataclass(frozen=True)
