@@ -13,9 +13,12 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.fit.mending import BadVisit
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
+from identification.fit.validation import Validation
+from identification.fit.visits import VisitTest
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
@@ -44,7 +47,9 @@ class Judgement:
     these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
     than noise. bad_rows: not among `rows`. thinning: how the rows of machined passes were averaged. carried: the extended model
     with the laws of its effects free within what real ones differ by, None where nothing is named: its springs are the ones to
-    use."""
+    use. visits: whether single visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a
+    sensor named for their pose explains as well. validation: the outliers
+    among the validate rows."""
 
     verdict: Verdict
     plain: Posterior
@@ -64,6 +69,10 @@ class Judgement:
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
     carried: Posterior | None = None
+    visits: VisitTest | None = None
+    bad_visits: tuple[BadVisit, ...] = ()
+    suspects: tuple[BadVisit, ...] = ()
+    validation: Validation | None = None
 
     @property
     def rows(self) -> Measurements:

@@ -26,7 +26,10 @@ from identification.diagnosis.naming import (
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.fit.load_test import LoadTest
+from identification.fit.mending import BadVisit, with_mends
 from identification.fit.posterior import posterior
+from identification.fit.validation import judge_validation
+from identification.fit.visits import VisitTest, bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -53,13 +56,13 @@ def judge(
 ) -> Judgement:
     """Finds out what the plain model gets wrong on these measurements.
 
-    Rows of machined passes are averaged over blocks first (blocks.py). Where single rows are bad, they are named and the rest
-    is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms.
-    Raises what `posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py). Where whole visits or single rows are bad, they are
+    named and the rest is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate
+    of false alarms. Raises what `posterior` raises.
     """
     averaged, thinning = in_blocks(cell, measurements)
     procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.without_bad_rows(), thinning=thinning)
+    return replace(procedure.of_good_rows(), thinning=thinning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +80,43 @@ class Procedure:
         """Of all that is drawn, in the order of the procedure."""
         return np.random.default_rng(self.seed)
 
-    def without_bad_rows(self) -> Judgement:
-        """The judgement; where single rows are bad, of the others."""
+    def of_good_rows(self) -> Judgement:
+        """The judgement; where whole visits or single rows are bad, of the others."""
         judgement = self.judged()
+        test = bad_visits(judgement.extended, self.seed)
+        judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
+        if judgement.verdict == "adequate" and (test.bad or test.too_many):
+            where = ", ".join(score.name for score in test.bad) or "more than a third of the poses"
+            judgement = replace(judgement, verdict="unknown", patterns=(
+                f"the readings at {where} fit no stiffness that fits the other poses", *judgement.patterns))
+        return replace(judgement, visits=test, suspects=self.suspects(judgement),
+                       validation=judge_validation(judgement.extended, self.data, self.seed))
+
+    def suspects(self, judgement: Judgement) -> tuple[BadVisit, ...]:
+        """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
+        readings as well."""
+        local = {str(term.effect.where["pose"]) for term in judgement.extended.terms if "pose" in term.effect.where}
+        if not local or judgement.verdict not in ("named", "ambiguous"):
+            return ()
+        others = [term for term in judgement.extended.terms if "pose" not in term.effect.where]
+        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended.log_compliance), self.seed)
+        if test.rest is None:
+            return ()
+        return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
+
+    def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
+        """The judgement of the other visits, where they are explained; else of all of them."""
+        assert test.rest is not None
+        bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
+        out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
+        rest = replace(self, data=self.data.with_rows(rows.select(~out)))
+        again = rest.without_bad_rows(rest.judged())
+        if again.verdict == "unknown":
+            return self.without_bad_rows(judgement)
+        return replace(again, verdict="named" if again.verdict == "adequate" else again.verdict, bad_visits=bad)
+
+    def without_bad_rows(self, judgement: Judgement) -> Judgement:
+        """The judgement; where single rows are bad, of the others."""
         bad = bad_rows(judgement.extended)
         if not bad:
             return judgement
@@ -133,6 +170,10 @@ class Procedure:
         sure = together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes)
         if together < CERTAIN and not sure:
             return self.ambiguous(judgement, seen)
+        if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
+            # Several names of one kind without a significant misfit stand for scatter, not for causes.
+            return replace(judgement, verdict="unknown", extended=judgement.plain, alternatives=names[:NEAREST],
+                           patterns=judgement.detection.seen_patterns, law_differs=False)
         measured = gain(self.data, judgement.plain, extended, self.rng)
         if measured.support <= AGAINST and not only_local(seen, best):
             return replace(self.ambiguous(judgement, seen), withdrawn=tuple(cause.label for cause in causes))

@@ -18,23 +18,26 @@ from typing import Any
 import numpy as np
 
 # The effect modules register what they hold.
-from tests.virtual_cell import effects_measurement, effects_outside, effects_robot, files
+from tests.virtual_cell import effects_at_poses, effects_measurement, effects_outside, effects_robot, files
 from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import DESIGNS, Design
 from tests.virtual_cell.hidden import EFFECTS, Hidden, install
 from tests.virtual_cell.noise import Noise, draw_noise, force_errors, readings
 from tests.virtual_cell.plant import Plant
 
-__all__ = ["DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
+__all__ = ["AT_POSES", "DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
 
-# The dictionary (docs/effects.md) but for the three of logs taken in motion; and the effects that are in no dictionary.
-DICTIONARY = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ != effects_outside.__name__)
+# The dictionary (docs/effects.md) but for the three of logs taken in motion; the effects that are in no dictionary; and those
+# of some poses alone.
+AT_POSES = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ == effects_at_poses.__name__)
+DICTIONARY = tuple(name for name, entry in EFFECTS.items()
+                   if entry.build.__module__ != effects_outside.__name__ and name not in AT_POSES)
 OUTSIDE = tuple(name for name, entry in EFFECTS.items()
                 if entry.build.__module__ == effects_outside.__name__ and entry.known_as == name)
 # Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques.
-NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE)
+NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE and name not in AT_POSES)
 assert {entry.build.__module__ for entry in EFFECTS.values()} == {
-    module.__name__ for module in (effects_robot, effects_measurement, effects_outside)}
+    module.__name__ for module in (effects_robot, effects_measurement, effects_outside, effects_at_poses)}
 LOG_STD = 0.5       # of the true stiffnesses about the prior's medians
 
 
