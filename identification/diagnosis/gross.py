@@ -20,8 +20,9 @@ Array = NDArray[np.float64]
 ALARM = 0.0005
 # Rows at one pose without which none of them can be called bad.
 COMPANY = 3
-# More bad rows than this share are no single mistakes.
+# More bad rows than this share are no single mistakes, nor are more than so many in one visit (identification/fit/visits.py).
 MOST = 0.05
+MOST_IN_A_VISIT = 2
 
 
 def heavier(degrees: float) -> float:
@@ -73,6 +74,8 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
         kept[worst] = False
     else:
         return ()
+    crowded = np.flatnonzero(np.bincount(visit[list(bad)], minlength=1) > MOST_IN_A_VISIT)
+    bad = {row: p_value for row, p_value in bad.items() if visit[row] not in crowded}
     std = residual_std(fitted.data, fitted.components, fitted.compliance)
     return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
                  for k, p_value in bad.items())

@@ -85,10 +85,9 @@ class Procedure:
         judgement = self.judged()
         test = bad_visits(judgement.extended, self.seed)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
-        if judgement.verdict == "adequate" and (test.bad or test.too_many):
-            where = ", ".join(score.name for score in test.bad) or "more than a third of the poses"
+        if judgement.verdict == "adequate" and test.too_many:
             judgement = replace(judgement, verdict="unknown", patterns=(
-                f"the readings at {where} fit no stiffness that fits the other poses", *judgement.patterns))
+                "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
         return replace(judgement, visits=test, suspects=self.suspects(judgement),
                        validation=judge_validation(judgement.extended, self.data, self.seed))
 
@@ -105,13 +104,13 @@ class Procedure:
         return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
 
     def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
-        """The judgement of the other visits, where they are explained; else of all of them."""
+        """The judgement of the other visits; of all of them where those have a name and the others have none."""
         assert test.rest is not None
         bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
         out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
         rest = replace(self, data=self.data.with_rows(rows.select(~out)))
         again = rest.without_bad_rows(rest.judged())
-        if again.verdict == "unknown":
+        if again.verdict == "unknown" and judgement.verdict == "named":
             return self.without_bad_rows(judgement)
         return replace(again, verdict="named" if again.verdict == "adequate" else again.verdict, bad_visits=bad)
 

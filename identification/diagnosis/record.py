@@ -149,7 +149,9 @@ def _verdict(judgement: Judgement) -> list[str]:
         return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_visit_line, judgement.bad_visits),
                 *map(_bad_row_line, judgement.bad_rows)]
     if judgement.verdict == "unknown":
-        return ["unknown: something is wrong that no cause in the dictionary explains",
+        left_out = [*map(_bad_visit_line, judgement.bad_visits), *map(_bad_row_line, judgement.bad_rows)]
+        beside = " beside that" if left_out else ""
+        return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4])]
     names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
     lines = [f"ambiguous: these data cannot tell apart: {names}", *map(_bad_visit_line, judgement.bad_visits)]
@@ -239,6 +241,6 @@ def _visit_findings(judgement: Judgement) -> list[Finding]:
     if test.bad and not judgement.bad_visits:
         names = ", ".join(score.name for score in test.bad)
         found.append(Finding("CS1735", "warning", f"the readings at {names} stand out from the other poses (p = "
-                             f"{test.p_value:.2g}), but leaving them out does not explain the rest: all were kept", file=source,
+                             f"{test.p_value:.2g}), but without them the others have no name: all were kept", file=source,
                              line=test.bad[0].line, hint="look at these poses first: pose, loads, what drags or sticks there"))
     return found
