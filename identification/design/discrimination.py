@@ -113,6 +113,7 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
         names.append((str(cause["effect"]), cause["joint"]))
     rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
             if "single_row" in cause.get("parameters", {})]
+    rows += [int(row) for bad in (content.get("visits") or {}).get("bad", []) for row in bad["rows"]]
     return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(file))
 
 

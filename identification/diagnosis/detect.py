@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import Base, information_blocks
-from identification.diagnosis.sag import sag_columns
 from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import Posterior
+from identification.fit.sag import sag_columns
 from identification.model.effects import Effect
 
 Array = NDArray[np.float64]

@@ -14,9 +14,12 @@ from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.swing import Swing
+from identification.fit.mending import BadVisit
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
+from identification.fit.validation import Validation
+from identification.fit.visits import VisitTest
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
@@ -51,7 +54,9 @@ class Judgement:
     lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the
     rows of machined passes were averaged. carried: the extended model with the laws of its effects free within what real ones
     differ by, None where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the
-    model leaves and allowed for in the rows' sigmas."""
+    model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others; bad_visits: those that do
+    not, not among `rows`; suspects: those that a sensor named for their pose explains as well. validation: the outliers among
+    the validate rows."""
 
     verdict: Verdict
     plain: Posterior
@@ -73,12 +78,17 @@ class Judgement:
     thinning: Thinning | None = None
     carried: Posterior | None = None
     swing: Swing | None = None
+    visits: VisitTest | None = None
+    bad_visits: tuple[BadVisit, ...] = ()
+    suspects: tuple[BadVisit, ...] = ()
+    validation: Validation | None = None
 
     def __post_init__(self) -> None:
         """Refuses (ValueError) a verdict whose names contradict it: no such answer may leave the program."""
+        left_out = bool(self.bad_rows or self.bad_visits or self.swing)
         contradicts = {
-            "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain or self.bad_rows),
-            "named": not (self.causes or self.bad_rows) or bool(self.withdrawn) or self.gain is None,
+            "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain) or left_out,
+            "named": not (self.causes or left_out) or bool(self.withdrawn) or (bool(self.causes) and self.gain is None),
             "ambiguous": bool(self.causes or self.withdrawn) or len({cause.label for cause in self.alternatives}) < 2,
             "unknown": bool(self.causes) or self.extended is not self.plain,
         }[self.verdict]
@@ -87,7 +97,7 @@ class Judgement:
         if contradicts or doubled:
             others = [cause.label for cause in self.alternatives]
             raise ValueError(f"{self.verdict} with causes {given}, alternatives {others}, withdrawn {list(self.withdrawn)}, "
-                             f"{len(self.bad_rows)} bad rows, gain {self.gain}")
+                             f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, gain {self.gain}")
 
     @property
     def rows(self) -> Measurements:

@@ -31,8 +31,11 @@ from identification.diagnosis.naming import (
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
+from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.posterior import posterior
+from identification.fit.validation import judge_validation
+from identification.fit.visits import VisitTest, bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -53,6 +56,7 @@ NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause.
 NEAREST = 5
 NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
+SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
 WORTH_NAMING = 0.01
@@ -64,13 +68,13 @@ def judge(
 ) -> Judgement:
     """Finds out what the plain model gets wrong on these measurements.
 
-    Rows of machined passes are averaged over blocks first (blocks.py). Where single rows are bad, they are named and the rest
-    is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms.
-    Raises what `posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py). Where whole visits or single rows are bad, they are
+    named and the rest is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate
+    of false alarms. Raises what `posterior` raises.
     """
     averaged, thinning = in_blocks(cell, measurements)
     procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.allowing_for_swing(procedure.without_bad_rows()), thinning=thinning)
+    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +97,47 @@ class Procedure:
         swing = swing_of(judgement.extended)
         if swing is None:
             return judgement
-        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).without_bad_rows()
+        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).of_good_rows()
         if again.verdict == "unknown":
             return judgement
         return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
-    def without_bad_rows(self) -> Judgement:
-        """The judgement; where single rows are bad, of the others."""
+    def of_good_rows(self) -> Judgement:
+        """The judgement; where whole visits or single rows are bad, of the others."""
         judgement = self.judged()
+        test = bad_visits(judgement.extended, self.seed)
+        judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
+        if judgement.verdict == "adequate" and test.too_many:
+            judgement = replace(judgement, verdict="unknown", patterns=(
+                "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
+        return replace(judgement, visits=test, suspects=self.suspects(judgement),
+                       validation=judge_validation(judgement.extended, self.data, self.seed))
+
+    def suspects(self, judgement: Judgement) -> tuple[BadVisit, ...]:
+        """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
+        readings as well."""
+        local = {str(term.effect.where["pose"]) for term in judgement.extended.terms if "pose" in term.effect.where}
+        if not local or judgement.verdict not in ("named", "ambiguous"):
+            return ()
+        others = [term for term in judgement.extended.terms if "pose" not in term.effect.where]
+        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended.log_compliance), self.seed)
+        if test.rest is None:
+            return ()
+        return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
+
+    def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
+        """The judgement of the other visits; of all of them where those have a name and the others have none."""
+        assert test.rest is not None
+        bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
+        out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
+        rest = replace(self, data=self.data.with_rows(rows.select(~out)))
+        again = rest.without_bad_rows(rest.judged())
+        if again.verdict == "unknown" and judgement.verdict == "named":
+            return self.without_bad_rows(judgement)
+        return replace(again, verdict="named" if again.verdict == "adequate" else again.verdict, bad_visits=bad)
+
+    def without_bad_rows(self, judgement: Judgement) -> Judgement:
+        """The judgement; where single rows are bad, of the others."""
         bad = bad_rows(judgement.extended)
         if not bad:
             return judgement
@@ -165,6 +202,9 @@ class Procedure:
         nothing = of_nothing(extended)
         if nothing:
             return self.unknown(judgement, seen, judgement.detection, dict.fromkeys(sorted(nothing), NOTHING_IN_WORDS))
+        if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
+            return self.unknown(judgement, seen, judgement.detection,
+                                dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         measured = gain(self.data, judgement.plain, extended, self.rng)
         if measured.support <= AGAINST and not only_local(seen, best):
             against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "

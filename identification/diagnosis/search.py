@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, scores
-from identification.diagnosis.sag import sag_columns
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
 from identification.fit.posterior import Posterior
+from identification.fit.sag import sag_columns
 from identification.model.effects import Effect
 from identification.model.load_state import LoadState
 

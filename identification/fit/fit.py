@@ -20,19 +20,24 @@ from identification.fit.identifiability import (
     information_spectrum,
 )
 from identification.fit.load_test import LoadTest
+from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import ModelCheck, model_check
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
+from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
+from identification.fit.validation import Validation, judge_validation
+from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
+from identification.fit.visits import bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
 
-# A row whose weight is under this is named; no row is ever cut.
+# A row whose weight is under this is named; no single row is ever cut.
 SUSPICIOUS_WEIGHT = 0.3
 # More rows than these are told in one finding.
 MOST_LIGHT_ROWS = 20
@@ -50,8 +55,9 @@ class Fit:
 
     model: the posterior as stiffness.json carries it. residual (N, 3) [m]: measured minus predicted, all rows, NaN where not
     measured. std (N, 3) [m]: what the estimated noise allows there. row_weight (N,): 1 for ordinary rows, small for gross
-    errors, NaN for validate rows. held_out: RMS [m] of the validate rows with the prior's and the posterior's stiffnesses,
-    None without such rows. profiles: empty unless asked for.
+    errors, 0 for visits that were left out, NaN for validate rows. held_out: RMS [m] of the validate rows with the prior's and
+    the posterior's stiffnesses, None without such rows. profiles: empty unless asked for. bad_visits: whose readings no
+    stiffness explains that explains the others, left out of the posterior; validation: the outliers among the validate rows.
     """
 
     cell: Cell
@@ -68,6 +74,8 @@ class Fit:
     profiles: tuple[Profile, ...]
     held_out: tuple[float, float] | None
     findings: tuple[Finding, ...]
+    bad_visits: tuple[BadVisit, ...] = ()
+    validation: Validation | None = None
 
     def __post_init__(self) -> None:
         read_only(self.residual, self.std, self.row_weight, self.spectrum)
@@ -82,6 +90,8 @@ class Fit:
             "conflicts": [conflict.as_dict() for conflict in self.conflicts],
             "profiles": [profile.as_dict() for profile in self.profiles],
             "held_out_rms_um": None if self.held_out is None else [1e6 * value for value in self.held_out],
+            "held_out_rms_without_outliers_um": None if self.validation is None else 1e6 * self.validation.rms_without,
+            "bad_visits": [bad.as_dict() for bad in self.bad_visits],
         }}
 
     def lines(self) -> list[str]:
@@ -100,10 +110,14 @@ class Fit:
         if model.rejected:
             lines.append(f"rejected by its own rows, so that nothing is graded reliable ({model.rejected})")
         lines.append(self.ellipsoid.sentence)
+        lines += [f"left out: {sentence(bad)}; {mending(bad)}" for bad in self.bad_visits]
         if self.held_out is not None:
             before, after = self.held_out
             lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
                          "the identified")
+        if self.validation is not None and len(self.validation.numbers):
+            lines.append(f"validation rows without {len(self.validation.numbers)} outliers: "
+                         f"{1e6 * self.validation.rms_without:.1f} um with the identified stiffnesses")
         return lines
 
 
@@ -121,9 +135,12 @@ def fit_stiffness(
     k1      1.549e+06               1.543e+06 ... 1.556e+06      reliable
     >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
-    identify = ~measurements.validate
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
-    fitted = posterior(every.with_rows(measurements.select(identify)))
+    whole = posterior(every.with_rows(measurements.select(~measurements.validate)))
+    test = bad_visits(whole)
+    fitted = test.rest or whole
+    bad = with_mends(test, fitted, whole.data.rows)
+    identify = np.isin(measurements.row, fitted.data.rows.row)
     conflicts = subset_conflicts(fitted)
     check = model_check(fitted, conflicts)
     grades = grade_joints(fitted, check)
@@ -132,18 +149,29 @@ def fit_stiffness(
     if measurements.validate.any():
         literature = predicted_deflection(every, -np.log(cell.prior.stiffness))
         held_out = (rms((measurements.deflection - literature)[measurements.validate]), rms(residual[measurements.validate]))
-    row_weight = np.full(len(measurements), np.nan)
+    row_weight = np.where(measurements.validate, np.nan, 0.0)
     row_weight[identify] = fitted.row_weight
     figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
+    validation = judge_validation(fitted, every)
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
                             tuple(grade.grade for grade in grades), figures,
                             interval=fitted.draws.interval(0.95))
-    findings = (*measurements.findings, *_rejected(measurements.source, check), *_findings(fitted, grades, conflicts),
-                *_not_better(measurements.source, held_out))
+    findings = (*measurements.findings, *_rejected(measurements.source, check),
+                *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
+                *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),
+                *validation_findings(validation, measurements.source))
     return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),
                row_weight, grades,
                ellipsoid(fitted), information_spectrum(fitted), conflicts, profiles(fitted) if with_profiles else (), held_out,
-               findings)
+               findings, bad, validation)
+
+
+def _changed(whole: Posterior, rest: Posterior) -> str:
+    """What leaving visits out has done to the stiffnesses."""
+    ratio = np.exp(whole.mean - rest.mean)
+    most = int(np.argmax(np.abs(np.log(ratio))))
+    return (f"the stiffnesses come from the other {len(rest.data.rows)} rows: k{most + 1} changed the most, by "
+            f"{100 * (ratio[most] - 1):+.1f} %")
 
 
 def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:

@@ -136,6 +136,18 @@ class NoiseModel:
         return replace(self, rotation=self.rotation[rows], force=self.force[rows], absolute=self.absolute[rows],
                        setups=self.setups[rows], measured=self.measured[rows], visit=visit.astype(np.intp))
 
+    def by_visit(self, values: Array) -> Array:
+        """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
+        order = np.argsort(self.visit, kind="stable")
+        return np.asarray(np.add.reduceat(values[order], np.searchsorted(self.visit[order], np.arange(self.visits)), axis=0))
+
+    def of_rows_alone(self, components: VarianceComponents) -> Array:
+        """Precision (n, 3, 3) of each row by itself, without what its visit shares; nothing where a component was not measured."""
+        alone = replace(self, active=(*self.active[:MEMORY], False))
+        precision = np.empty((len(self.visit), 3, 3))
+        precision[alone.blocks[:, 0]] = alone.own(components.values[None], np.ones(len(precision)))[0][0]
+        return precision * (self.measured[:, :, None] & self.measured[:, None, :])
+
     @cached_property
     def blocks(self) -> NDArray[np.intp]:
         """Rows (b, B) whose noise goes together, visit by visit, -1 where a block is shorter: single rows without a memory."""
@@ -228,7 +240,7 @@ class NoiseModel:
         return Weights(self, components, precision[0], loading, np.asarray(np.linalg.inv(inner), dtype=float), log_total)
 
     def draw(self, values: Array, row_weight: Array, rng: np.random.Generator) -> Array:
-        """Noise (n, 3, S) of these rows, one draw for each of the multiples (S, 6)."""
+        """Noise (n, 3, S) of these rows, one draw for each of the multiples (S, 6); row_weight (n,), or (n, S)."""
         count, n = len(values), len(self.visit)
         sensor = rng.standard_normal((n, 3, count))
         if self.active[MEMORY]:
@@ -241,7 +253,7 @@ class NoiseModel:
             if self.active[part]:
                 own += values[:, part] * (root @ rng.standard_normal((n, 3, count)))
         shared = self.loading_scale(values).T * rng.standard_normal((self.visits, self.loading.shape[2], count))
-        drawn = own / np.sqrt(row_weight)[:, None, None] + self.loading @ shared[self.visit]
+        drawn = own / np.sqrt(row_weight.reshape(n, 1, -1)) + self.loading @ shared[self.visit]
         return np.asarray(np.where(self.measured[:, :, None], drawn, 0.0))
 
 
@@ -351,10 +363,7 @@ def distances(
     """Squared distance (n,) of each row's residual (n, 3), what its visit shares taken out, in its own noise, and the count of
     its components."""
     own = np.where(model.measured, residual - weights.shared(residual), 0.0)
-    alone = replace(model, active=(*model.active[:MEMORY], False))
-    precision = np.empty((len(own), 3, 3))
-    precision[alone.blocks[:, 0]] = alone.own(components.values[None], np.ones(len(own)))[0][0]
-    return np.einsum("ni,nij,nj->n", own, precision, own), model.measured.sum(axis=1)
+    return np.einsum("ni,nij,nj->n", own, model.of_rows_alone(components), own), model.measured.sum(axis=1)
 
 
 def student_weights(
