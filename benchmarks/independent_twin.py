@@ -239,9 +239,9 @@ def fresh_report(named: Sequence[Result]) -> None:
         return
     of_plain, of_named = (100 * np.mean([[one.components[k], one.points[k]] for one in tried], axis=0) for k in (0, 1))
     gain = np.array([one.named / one.plain for one in tried])
-    told = np.array([one.named / one.told for one in tried])
+    told = [one.named / one.told for one in tried if one.told > 0] or [np.nan]
     print(f"  fresh poses, {len(tried)} named: error relative to the plain model's {np.median(gain):.2f} in the median, worst "
-          f"{gain.max():.2f}, worse than plain {np.sum(gain > 1)}; relative to the told law's {np.nanmedian(told):.2f}")
+          f"{gain.max():.2f}, worse than plain {np.sum(gain > 1)}; relative to the told law's {np.median(told):.2f}")
     print(f"  inside the stated 95 %: components {of_named[0]:.0f} % (plain {of_plain[0]:.0f} %), points {of_named[1]:.0f} % "
           f"(plain {of_plain[1]:.0f} %)")
     for r in named:
