@@ -64,8 +64,8 @@ def plans(seed: int) -> None:
         values.append(task.value(drawn))
         stds.append(np.sqrt(np.diag(np.linalg.inv(task.information(drawn)))))
     ratio = task.value(weights["20,40"].design.runs) / np.array(values)
-    print(f"{f'20,40 at random poses, median of {RANDOM_PLANS}':<44}{in_words(np.median(stds, axis=0))}   criterion of the plan "
-          f"over theirs: median {np.median(ratio):.2f}, over the best of them {ratio.min():.2f}")
+    print(f"{f'20,40 at random poses, median of {RANDOM_PLANS}':<44}{in_words(np.median(stds, axis=0))}   criterion of the "
+          f"plan over theirs: median {np.median(ratio):.2f}, over the best of them {ratio.min():.2f}")
     for force in (300.0, 392.0):
         plan = design_plan(cell, Request(force_n=force), seed=seed)
         print(f"{f'three directions, +-{force:g} N, {len(plan.sheet.visit)} rows':<44}{in_words(known(plan))}")
@@ -97,8 +97,9 @@ def cases(first: int, count: int) -> None:
             names = [cause["effect"] for cause in found.as_dict()["causes"] if "single_row" not in cause["parameters"]]
             said["+".join(names) if names else "a bad row" if found.verdict == "named" else found.verdict] += 1
         print(f"{kind}: {dict(said)}")
-        print(f"  intervals that hold, k1 ... k6: {' '.join(f'{value:.0f}' for value in inside)} of {count}; k1 not "
-              f"identifiable {unseen}; median error of k2 ... k6 {' '.join(f'{100 * x:.2f}' for x in np.median(off, axis=0)[1:])} %")
+        held, wrong = " ".join(f"{value:.0f}" for value in inside), in_words(np.median(off, axis=0)[1:])
+        print(f"  intervals that hold, k1 ... k6: {held} of {count}; k1 not identifiable {unseen}; median error of k2 ... k6 "
+              f"{wrong} %")
 
 
 def main() -> None:
