@@ -112,7 +112,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
-        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table)]))
+        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
+                       *([] if planned else _repeated(table, wrench, deflection))]))
 
 
 def _forces(table: Table, cell: Cell | None) -> Array:
@@ -169,6 +170,21 @@ def _backwards(table: Table) -> list[Finding]:
     return [Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken",
                     file=table.source, line=int(table.line[int(np.argmax(back)) + 1]),
                     hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
+
+
+def _repeated(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
+    """Loaded rows that stand in the table before, to the last digit: copied, they would count as measured again.
+
+    A few may be so by chance where readings have few digits.
+    """
+    loaded = np.flatnonzero(np.any(wrench != 0, axis=1) & np.any(np.nan_to_num(deflection) != 0, axis=1))
+    rows = np.nan_to_num(table.stack(*JOINTS, *FORCES, *DEFLECTIONS)[loaded])
+    again = np.setdiff1d(loaded, loaded[np.unique(rows, axis=0, return_index=True)[1]])
+    if len(again) < 3 or len(again) < 0.1 * len(loaded):
+        return []
+    return [Finding("CS0012", "warning", f"{len(again)} of {len(loaded)} loaded rows stand in the table before, to the last "
+                    "digit: they count as measured again, and the stated intervals come out too narrow", file=table.source,
+                    line=int(table.line[again[0]]), hint="delete what was copied; a load measured again differs by its noise")]
 
 
 def run_numbers(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,15 @@ from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import rms
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, Refused, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# A program of fewer moves may well cut on all of them. In the air is what has this share of the largest force at most, or so
+# little [N]; engineering judgement, as of --tare (forces/zero.py).
+FEW, QUIET, LEAST = 5, 0.2, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +99,8 @@ def predict(
 ) -> Predicted:
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
 
-    Raises CompstiffError (CS4202) for a program without a move, and what `read_force_log`, `place_forces`,
-    `targets_to_correct` and `predict_path` raise.
+    Raises Refused (CS1022) for a model that its own measurements reject, CompstiffError (CS4202) for a program without a move,
+    and what `read_force_log`, `place_forces`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -105,6 +108,7 @@ def predict(
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
     (2779, [-11.0, 13.0, 0.9])
     """
+    doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
     if settings.correction.scale != EXACTLY_ONE:
         model = model.scaled(*settings.correction.scale)
     if not len(program.toolpath):
@@ -112,7 +116,22 @@ def predict(
                     file=str(program.source or program.toolpath.source), hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+        predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+    return replace(predicted, findings=(*doubts, *predicted.findings))
+
+
+def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
+    """A model that its own measurements reject: Refused (CS1022), or a warning (CS1023) where it was asked for all the same."""
+    if not model.rejected:
+        return []
+    source = str(model.source) if model.source else None
+    message = f"the measurements that this model was made from reject it ({model.rejected})"
+    if not accepted:
+        raise Refused(Finding("CS1022", "error", f"{message}: its predictions are off by more than they say", file=source,
+                              hint="compstiff diagnose CELL MEASUREMENTS -o diagnosis.json --extended FILE finds what it "
+                              "lacks; --accept-rejected uses it all the same"))
+    return [Finding("CS1023", "warning", f"{message}; it is used all the same (--accept-rejected)", file=source,
+                    hint="the standard deviations do not say how far off it may be: measure after the first pass (verify)")]
 
 
 def under_forces(
@@ -126,7 +145,8 @@ def under_forces(
             borders=borders(path.length))
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare)
-        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings)
+        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
+                   *_without_zero(placed, path, settings))
         targets, left = targets_to_correct(path, placed)
         loaded = LoadedPath(path, placed, model, targets)
         prediction = predict_path(loaded)
@@ -134,3 +154,14 @@ def under_forces(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))
+
+
+def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:
+    """A warning (CS3087) where force stands on every move of a program, approach and retract too, and no bias was taken off."""
+    count, size = len(placed.forced), np.linalg.norm(placed.wrench[:, :3], axis=1)
+    if settings.log.tare or path.cell.force_log.bias is not None or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
+        return []
+    return [Finding("CS3087", "warning", f"all {count} moves have force, at least {size.min():.0f} N, the first and the last "
+                    "too: nothing shows where the sensor's zero is", file=placed.log.source,
+                    hint="name moves in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml; "
+                    "a program that cuts on every move is no mistake")]

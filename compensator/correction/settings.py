@@ -30,10 +30,11 @@ class CorrectionSettings:
     path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
     cutting_stiffness [N/m]: how the force grows with the depth of cut. logged_with: the offsets.csv that the program had
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
-    compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
-    for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
-    tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
-    axis would lower the deviation."""
+    compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how far the
+    correction along a move may be from what its place asks for; long_move [m]: a MoveL, or half a MoveC, of this length may get
+    intermediate targets; keep_targets: none does. tighten_zones: zones that cut corners by more than the tolerance are made
+    smaller. advise: say which turn about the tool's axis would lower the deviation. correct_again: also a program that a record
+    names as the output of a correction."""
 
     confidence: float = 0.69
     slope: float | None = None
@@ -41,11 +42,13 @@ class CorrectionSettings:
     logged_with: Path | None = None
     first_forces: Path | None = None
     scale: Estimate = EXACTLY_ONE
+    accept_rejected: bool = False
     tolerance: float = 5e-6
     long_move: float = 0.03
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False
+    correct_again: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,15 +99,15 @@ class Settings:
         """JSON values, files by their name."""
         return {name: value.name if isinstance(value, Path) else value for name, value in self.values().items()}
 
-    def as_options(self) -> str:
-        """What `correct` needs to read the log and the stiffness as here, as on the command line."""
+    def as_options(self) -> list[str]:
+        """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
         log, scale = self.log, self.correction.scale
-        options = [f"--tare {first}:{last}" for first, last in log.tare]
-        options += [f"--log-format {log.log_format}"] if log.log_format else []
-        options += [f"--spindle-rpm {log.spindle_rpm:g}"] if log.spindle_rpm else []
-        if scale != EXACTLY_ONE:
-            options.append(f"--scale {scale.value:g}" + (f":{scale.std:g}" if scale.std else ""))
-        return "".join(f" {option}" for option in options)
+        options = [word for first, last in log.tare for word in ("--tare", f"{first}:{last}")]
+        options += ["--log-format", log.log_format] if log.log_format else []
+        options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
+        options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        options += ["--accept-rejected"] if self.correction.accept_rejected else []
+        return options
 
 
 DEFAULTS = Settings()

@@ -157,6 +157,8 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     header), CS3022 (counts without a scale).
     """
     name = str(file)
+    if log_format is None and file.suffix.lower() == ".lvm":
+        raise error("CS0201", "is a LabVIEW measurement file, not a table", file=name, hint="read it with --log-format lvm")
     layout, held = None, None
     findings: list[Finding] = []
     header_line: int | None = 1

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 class Axes(click.ParamType[str]):
@@ -110,8 +110,10 @@ def design(
     content = plan.as_dict()
     json_bytes(content)             # what JSON cannot say stops it before anything is written
     write_whole(files)
-    following = (f"append the rows to {measured_file}, then compstiff diagnose {cell_file} {measured_file} -o diagnosis.json"
-                 if measured_file else f"then compstiff identify {cell_file} {output} -o stiffness.json")
+    following = "then " + call("identify", cell_file, output, "-o", "stiffness.json")
+    if measured_file:
+        again = call("diagnose", cell_file, measured_file, "-o", "diagnosis.json")
+        following = f"append the rows to {measured_file}, then {again}"
     return Outcome(content, (*plan.findings, *(program.findings if program else ())), plan.lines(),
                    next_step=f"measure it, fill in dx_um dy_um dz_um, {following}")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 @command("diagnose", writes=True)
@@ -20,11 +20,14 @@ from compstiff.outcome import Outcome, Session
               help="Rate of false alarms, over the whole dictionary.")
 @click.option("--replicates", type=click.IntRange(19, 9999), default=199, show_default=True,
               help="Simulated data sets behind the p-value; its resolution is 1 / (replicates + 1).")
+@click.option("--also", multiple=True, type=READABLE, help="A further joint deflection log of the same robot; may be given "
+              "several times. All are fitted, and each is predicted from the others.")
 @click.option("--validate", type=READABLE, help="A joint deflection log that is not fitted: the gain is measured on it.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def diagnose(
     session: Session, cell_file: Path, measurements_file: Path | None, output: Path | None, plan: Path | None,
-    extended: Path | None, alarm: float, replicates: int, validate: Path | None, report: Path | None,
+    extended: Path | None, alarm: float, replicates: int, also: tuple[Path, ...], validate: Path | None,
+    report: Path | None,
 ) -> Outcome:
     """Show what the model gets wrong, name the cause, measure the gain.
 
@@ -41,8 +44,10 @@ def diagnose(
     from identification.motion.log_file import is_motion_log
 
     if is_motion_log(measurements_file):
-        return _diagnose_log(session, cell_file, measurements_file, validate, output, extended=extended, alarm=alarm,
-                             replicates=replicates, report=report)
+        return _diagnose_logs(session, cell_file, [measurements_file, *also], validate, output, extended=extended,
+                              alarm=alarm, replicates=replicates, report=report)
+    if also:
+        raise click.UsageError(f"--also is for joint deflection logs; {measurements_file} is none")
     if validate is not None:
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
@@ -67,25 +72,25 @@ def diagnose(
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
-    following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
-                 "-o PART_corrected.mod") if extended else ""
+    following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
+                     "PART_corrected.mod") if extended else ""
     return Outcome(content, diagnosis.findings, diagnosis.lines(), next_step=following or _next_after(
         diagnosis.verdict, cell_file, measurements_file, output))
 
 
-def _diagnose_log(
-    session: Session, cell_file: Path, log_file: Path, validate: Path | None, output: Path, *, extended: Path | None,
+def _diagnose_logs(
+    session: Session, cell_file: Path, log_files: list[Path], validate: Path | None, output: Path, *, extended: Path | None,
     alarm: float, replicates: int, report: Path | None,
 ) -> Outcome:
-    """What the plain springs get wrong in a log, its cause, and the gain on a log that was not fitted."""
+    """What the plain springs get wrong in logs, its cause, and the gain where it was not fitted."""
     from compstiff import diagnose_joint_logs, read_cell, read_motion_log
     from identification.common.files import check_writable, json_bytes, write_whole
 
-    session.inputs += [cell_file, log_file, *([validate] if validate else [])]
+    session.inputs += [cell_file, *log_files, *([validate] if validate else [])]
     check_writable([output, *(file for file in (extended, report) if file)], overwrite=session.overwrite)
     cell = read_cell(cell_file, geometry=False)
-    diagnosis = diagnose_joint_logs(cell, [read_motion_log(log_file)], read_motion_log(validate) if validate else None,
-                                    alarm=alarm, replicates=replicates)
+    diagnosis = diagnose_joint_logs(cell, [read_motion_log(file) for file in log_files],
+                                    read_motion_log(validate) if validate else None, alarm=alarm, replicates=replicates)
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
     if extended:
@@ -96,7 +101,8 @@ def _diagnose_log(
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
     return Outcome(content, diagnosis.findings, diagnosis.lines(),
-                   next_step=f"compstiff identify {cell_file} {log_file} -o stiffness.json")
+                   next_step=call("identify", cell_file, log_files[0], *(
+                       word for file in log_files[1:] for word in ("--also", file)), "-o", "stiffness.json"))
 
 
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
@@ -113,16 +119,16 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     if output:
         write_whole({output: json_bytes(content)})
     return Outcome(content, outlook.findings, outlook.lines(),
-                   next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
+                   next_step=f"measure it, then {call('diagnose', cell_file, plan, '-o', 'diagnosis.json')}")
 
 
 def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
     """What a user would do after this verdict."""
     if verdict == "named":
-        return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
+        return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
     if verdict == "adequate":
-        return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+        return call("identify", cell_file, measurements_file, "-o", "stiffness.json")
     if verdict == "ambiguous":
-        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
-                "loads that tell them apart; measure them, add the rows, then diagnose again")
+        more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, "-o", "more.csv")
+        return f"{more}, which plans loads that tell them apart; measure them, add the rows, then diagnose again"
     return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"

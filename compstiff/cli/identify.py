@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 if TYPE_CHECKING:
     from identification.fit.priors import PriorKind
@@ -57,9 +57,12 @@ def identify(
 
         files[report] = page_of(fit).encode()
     write_whole(files)
-    return Outcome(fit.as_dict(), fit.findings, fit.lines(),
-                   next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
-                   "-o PART_corrected.mod")
+    following = (
+        call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json")
+        if fit.model.rejected else
+        call("correct", cell_file, "PART.mod", "--stiffness", output, "--forces", "PART.forces.csv", "-o",
+             "PART_corrected.mod"))
+    return Outcome(fit.as_dict(), fit.findings, fit.lines(), next_step=following)
 
 
 def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], output: Path, report: Path | None) -> Outcome:
@@ -78,4 +81,4 @@ def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], out
         files[report] = page_of(fit).encode()
     write_whole(files)
     return Outcome(content, fit.findings, fit.lines(),
-                   next_step=f"compstiff diagnose {cell_file} {log_files[0]} -o diagnosis.json")
+                   next_step=call("diagnose", cell_file, log_files[0], "-o", "diagnosis.json"))

@@ -113,6 +113,7 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
         names.append((str(cause["effect"]), cause["joint"]))
     rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
             if "single_row" in cause.get("parameters", {})]
+    rows += [int(row) for bad in (content.get("visits") or {}).get("bad", []) for row in bad["rows"]]
     return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(file))
 
 
@@ -122,11 +123,12 @@ def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -
     rows = rows.select(~rows.validate & ~np.isin(rows.row, diagnosed.bad_rows))
     data = LoadTest.of(cell, rows)
     catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in diagnosed.names}
-    survey, _, fitted = converged(posterior(data), catalogue, 2)
+    found = converged(posterior(data), catalogue, 2)
+    survey = found.seen
     named, entries = set(diagnosed.names), survey.dictionary.entries
     listed = tuple(hypothesis for hypothesis in survey.hypotheses
                    if {(entries[k].effect.name, entries[k].joint) for k in hypothesis.entries} <= named)
-    return rivals_of(data, replace(survey, hypotheses=listed), fitted.log_compliance)
+    return rivals_of(data, replace(survey, hypotheses=listed), found.fitted.log_compliance)
 
 
 def discriminating_design(

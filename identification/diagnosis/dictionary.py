@@ -75,6 +75,14 @@ class Dictionary:
                    for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
         return np.asarray(noise.rotation @ np.stack(columns, axis=2))
 
+    def gear_laws(self, joint: int) -> list[int]:
+        """The entries that are laws of this joint's gear."""
+        return [k for k, entry in enumerate(self.entries) if entry.joint == joint and entry.effect.gear_law]
+
+    def amplitude(self, signature: int) -> float:
+        """The size of a signature's column [unit of its first parameter]."""
+        return float(self.signatures[signature].scale[0])
+
     def part(self, entries: list[int]) -> Dictionary:
         """These entries alone."""
         kept = [s for k in entries for s in self.entries[k].signatures]

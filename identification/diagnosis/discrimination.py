@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import rms
+from identification.diagnosis.attempt import attempt
 from identification.diagnosis.search import Survey
 from identification.fit.fitted_model import predicted_deflection, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import noise_model
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 
@@ -161,13 +162,16 @@ def rivals_of(data: LoadTest, survey: Survey, start: Array) -> Rivals:
     """The likeliest hypotheses fitted to the data, with their probabilities; start (6,): ln c to begin with."""
     rivals = {}
     for hypothesis in survey.hypotheses[:MOST_RIVALS]:
-        label = " + ".join(survey.dictionary.entries[k].label for k in hypothesis.entries)
-        rivals[label] = (posterior(data, survey.terms(hypothesis), start), hypothesis.probability)
+        fitted = attempt(data, survey.terms(hypothesis), start)
+        if fitted is not None:
+            rivals[survey.name(hypothesis)] = (fitted, hypothesis.probability)
     return rivals
 
 
 def robot_difference(models: Sequence[Posterior]) -> float:
     """Largest RMS [m] by which two models of the same rows differ in what the robot itself does under their loads."""
+    if len(models) < 2:
+        return 0.0
     data = models[0].data
     loaded = data.with_rows(data.rows.select(np.any(data.rows.wrench != 0, axis=1)))
     moved = []

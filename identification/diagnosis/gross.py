@@ -20,8 +20,9 @@ Array = NDArray[np.float64]
 ALARM = 0.0005
 # Rows at one pose without which none of them can be called bad.
 COMPANY = 3
-# More bad rows than this share are no single mistakes.
+# More bad rows than this share are no single mistakes, nor are more than so many in one visit (identification/fit/visits.py).
 MOST = 0.05
+MOST_IN_A_VISIT = 2
 
 
 def heavier(degrees: float) -> float:
@@ -31,12 +32,14 @@ def heavier(degrees: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class BadRow:
-    """row: number in the file from 1; line there; off (3,) [m]: measured minus predicted, std (3,) what was allowed."""
+    """row: number in the file from 1; line there; off (3,) [m]: measured minus predicted, std (3,) what was allowed; p_value:
+    family-wise over the rows."""
 
     row: int
     line: int
     off: Array
     std: Array
+    p_value: float
 
     def as_dict(self) -> dict[str, Any]:
         """A cause of diagnosis.json."""
@@ -44,7 +47,8 @@ class BadRow:
                                   for axis, value, std in zip("xyz", self.off, self.std, strict=True) if not np.isnan(value)}
         values["single_row"] = {"estimate": self.row, "std": 0.0}
         return {"effect": "sensor_step", "joint": None, "probability": 1.0 - ALARM, "family": "deflection measurement",
-                "of_robot": False, "sentence": f"row {self.row} (line {self.line}) is a bad reading", "parameters": values}
+                "of_robot": False, "sentence": f"row {self.row} (line {self.line}) is a bad reading", "parameters": values,
+                "p_value": self.p_value}
 
 
 def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
@@ -55,7 +59,7 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     kept = (count > 0) & (np.bincount(visit)[visit] >= COMPANY)
     for term in fitted.terms:
         kept &= ~term.effect.undecided(fitted.load_state, term.joint)
-    bad: list[int] = []
+    bad: dict[int, float] = {}
     while len(bad) <= MOST * len(rows):
         candidates = np.flatnonzero(kept)
         if len(candidates) < 10:
@@ -63,14 +67,18 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
         worst = int(candidates[np.argmax(distance[candidates])])
         others = candidates[candidates != worst]
         degrees, scale = tails(distance[others], count[others])
-        if _probability(float(distance[worst] / scale), int(count[worst]), heavier(degrees)) * len(candidates) > ALARM:
+        p_value = len(candidates) * _probability(float(distance[worst] / scale), int(count[worst]), heavier(degrees))
+        if p_value > ALARM:
             break
-        bad.append(worst)
+        bad[worst] = p_value
         kept[worst] = False
     else:
         return ()
+    crowded = np.flatnonzero(np.bincount(visit[list(bad)], minlength=1) > MOST_IN_A_VISIT)
+    bad = {row: p_value for row, p_value in bad.items() if visit[row] not in crowded}
     std = residual_std(fitted.data, fitted.components, fitted.compliance)
-    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k]) for k in bad)
+    return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
+                 for k, p_value in bad.items())
 
 
 def _probability(squared: float, count: int, degrees: float) -> float:

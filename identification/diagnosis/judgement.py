@@ -14,9 +14,12 @@ from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.swing import Swing
+from identification.fit.mending import BadVisit
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
+from identification.fit.validation import Validation
+from identification.fit.visits import VisitTest
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
@@ -26,13 +29,17 @@ Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
 
 @dataclass(frozen=True, eq=False)
 class Cause(EffectInForce):
-    """One effect with its probability (of being at work, alone or with others)."""
+    """One effect with its probability (of being at work, alone or with others; where other laws of the same gear do as well,
+    of any of them). open_laws: those, by name, with their probabilities."""
 
     probability: float
+    open_laws: dict[str, float] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
         """The cause in plain words."""
+        if self.open_laws:
+            return self.effect.law_family.format(joint=self.joint)
         return self.effect.sentence.format(joint=self.joint)
 
 
@@ -41,11 +48,15 @@ class Judgement:
     """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was found).
     detection: of the plain model, adequacy: of the extended one. causes, alternatives: see docs/formats.md#diagnose. scatter:
     parts of the noise that outgrow what was stated. patterns: what is seen of an unknown cause. robot_difference: by how much
-    [m, RMS] the rivals differ in what the robot does under the largest load, None where nothing is ambiguous. left_out: effects
-    these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
-    than noise. bad_rows: not among `rows`. thinning: how the rows of machined passes were averaged. carried: the extended model
-    with the laws of its effects free within what real ones differ by, None where nothing is named: its springs are the ones to
-    use. swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas."""
+    [m, RMS] the rivals (or the laws that a cause leaves open) differ in what the robot does under the largest load, None where
+    nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
+    misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
+    lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the
+    rows of machined passes were averaged. carried: the extended model with the laws of its effects free within what real ones
+    differ by, None where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the
+    model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others; bad_visits: those that do
+    not, not among `rows`; suspects: those that a sensor named for their pose explains as well. validation: the outliers among
+    the validate rows."""
 
     verdict: Verdict
     plain: Posterior
@@ -60,12 +71,33 @@ class Judgement:
     scatter: dict[str, float] = field(default_factory=dict)
     patterns: tuple[str, ...] = ()
     left_out: dict[str, str] = field(default_factory=dict)
-    withdrawn: tuple[str, ...] = ()
+    withdrawn: dict[str, str] = field(default_factory=dict)
+    lost: tuple[str, ...] = ()
     law_differs: bool = False
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
     carried: Posterior | None = None
     swing: Swing | None = None
+    visits: VisitTest | None = None
+    bad_visits: tuple[BadVisit, ...] = ()
+    suspects: tuple[BadVisit, ...] = ()
+    validation: Validation | None = None
+
+    def __post_init__(self) -> None:
+        """Refuses (ValueError) a verdict whose names contradict it: no such answer may leave the program."""
+        left_out = bool(self.bad_rows or self.bad_visits or self.swing)
+        contradicts = {
+            "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain) or left_out,
+            "named": not (self.causes or left_out) or bool(self.withdrawn) or (bool(self.causes) and self.gain is None),
+            "ambiguous": bool(self.causes or self.withdrawn) or len({cause.label for cause in self.alternatives}) < 2,
+            "unknown": bool(self.causes) or self.extended is not self.plain,
+        }[self.verdict]
+        given = [cause.label for cause in self.causes]
+        doubled = len(set(given)) < len(given) or set(given) & {cause.label for cause in self.alternatives}
+        if contradicts or doubled:
+            others = [cause.label for cause in self.alternatives]
+            raise ValueError(f"{self.verdict} with causes {given}, alternatives {others}, withdrawn {list(self.withdrawn)}, "
+                             f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, gain {self.gain}")
 
     @property
     def rows(self) -> Measurements:

@@ -2,55 +2,88 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.diagnosis.discrepancy import discrepancies, uncertain
+from identification.diagnosis.attempt import attempt
+from identification.diagnosis.discrepancy import discrepancies
 from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, survey
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
+from identification.model.effects_in_force import EFFECTS, split
+from identification.model.law_of import uncertain
 
 # A name is given when this much probability is on it; the set of names holds as much.
 CERTAIN = 0.95
 # An effect under this share of its typical size is no cause beside others.
 SLIGHT = 0.4
+# A law of the same gear that is less likely is not said to do as well.
+OPEN_LAW = 0.01
+# So many of its own standard deviations from nothing is nothing.
+NOTHING = 2.0
 # Nor is one of this share of the signal of an effect whose law is uncertain by more.
 BESIDE = 0.15
 # ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn.
 AGAINST = -3.0
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
+# So many sets whose fit does not converge, and there is no use in trying further.
+MOST_LOST = 8
 
 
-def converged(
-    fitted: Posterior, catalogue: dict[str, Effect], levels: int
-) -> tuple[Survey, Hypothesis | None, Posterior]:
+@dataclass(frozen=True, eq=False)
+class Named:
+    """What the search comes to. seen: everything, seen from the fit; best: the likeliest set of causes, None where there is
+    none; fitted: the model with it. lost: sets whose fit did not converge, which are no candidates."""
+
+    seen: Survey
+    best: Hypothesis | None
+    fitted: Posterior
+    lost: tuple[str, ...] = ()
+
+
+def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Named:
     """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best."""
-    tried: set[frozenset[int]] = set()
+    fits: dict[frozenset[int], Posterior] = {}
+    lost: dict[frozenset[int], str] = {}
     best = None
-    for _ in range(MAX_ROUNDS):
-        seen = survey(fitted, catalogue, levels)
-        if not seen.hypotheses or (best is not None and seen.hypotheses[0].key == best.key):
-            break
-        best = seen.hypotheses[0]
-        if best.key in tried:
-            break
-        tried.add(best.key)
-        fitted = posterior(fitted.data, seen.terms(best), fitted.log_compliance)
-    return seen, best, fitted
+    while True:
+        seen = survey(fitted, catalogue, levels).without(set(lost))
+        if not seen.hypotheses:
+            return Named(seen, best, fitted, tuple(lost.values()))
+        likeliest = seen.hypotheses[0]
+        if likeliest.key in fits:
+            # It stays the best, or has been it before: the sets take turns.
+            return Named(seen, likeliest, fits[likeliest.key], tuple(lost.values()))
+        if len(fits) == MAX_ROUNDS or len(lost) == MOST_LOST:
+            return Named(seen, best, fitted, tuple(lost.values()))
+        candidate = attempt(fitted.data, seen.terms(likeliest), fitted.log_compliance)
+        if candidate is None:
+            lost[likeliest.key] = seen.name(likeliest)
+            continue
+        best, fitted = likeliest, candidate
+        fits[best.key] = fitted
 
 
 def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> Posterior:
-    """The extended model without the terms that stand for what the others' laws do not give exactly; data: all rows."""
+    """The extended model without terms of nothing, and without those that stand for what the others' laws do not give exactly;
+    data: all rows."""
+    extended = _without(extended, of_nothing(extended))
     slight = _slight_terms(data, extended, rng)
+    return _without(extended, slight)
+
+
+def _without(extended: Posterior, slight: set[str]) -> Posterior:
+    """The extended model without the terms of these labels; as it is where none would be left."""
     if not slight or len(slight) == len(extended.terms):
         return extended
-    return posterior(extended.data, [term for term in extended.terms if term.label not in slight], extended.log_compliance)
+    kept = [term for term in extended.terms if term.label not in slight]
+    return attempt(extended.data, kept, extended.log_compliance) or extended
 
 
 def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> set[str]:
@@ -67,8 +100,8 @@ def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator)
             continue
         for label in [label for label, value in strength.items() if value < BESIDE * strength[term.label]]:
             others = [other for other in extended.terms if other.label != label]
-            without = posterior(extended.data, others, extended.log_compliance)
-            if gain(data, without, extended, rng).support < -AGAINST:
+            without = attempt(extended.data, others, extended.log_compliance)
+            if without is not None and gain(data, without, extended, rng).support < -AGAINST:
                 slight.add(label)
     return slight
 
@@ -79,11 +112,25 @@ def _typical_sizes(term: Term, values: np.ndarray) -> float:
     return float(np.linalg.norm((values - term.neutral)[of_size] / term.scale[of_size]))
 
 
+def of_nothing(extended: Posterior) -> set[str]:
+    """Labels of terms whose parameters, but for those that only shape them, all lie within two of their own standard deviations
+    of nothing."""
+    means, spreads = split(extended.mean[EFFECTS], extended.terms), split(
+        np.sqrt(np.diag(extended.covariance))[EFFECTS], extended.terms)
+    nothing = set()
+    for term, mean, spread in zip(extended.terms, means, spreads, strict=True):
+        of_size = np.array([not parameter.shape for parameter in term.effect.parameters])
+        if np.all((np.abs(mean - term.neutral) < NOTHING * spread)[of_size]):
+            nothing.add(term.label)
+    return nothing
+
+
 def with_free_laws(extended: Posterior) -> Posterior:
-    """The extended model fitted again with the laws of its effects free within what real ones differ by."""
+    """The extended model fitted again with the laws of its effects free within what real ones differ by; the same where that
+    does not converge."""
     terms = tuple(replace(term, start=values) for term, values in zip(extended.terms, extended.term_values, strict=True))
     free = discrepancies(extended.load_state, terms)
-    return posterior(extended.data, (*terms, *free), extended.log_compliance) if free else extended
+    return (attempt(extended.data, (*terms, *free), extended.log_compliance) if free else None) or extended
 
 
 def inclusion(seen: Survey) -> tuple[Cause, ...]:
@@ -95,10 +142,32 @@ def inclusion(seen: Survey) -> tuple[Cause, ...]:
     return tuple(Cause(entries[k].effect, entries[k].joint, float(min(total[k], 1.0))) for k in np.argsort(-total))
 
 
-def credible(seen: Survey) -> tuple[Cause, ...]:
-    """The names in the likeliest hypotheses that hold CERTAIN of the probability together."""
-    held = 0.0
-    names: set[int] = set()
+def kindred(seen: Survey, best: Hypothesis) -> tuple[Hypothesis, ...]:
+    """The hypotheses that differ from the best at most in which of the laws that imitate each other a gear follows, the
+    likeliest first; the best among them."""
+    family = _family(seen, best)
+    return tuple(hypothesis for hypothesis in seen.hypotheses if _family(seen, hypothesis) == family)
+
+
+def _family(seen: Survey, hypothesis: Hypothesis) -> frozenset[tuple[str, int | None]]:
+    entries = [seen.dictionary.entries[k] for k in hypothesis.entries]
+    return frozenset((entry.effect.law_family or entry.effect.name, entry.joint) for entry in entries)
+
+
+def with_open_laws(seen: Survey, causes: tuple[Cause, ...]) -> tuple[Cause, ...]:
+    """The causes, each with the laws of its gear that do as well; the probability is that of any of them."""
+    found = []
+    for cause in causes:
+        kin = [other for other in inclusion(seen) if other.joint == cause.joint and other.label != cause.label
+               and cause.effect.law_family and other.effect.law_family == cause.effect.law_family]
+        laws = {other.effect.name: other.probability for other in kin if other.probability >= OPEN_LAW}
+        found.append(replace(cause, probability=min(cause.probability + sum(laws.values()), 1.0), open_laws=laws))
+    return tuple(found)
+
+
+def credible(seen: Survey, best: Hypothesis) -> tuple[Cause, ...]:
+    """The names in the likeliest hypotheses that hold CERTAIN of the probability together, and in the one that was fitted."""
+    held, names = 0.0, set(best.key)
     for hypothesis in seen.hypotheses:
         names |= hypothesis.key
         held += hypothesis.probability

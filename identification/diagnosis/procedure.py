@@ -7,27 +7,35 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.common.arrays import rms
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.detect import REPLICATES, goodness_of_fit
+from identification.diagnosis.detect import REPLICATES, Detection, goodness_of_fit
 from identification.diagnosis.discrimination import next_loads, rivals_of, robot_difference
+from identification.diagnosis.explained import explained
 from identification.diagnosis.gain import gain
 from identification.diagnosis.gross import bad_rows
-from identification.diagnosis.judgement import Judgement
+from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import (
     AGAINST,
     CERTAIN,
     converged,
     credible,
     inclusion,
+    kindred,
+    of_nothing,
     only_local,
     with_free_laws,
+    with_open_laws,
     without_slight,
 )
-from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import Hypothesis, Survey
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
+from identification.fit.mending import BadVisit, with_mends
+from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
 from identification.fit.posterior import posterior
+from identification.fit.validation import judge_validation
+from identification.fit.visits import VisitTest, bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -37,6 +45,8 @@ ALARM = 0.05
 INADEQUATE = 0.005
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
+# Laws of one gear that differ in a correction by less than this share of the noise may stay open under one name.
+OPEN_LAWS_DIFFER = 1 / 3
 MOST_CAUSES = 3
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
@@ -45,6 +55,10 @@ GROSS = 2.0
 NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause.
 NEAREST = 5
+NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
+SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
+# Beyond this power of e how much likelier something is needs no figure.
+MOST_LOG = 50.0
 WORTH_NAMING = 0.01
 
 
@@ -54,13 +68,13 @@ def judge(
 ) -> Judgement:
     """Finds out what the plain model gets wrong on these measurements.
 
-    Rows of machined passes are averaged over blocks first (blocks.py). Where single rows are bad, they are named and the rest
-    is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate of false alarms.
-    Raises what `posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py). Where whole visits or single rows are bad, they are
+    named and the rest is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate
+    of false alarms. Raises what `posterior` raises.
     """
     averaged, thinning = in_blocks(cell, measurements)
     procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.allowing_for_swing(procedure.without_bad_rows()), thinning=thinning)
+    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +97,47 @@ class Procedure:
         swing = swing_of(judgement.extended)
         if swing is None:
             return judgement
-        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).without_bad_rows()
+        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).of_good_rows()
         if again.verdict == "unknown":
             return judgement
         return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
-    def without_bad_rows(self) -> Judgement:
-        """The judgement; where single rows are bad, of the others."""
+    def of_good_rows(self) -> Judgement:
+        """The judgement; where whole visits or single rows are bad, of the others."""
         judgement = self.judged()
+        test = bad_visits(judgement.extended, self.seed)
+        judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
+        if judgement.verdict == "adequate" and test.too_many:
+            judgement = replace(judgement, verdict="unknown", patterns=(
+                "the readings at more than a third of the poses fit no stiffness that fits the others", *judgement.patterns))
+        return replace(judgement, visits=test, suspects=self.suspects(judgement),
+                       validation=judge_validation(judgement.extended, self.data, self.seed))
+
+    def suspects(self, judgement: Judgement) -> tuple[BadVisit, ...]:
+        """Visits for which a sensor is named that was bumped there, while something wrong with the whole pose explains their
+        readings as well."""
+        local = {str(term.effect.where["pose"]) for term in judgement.extended.terms if "pose" in term.effect.where}
+        if not local or judgement.verdict not in ("named", "ambiguous"):
+            return ()
+        others = [term for term in judgement.extended.terms if "pose" not in term.effect.where]
+        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended.log_compliance), self.seed)
+        if test.rest is None:
+            return ()
+        return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
+
+    def without_bad_visits(self, judgement: Judgement, test: VisitTest) -> Judgement:
+        """The judgement of the other visits; of all of them where those have a name and the others have none."""
+        assert test.rest is not None
+        bad, rows = with_mends(test, test.rest, judgement.rows), self.data.rows
+        out = np.isin(rows.row, np.concatenate([score.rows for score in test.bad]))
+        rest = replace(self, data=self.data.with_rows(rows.select(~out)))
+        again = rest.without_bad_rows(rest.judged())
+        if again.verdict == "unknown" and judgement.verdict == "named":
+            return self.without_bad_rows(judgement)
+        return replace(again, verdict="named" if again.verdict == "adequate" else again.verdict, bad_visits=bad)
+
+    def without_bad_rows(self, judgement: Judgement) -> Judgement:
+        """The judgement; where single rows are bad, of the others."""
         bad = bad_rows(judgement.extended)
         if not bad:
             return judgement
@@ -116,23 +163,23 @@ class Procedure:
     def named(self, judgement: Judgement) -> Judgement:
         """The judgement of a plain model that does not explain the rows."""
         plain = judgement.plain
-        seen, best, extended = converged(plain, self.catalogue, 2)
-        adequacy = goodness_of_fit(extended, self.catalogue, self.rng, self.replicates)
+        found = converged(plain, self.catalogue, 2)
+        adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
-            seen, best, extended = converged(extended, self.catalogue, MOST_CAUSES)
-            adequacy = goodness_of_fit(extended, self.catalogue, self.rng, self.replicates)
+            again = converged(found.fitted, self.catalogue, MOST_CAUSES)
+            found = replace(again, lost=tuple(dict.fromkeys((*found.lost, *again.lost))))
+            adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+        seen, best, extended = found.seen, found.best, found.fitted
         scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
         extended = extended if best is None else without_slight(self.data, extended, self.rng)
         share = explained(plain, extended)
         to_the_noise = adequacy.p_value > INADEQUATE and not scatter
         nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
-        judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter,
+        judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter, lost=found.lost,
                             law_differs=nearly and not to_the_noise)
         supported = best is not None and best.log_evidence >= SUPPORT
         if best is None or not supported or not (to_the_noise or nearly):
-            left = adequacy if supported else judgement.detection
-            return replace(judgement, verdict="unknown", extended=plain, alternatives=inclusion(seen)[:NEAREST],
-                           patterns=left.seen_patterns)
+            return self.unknown(judgement, seen, adequacy if supported else judgement.detection)
         return self.with_names(judgement, seen, best)
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
@@ -141,18 +188,51 @@ class Procedure:
         together = sum(hypothesis.probability for hypothesis in seen.hypotheses if hypothesis.key == best.key)
         labels = {term.label for term in extended.terms}
         causes = tuple(cause for cause in names if cause.label in labels)
-        sure = together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes)
-        if together < CERTAIN and not sure:
-            return self.ambiguous(judgement, seen)
+        difference = None
+        if not _certain(together, causes):
+            kin = kindred(seen, best)
+            causes = with_open_laws(seen, causes)
+            if not _certain(sum(hypothesis.probability for hypothesis in kin), causes):
+                return self.ambiguous(judgement, seen, best)
+            # Which of its laws the gear follows is open: that matters where a correction would be another.
+            laws = rivals_of(judgement.plain.data, replace(seen, hypotheses=kin), extended.log_compliance)
+            difference = robot_difference([with_free_laws(model) for model, _ in laws.values()])
+            if difference > OPEN_LAWS_DIFFER * rms(judgement.expected_std):
+                return self.ambiguous(judgement, seen, best)
+        nothing = of_nothing(extended)
+        if nothing:
+            return self.unknown(judgement, seen, judgement.detection, dict.fromkeys(sorted(nothing), NOTHING_IN_WORDS))
+        if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
+            return self.unknown(judgement, seen, judgement.detection,
+                                dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         measured = gain(self.data, judgement.plain, extended, self.rng)
         if measured.support <= AGAINST and not only_local(seen, best):
-            return replace(self.ambiguous(judgement, seen), withdrawn=tuple(cause.label for cause in causes))
-        others = tuple(cause for cause in names if cause.label not in labels and cause.probability >= WORTH_NAMING)
+            against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "
+                       f"{np.exp(min(-measured.support, MOST_LOG)):.2g}")
+            return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
+        given = labels | {f"{law}[{cause.joint}]" for cause in causes for law in cause.open_laws}
+        others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
         return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured,
-                       carried=with_free_laws(extended))
+                       robot_difference=difference, carried=with_free_laws(extended))
 
-    def ambiguous(self, judgement: Judgement, seen: Survey) -> Judgement:
+    def unknown(
+        self, judgement: Judgement, seen: Survey, left: Detection, withdrawn: dict[str, str] | None = None,
+    ) -> Judgement:
+        """No name: the nearest ones, what is seen of the cause in what is left, and what spoke against names that were all but
+        given."""
+        return replace(judgement, verdict="unknown", extended=judgement.plain, alternatives=inclusion(seen)[:NEAREST],
+                       patterns=left.seen_patterns, withdrawn=withdrawn or {}, law_differs=False)
+
+    def ambiguous(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """The set of names with the loads that would settle it, and what the choice means for a correction."""
+        names = credible(seen, best)
+        if len(names) < 2:
+            return self.unknown(judgement, seen, judgement.detection)
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended.log_compliance)
-        return replace(judgement, verdict="ambiguous", alternatives=credible(seen), next_loads=next_loads(rivals, self.rng),
+        return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
+
+
+def _certain(together: float, causes: tuple[Cause, ...]) -> bool:
+    """Whether the set of causes is certain, or each of them while what else is at work is not."""
+    return together >= CERTAIN or (together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes))

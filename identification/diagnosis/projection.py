@@ -87,11 +87,13 @@ def _flat(columns: Array) -> Array:
 @dataclass(frozen=True, eq=False)
 class Scores:
     """Of all S signatures: evidence (S,), ln of the Bayes factor against no effect; visible (S,), whether the rows could show
-    it at its typical size; ratio (S,), the generalised likelihood ratio, zero where the best coefficient has the wrong sign."""
+    it at its typical size; ratio (S,), the generalised likelihood ratio, zero where the best coefficient has the wrong sign;
+    size (S,), the first best coefficient, without its sign."""
 
     evidence: Array
     ratio: Array
     visible: NDArray[np.bool_]
+    size: Array
 
 
 def scores(base: Base, dictionary: Dictionary) -> Scores:
@@ -105,7 +107,8 @@ def scores(base: Base, dictionary: Dictionary) -> Scores:
     ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
     best = np.linalg.solve(information + ridge, b[..., None])[..., 0]
     ratio = np.where(dictionary.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
-    return Scores(evidence(information, b, dictionary.positive, dictionary.widths), ratio, largest > INVISIBLE)
+    return Scores(evidence(information, b, dictionary.positive, dictionary.widths), ratio, largest > INVISIBLE,
+                  np.abs(best[:, 0]))
 
 
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:

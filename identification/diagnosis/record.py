@@ -11,6 +11,10 @@ from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.swing import EFFECT, Swing
+from identification.fit.mending import BadVisit
+from identification.fit.seating import moving_zero
+from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
+from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
 
@@ -27,7 +31,8 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "verdict": judgement.verdict,
         "misfit": {"rms_um": 1e6 * rms(judgement.plain.residual), "expected_rms_um": 1e6 * rms(judgement.expected_std),
                    "p_value": judgement.detection.p_value, "p_resolution": judgement.detection.resolution},
-        "causes": [*(_cause(judgement, cause) for cause in judgement.causes), *(bad.as_dict() for bad in judgement.bad_rows),
+        "causes": [*(_cause(judgement, cause) for cause in judgement.causes), *map(_bad_visit, judgement.bad_visits),
+                   *(bad.as_dict() for bad in judgement.bad_rows),
                    *([judgement.swing.as_dict()] if judgement.swing and judgement.verdict == "named" else [])],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
         "gain": None if judgement.gain is None else judgement.gain.as_dict(),
@@ -35,11 +40,41 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "subset_conflicts": [conflict.as_dict() for conflict in judgement.conflicts],
         "adequacy_p_value": None if judgement.adequacy is None else judgement.adequacy.p_value,
         "patterns": list(judgement.patterns), "noise_beyond_stated": judgement.scatter, "withdrawn": list(judgement.withdrawn),
+        "withdrawn_because": judgement.withdrawn, "not_converged": list(judgement.lost),
         "law_differs": judgement.law_differs,
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
         "not_offered": judgement.left_out,
+        "visits": _visits(judgement), "validation": _validation(judgement),
     }
+
+
+def _visits(judgement: Judgement) -> dict[str, Any] | None:
+    """The test of the visits, its verdict and the visit that stands out the most."""
+    test = judgement.visits
+    if test is None or not test.scores:
+        return None
+    worst = max(test.scores, key=lambda score: score.surprise)
+    return {"p_value": test.p_value, "p_resolution": test.resolution, "too_many": test.too_many, "worst": worst.as_dict(),
+            "bad": [bad.as_dict() for bad in judgement.bad_visits],
+            "suspects": [bad.as_dict() for bad in judgement.suspects]}
+
+
+def _validation(judgement: Judgement) -> dict[str, Any] | None:
+    """The validate rows under the extended model: RMS with and without outliers, and which they are."""
+    validation = judgement.validation
+    if validation is None:
+        return None
+    return {"rms_um": 1e6 * validation.rms, "rms_without_outliers_um": 1e6 * validation.rms_without,
+            "outlying_rows": [row.row for row in validation.rows],
+            "outlying_visits": [bad.as_dict() for bad in validation.visits]}
+
+
+def _bad_visit(bad: BadVisit) -> dict[str, Any]:
+    """A cause of diagnosis.json."""
+    return {"effect": "bad_visit", "joint": None, "probability": 1.0 - VISIT_ALARM, "family": "a pose", "of_robot": False,
+            "sentence": sentence(bad), "parameters": {"pose": {"estimate": bad.score.name, "std": 0.0}},
+            "p_value": bad.score.p_value, "mends": [mend.as_dict() for mend in bad.mends]}
 
 
 def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
@@ -62,6 +97,17 @@ def next_words(item: dict[str, Any]) -> tuple[str, str]:
             f"{item['separates'][0]} from {item['separates'][1]}, by {item['expected_sigmas']:.1f} sigma")
 
 
+def _seen_of(judgement: Judgement) -> str:
+    """What is seen of an unknown cause, in a few words."""
+    if judgement.patterns:
+        return "; ".join(judgement.patterns[:2])
+    if judgement.withdrawn:
+        return "; ".join(f"{label} is withdrawn: {why}" for label, why in judgement.withdrawn.items())
+    if judgement.scatter or not judgement.alternatives:
+        return "the readings scatter more than the stated noise"
+    return f"what is left looks most like {judgement.alternatives[0].label}, which does not explain it"
+
+
 def _named(cause: Cause) -> dict[str, Any]:
     return {"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability}
 
@@ -79,7 +125,7 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
             parameters |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
             moved = term.contribution(model.load_state, fitted)[:, :3]
             return _named(cause) | {"family": cause.effect.family, "of_robot": cause.effect.of_robot,
-                                    "sentence": cause.sentence, "parameters": parameters,
+                                    "open_laws": cause.open_laws, "sentence": cause.sentence, "parameters": parameters,
                                     "largest_um": 1e6 * float(np.linalg.norm(moved, axis=1).max())}
         place = own.stop
     raise KeyError(cause.label)
@@ -88,8 +134,9 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
 def answer(judgement: Judgement) -> list[str]:
     """The answer in plain words."""
     before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
+    others = " of the other rows" if judgement.bad_visits or judgement.bad_rows else ""
     lines = [*_verdict(judgement),
-             f"the plain model leaves {before:.2f} um RMS, the noise allows {allowed:.2f} um "
+             f"the plain model leaves {before:.2f} um RMS{others}, the noise allows {allowed:.2f} um "
              f"(p = {judgement.detection.p_value:.3g}, resolution {judgement.detection.resolution:.2g})"]
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
@@ -112,16 +159,17 @@ def _verdict(judgement: Judgement) -> list[str]:
     """The verdict with its names."""
     if judgement.verdict == "adequate":
         return ["adequate: six springs explain the data to their noise"]
+    left_out = [*map(_bad_visit_line, judgement.bad_visits), *map(_bad_row_line, judgement.bad_rows)]
     if judgement.verdict == "named":
-        return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_row_line, judgement.bad_rows),
+        return [*(_cause_line(judgement, cause) for cause in judgement.causes), *left_out,
                 *([_swing_line(judgement.swing)] if judgement.swing else [])]
     if judgement.verdict == "unknown":
-        return ["unknown: something is wrong that no cause in the dictionary explains",
-                *(f"  seen: {pattern}" for pattern in judgement.patterns[:4])]
+        beside = " beside that" if left_out else ""
+        return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
+                *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
+                *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
     names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
-    lines = [f"ambiguous: these data cannot tell apart: {names}"]
-    if judgement.withdrawn:
-        lines.append(f"withdrawn: {', '.join(judgement.withdrawn)} does not predict poses that were not fitted")
+    lines = [f"ambiguous: these data cannot tell apart: {names}", *left_out]
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
                      "loads")
@@ -131,13 +179,23 @@ def _verdict(judgement: Judgement) -> list[str]:
 def _cause_line(judgement: Judgement, cause: Cause) -> str:
     content = _cause(judgement, cause)
     values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
-    return (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
+    line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
             f"({cause.label}: {values}; probability {cause.probability:.3f})")
+    if cause.open_laws and judgement.robot_difference is not None:
+        laws = ", ".join(f"{name} {probability:.2f}" for name, probability in cause.open_laws.items())
+        line += (f"; its law is open ({laws} would do as well): for a correction the choice makes "
+                 f"{1e6 * judgement.robot_difference:.1f} um RMS under the measured loads")
+    return line
 
 
 def _bad_row_line(bad: BadRow) -> str:
     off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
-    return f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out"
+    return (f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um (p = {bad.p_value:.2g}); it was left "
+            "out")
+
+
+def _bad_visit_line(bad: BadVisit) -> str:
+    return f"named: {sentence(bad)}; they were left out. {mending(bad)}"
 
 
 def _swing_line(swing: Swing) -> str:
@@ -159,12 +217,14 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     findings = []
     if judgement.verdict == "unknown":
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
-                                + ("; ".join(judgement.patterns[:2]) or "the readings scatter more than the stated noise"),
-                                file=source, hint="no effect is carried into the model; look at the residuals in the report"))
+                                + _seen_of(judgement), file=source,
+                                hint="no effect is carried into the model; look at the residuals in the report"))
     if judgement.verdict == "ambiguous":
         findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
                                 + ", ".join(cause.label for cause in judgement.alternatives[:6]), file=source,
                                 hint="measure the loads named under next_measurements, or do the checks named there"))
+    findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
+                 *validation_findings(judgement.validation, source)]
     for bad in judgement.bad_rows:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
@@ -178,6 +238,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
                                 f"blocks: neighbouring rows share their noise over {length:.1f} rows, so they are worth "
                                 f"about {thin.rows / length:.0f} independent ones", file=source))
+    for label in judgement.lost:
+        findings.append(Finding("CS1020", "note", f"{label} is no candidate: its fit did not converge", file=source,
+                                hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))
     for part, factor in judgement.scatter.items():
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
                                 file=source, hint="state the noise as it is, or look for what scatters"))
@@ -193,3 +256,19 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 "deflections alone: it is the same as all stiffnesses changed together", file=source,
                                 hint=effects()["force_gain"].settles))
     return findings
+
+
+def _visit_findings(judgement: Judgement) -> list[Finding]:
+    """What is wrong at single visits, left out or not."""
+    test, source = judgement.visits, judgement.rows.source
+    if test is None or (judgement.bad_rows and not judgement.bad_visits):
+        return []
+    found = visit_findings(test, judgement.bad_visits, source, f"the rest was judged: {len(judgement.rows)} rows")
+    found += visit_findings(test, judgement.suspects, source, "a sensor that was bumped there explains them, and so may the "
+                            "table of poses") if judgement.suspects else []
+    if test.bad and not judgement.bad_visits:
+        names = ", ".join(score.name for score in test.bad)
+        found.append(Finding("CS1735", "warning", f"the readings at {names} stand out from the other poses (p = "
+                             f"{test.p_value:.2g}), but without them the others have no name: all were kept", file=source,
+                             line=test.bad[0].line, hint="look at these poses first: pose, loads, what drags or sticks there"))
+    return found

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
-from identification.diagnosis.projection import Base, scores
-from identification.diagnosis.sag import sag_columns
+from identification.diagnosis.projection import PRIOR_SIZES, Base, scores
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
 from identification.fit.posterior import Posterior
+from identification.fit.sag import sag_columns
 from identification.model.effects import Effect
 from identification.model.load_state import LoadState
 
@@ -27,6 +27,11 @@ Array = NDArray[np.float64]
 BEAM = 4
 # How often one, two and three causes act at once, before the data.
 PRIOR_OF_SIZE = (0.9, 0.09, 0.01)
+# How far a gear's law may be off the dictionary's, as a share of its size: laws of real gears differ by some ten per cent
+# (discrepancy.py).
+LAW_SHARE = 0.3
+# ln Bayes factor of the best law of a gear under which it does not matter how its laws share it out.
+WORTH_SHARING = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,17 @@ class Survey:
     dictionary: Dictionary
     base: Base
     hypotheses: tuple[Hypothesis, ...]
+
+    def name(self, hypothesis: Hypothesis) -> str:
+        """The labels of its effects."""
+        return " + ".join(self.dictionary.entries[k].label for k in hypothesis.entries)
+
+    def without(self, keys: set[frozenset[int]]) -> Survey:
+        """All but the hypotheses of these keys."""
+        if not keys:
+            return self
+        kept = [hypothesis for hypothesis in self.hypotheses if hypothesis.key not in keys]
+        return replace(self, hypotheses=_weighed(kept, len(self.dictionary.entries)))
 
     def terms(self, hypothesis: Hypothesis) -> tuple[Term, ...]:
         """The effects in force with their best coefficients, as a start for the fit."""
@@ -134,20 +150,26 @@ class _Scan:
     def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:
         """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
 
-        The laws of one gear share out what they have together by the rows in which no force error decides on which side of its
-        play the gear rests: those rows tell play from friction by chance alone.
+        The laws of one gear share out what they have together by what tells them apart whatever the gear's real law, which is
+        none of the dictionary's exactly: each may differ by a mixture of all of them, of LAW_SHARE of its size. Rows in which
+        a force error decides on which side of its play the gear rests tell nothing.
         """
         dictionary, scored = self.dictionary, scores(base, self.dictionary)
         evidence = scored.evidence
         for joint in range(1, 7):
-            undecided = dictionary.undecided(self.state, self.noise, joint)
-            if not undecided.shape[2]:
-                continue
-            entries = [k for k, entry in enumerate(dictionary.entries) if entry.joint == joint and entry.effect.gear_law]
+            entries = dictionary.gear_laws(joint)
             counts = [len(dictionary.entries[k].signatures) for k in entries]
             signatures = [s for k in entries for s in dictionary.entries[k].signatures]
+            undecided = dictionary.undecided(self.state, self.noise, joint)
+            if not signatures or (evidence[signatures].max() < WORTH_SHARING and not undecided.shape[2]):
+                continue
             share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
-            decided = scores(base.extended(undecided), dictionary.part(entries)).evidence
+            likeliest = signatures[int(np.argmax(evidence[signatures]))]
+            size = scored.size[likeliest] * dictionary.amplitude(likeliest)
+            open_law = [dictionary.columns[:, :, s, :1] * (size / dictionary.amplitude(s)) for s in signatures]
+            of_share = LAW_SHARE / np.sqrt(len(open_law)) / PRIOR_SIZES
+            doubts = np.concatenate([undecided, *(of_share * column for column in open_law)], axis=2)
+            decided = scores(base.extended(doubts), dictionary.part(entries)).evidence
             together = np.logaddexp.reduce(evidence[signatures] + share)
             evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
         return evidence, scored.visible

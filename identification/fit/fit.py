@@ -11,21 +11,36 @@ from numpy.typing import NDArray
 from identification.common.arrays import read_only, rms
 from identification.common.findings import Finding, error
 from identification.fit.fitted_model import predicted_deflection
-from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
+from identification.fit.identifiability import (
+    RELIABLE_LOG_STD,
+    Ellipsoid,
+    JointGrade,
+    ellipsoid,
+    grade_joints,
+    information_spectrum,
+)
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import residual_std
+from identification.fit.mending import BadVisit, with_mends
+from identification.fit.misfit import ModelCheck, model_check
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
+from identification.fit.seating import moving_zero
 from identification.fit.subsets import Conflict, subset_conflicts
+from identification.fit.validation import Validation, judge_validation
+from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
+from identification.fit.visits import bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
 
-# A row whose weight is under this is named; no row is ever cut.
+# A row whose weight is under this is named; no single row is ever cut.
 SUSPICIOUS_WEIGHT = 0.3
+# More rows than these are told in one finding.
+MOST_LIGHT_ROWS = 20
 # Probability of the prior under which its disagreement with the data is said.
 PRIOR_CONFLICT = 1e-3
 # Off by more than this factor in every joint that the data tell is no robot, but a unit.
@@ -40,8 +55,9 @@ class Fit:
 
     model: the posterior as stiffness.json carries it. residual (N, 3) [m]: measured minus predicted, all rows, NaN where not
     measured. std (N, 3) [m]: what the estimated noise allows there. row_weight (N,): 1 for ordinary rows, small for gross
-    errors, NaN for validate rows. held_out: RMS [m] of the validate rows with the prior's and the posterior's stiffnesses,
-    None without such rows. profiles: empty unless asked for.
+    errors, 0 for visits that were left out, NaN for validate rows. held_out: RMS [m] of the validate rows with the prior's and
+    the posterior's stiffnesses, None without such rows. profiles: empty unless asked for. bad_visits: whose readings no
+    stiffness explains that explains the others, left out of the posterior; validation: the outliers among the validate rows.
     """
 
     cell: Cell
@@ -58,6 +74,8 @@ class Fit:
     profiles: tuple[Profile, ...]
     held_out: tuple[float, float] | None
     findings: tuple[Finding, ...]
+    bad_visits: tuple[BadVisit, ...] = ()
+    validation: Validation | None = None
 
     def __post_init__(self) -> None:
         read_only(self.residual, self.std, self.row_weight, self.spectrum)
@@ -72,6 +90,8 @@ class Fit:
             "conflicts": [conflict.as_dict() for conflict in self.conflicts],
             "profiles": [profile.as_dict() for profile in self.profiles],
             "held_out_rms_um": None if self.held_out is None else [1e6 * value for value in self.held_out],
+            "held_out_rms_without_outliers_um": None if self.validation is None else 1e6 * self.validation.rms_without,
+            "bad_visits": [bad.as_dict() for bad in self.bad_visits],
         }}
 
     def lines(self) -> list[str]:
@@ -87,11 +107,17 @@ class Fit:
         offset = sum(noise["pose_offset_um"]) / 3
         lines.append(f"fit: {model.fit['rows']} rows, residual {model.fit['residual_rms_um']:.2f} um RMS; estimated noise: "
                      f"sensor {noise['sensor_scale']:.2f} x the stated, re-seating {offset:.1f} um a pose")
+        if model.rejected:
+            lines.append(f"rejected by its own rows, so that nothing is graded reliable ({model.rejected})")
         lines.append(self.ellipsoid.sentence)
+        lines += [f"left out: {sentence(bad)}; {mending(bad)}" for bad in self.bad_visits]
         if self.held_out is not None:
             before, after = self.held_out
             lines.append(f"validation rows: {1e6 * before:.1f} um RMS with the prior's stiffnesses, {1e6 * after:.1f} um with "
                          "the identified")
+        if self.validation is not None and len(self.validation.numbers):
+            lines.append(f"validation rows without {len(self.validation.numbers)} outliers: "
+                         f"{1e6 * self.validation.rms_without:.1f} um with the identified stiffnesses")
         return lines
 
 
@@ -109,25 +135,43 @@ def fit_stiffness(
     k1      1.549e+06               1.543e+06 ... 1.556e+06      reliable
     >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
-    identify = ~measurements.validate
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
-    fitted = posterior(every.with_rows(measurements.select(identify)))
-    grades, conflicts = grade_joints(fitted), subset_conflicts(fitted)
+    whole = posterior(every.with_rows(measurements.select(~measurements.validate)))
+    test = bad_visits(whole)
+    fitted = test.rest or whole
+    bad = with_mends(test, fitted, whole.data.rows)
+    identify = np.isin(measurements.row, fitted.data.rows.row)
+    conflicts = subset_conflicts(fitted)
+    check = model_check(fitted, conflicts)
+    grades = grade_joints(fitted, check)
     residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None
     if measurements.validate.any():
         literature = predicted_deflection(every, -np.log(cell.prior.stiffness))
         held_out = (rms((measurements.deflection - literature)[measurements.validate]), rms(residual[measurements.validate]))
-    row_weight = np.full(len(measurements), np.nan)
+    row_weight = np.where(measurements.validate, np.nan, 0.0)
     row_weight[identify] = fitted.row_weight
+    figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
+    validation = judge_validation(fitted, every)
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
-                            tuple(grade.grade for grade in grades), _figures(fitted, rms(residual[identify])),
+                            tuple(grade.grade for grade in grades), figures,
                             interval=fitted.draws.interval(0.95))
-    findings = (*measurements.findings, *_findings(fitted, grades, conflicts), *_not_better(measurements.source, held_out))
+    findings = (*measurements.findings, *_rejected(measurements.source, check),
+                *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
+                *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),
+                *validation_findings(validation, measurements.source))
     return Fit(cell, measurements, model, fitted, residual, residual_std(every, fitted.components, np.exp(fitted.mean)),
                row_weight, grades,
                ellipsoid(fitted), information_spectrum(fitted), conflicts, profiles(fitted) if with_profiles else (), held_out,
-               findings)
+               findings, bad, validation)
+
+
+def _changed(whole: Posterior, rest: Posterior) -> str:
+    """What leaving visits out has done to the stiffnesses."""
+    ratio = np.exp(whole.mean - rest.mean)
+    most = int(np.argmax(np.abs(np.log(ratio))))
+    return (f"the stiffnesses come from the other {len(rest.data.rows)} rows: k{most + 1} changed the most, by "
+            f"{100 * (ratio[most] - 1):+.1f} %")
 
 
 def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
@@ -138,9 +182,12 @@ def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
         "noise_scale": components.sensor,
         "noise": {
             "sensor_scale": components.sensor, "sensor_log_std": float(fitted.components_log_std[0]),
-            "force_relative_scale": components.force, "force_stated": noise.stated[1], "force_told_apart": noise.separable[1],
-            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[2],
-            "pose_offset_told_apart": noise.separable[2],
+            "force_stated": any(noise.stated[FORCE:OFFSET]),
+            "force_relative_scale": components.force, "force_relative_stated": noise.stated[FORCE],
+            "force_absolute_scale": components.absolute, "force_absolute_stated": noise.stated[ABSOLUTE],
+            "force_told_apart": noise.told_apart[0], "setup_relative": USUAL_SETUP * components.setup, "memory": components.rho,
+            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[OFFSET],
+            "pose_offset_told_apart": noise.told_apart[1],
             "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
         },
         "prior": {"kind": prior.kind, "gamma": prior.gamma} if prior.kind == "gaussian" else {"kind": prior.kind},
@@ -158,7 +205,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_light_rows(fitted)]
+    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -170,11 +217,22 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
     return findings
 
 
+def _rejected(source: str, check: ModelCheck) -> list[Finding]:
+    """A model (CS1021) that does not explain the rows it was made from."""
+    if not check.rejected:
+        return []
+    why = f"(p = {check.p_value:.2g}): {check.seen}"
+    return [Finding("CS1021", "warning", f"six linear springs do not explain these rows {why}; "
+                    "no stiffness is graded reliable, and predict and correct refuse the file", file=source,
+                    hint="compstiff diagnose looks for the cause; --extended writes the model that has it")]
+
+
 def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Finding]:
     """A conflict (CS1017) of data and prior: the stiffnesses that the data tell, against what was expected of them."""
     from scipy.stats import chi2
 
-    seen = np.array([grade.grade == "reliable" for grade in grades])
+    seen = np.sqrt(np.diag(fitted.covariance)) <= RELIABLE_LOG_STD
+    seen &= np.array([grade.grade != "not identifiable" for grade in grades])
     if not seen.any():
         return []
     source, prior = fitted.data.rows.source, fitted.prior
@@ -207,13 +265,35 @@ def _larger_noise(fitted: Posterior) -> list[Finding]:
                     "report")]
 
 
+def _not_independent(fitted: Posterior) -> list[Finding]:
+    """What the rows of a visit share beyond its re-seating (CS1040, CS1041)."""
+    source, components, active = fitted.data.rows.source, fitted.components, fitted.at_map.noise.active
+    findings = []
+    if active[MEMORY]:
+        findings.append(Finding("CS1040", "note", "neighbouring readings of a visit are alike beyond what they share "
+                                f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
+                                file=source, hint="wait longer between readings, or take more poses"))
+    if active[SETUP]:
+        findings.append(Finding("CS1041", "note", "the forces of one visit are stretched and turned against those of the next, "
+                                f"by {100 * USUAL_SETUP * components.setup:.2g} % of the load", file=source,
+                                hint="align the loading device anew at each pose with a level or a square"))
+    return findings
+
+
 def _light_rows(fitted: Posterior) -> list[Finding]:
-    """Rows (CS1015) that do not fit the others, the worst first."""
+    """Rows (CS1015) that do not fit the others, the worst first; many are one finding."""
     rows, weight = fitted.data.rows, fitted.row_weight
     light = np.flatnonzero(weight < SUSPICIOUS_WEIGHT)
+    light = light[np.argsort(weight[light])]
+    if len(light) > MOST_LIGHT_ROWS:
+        worst = ", ".join(str(rows.line[row]) for row in light[:MOST_LIGHT_ROWS])
+        return [Finding("CS1015", "warning", f"{len(light)} of {len(rows)} rows do not fit the others and count less than "
+                        f"{100 * SUSPICIOUS_WEIGHT:.0f} % of an ordinary one each; the worst in lines {worst}",
+                        file=rows.source, line=int(rows.line[light[0]]),
+                        hint="so many are no single mistakes: see in the report what they have in common")]
     return [Finding("CS1015", "warning", f"this row does not fit the others and counts {100 * weight[row]:.0f} % of an "
                     "ordinary one", file=rows.source, line=int(rows.line[row]),
-                    hint="measure it again, or see what was different") for row in light[np.argsort(weight[light])]]
+                    hint="measure it again, or see what was different") for row in light]
 
 
 def _not_better(source: str, held_out: tuple[float, float] | None) -> list[Finding]:

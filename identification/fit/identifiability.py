@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.misfit import ModelCheck
 from identification.fit.posterior import Posterior
 from identification.model.compliance import regressor
 from identification.model.effects.kinds import nothing_hangs
@@ -26,6 +27,7 @@ TRADE_OFF = 0.7
 CANDIDATES = 1500
 CANDIDATE_FORCE_N = 300.0
 AXIS_NAMES = "xyz"
+LOOK_FOR_IT = "no further load: compstiff diagnose looks for what the model lacks"
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,9 @@ class Ellipsoid:
                 "words": self.sentence}
 
 
-def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
-    """Grades of the six joints from the contraction prior -> posterior, their signal in the data and their correlations."""
+def grade_joints(posterior: Posterior, check: ModelCheck) -> tuple[JointGrade, ...]:
+    """Grades of the six joints from the contraction prior -> posterior, their signal in the data and their correlations; none
+    is reliable while the model that made them is rejected."""
     std = np.sqrt(np.diag(posterior.covariance))
     correlation = posterior.covariance / np.outer(std, std)
     signal = np.max(np.abs(posterior.at_map.design), axis=(0, 1)) / posterior.components.sensor
@@ -75,6 +78,7 @@ def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
         grade = "reliable" if std[i] <= RELIABLE_LOG_STD else "tentative"
         if shrinkage > UNSEEN_SHRINKAGE:
             grade = "not identifiable"
+        fallen = check.rejected and grade == "reliable"
         others = np.abs(correlation[i]) * (np.arange(6) != i)
         partner = int(np.argmax(others))
         trades = others[partner] >= TRADE_OFF
@@ -86,6 +90,9 @@ def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
         else:
             reason = f"its largest share of a reading is {signal[i]:.3g} of the sensor's sigma"
         helpful = "" if grade == "reliable" else _helpful(posterior, i)
+        if fallen:
+            grade, helpful = "tentative", LOOK_FOR_IT
+            reason = f"the model of all joints is rejected (p = {check.p_value:.2g}: {check.seen}); by itself {reason}"
         grades.append(JointGrade(i + 1, grade, shrinkage, float(signal[i]), partner + 1 if trades else 0,
                                  float(correlation[i, partner]) if trades else 0.0, reason, helpful))
     return tuple(grades)

@@ -73,6 +73,12 @@ class PriorModel:
         """x (..., 6 + P) with the effects' parameters moved inside their bounds."""
         return np.concatenate([x[..., SPRINGS], np.clip(x[..., EFFECTS], self.term_low, self.term_high)], axis=-1)
 
+    def pressed(self, x: Array, upwards: Array) -> NDArray[np.bool_]:
+        """Parameters of x (6 + P,) that stand at a bound and would leave it in the direction `upwards` (6 + P,)."""
+        x, direction = x[EFFECTS], upwards[EFFECTS]
+        out = ((x <= self.term_low) & (direction < 0)) | ((x >= self.term_high) & (direction > 0))
+        return np.concatenate([np.zeros(6, dtype=bool), out])
+
     @property
     def log_std(self) -> Array:
         """Standard deviation (6,) of ln k before the measurements."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
 from identification.fit.fit import Fit
+from identification.fit.visit_findings import mending
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 
@@ -45,6 +46,12 @@ def identification_report(fit: Fit) -> str:
                     [[c.part, c.rest, f"{c.distance:.1f}", f"{c.directions}", f"{c.corrected:.2g}",
                       "conflict" if c.is_conflict else "agree"] for c in fit.conflicts], numbers=(2, 3, 4)),
     ]
+    if fit.bad_visits:
+        tables.append(ReportTable("Poses left out: their readings fit no stiffness that fits the others",
+                                  ["pose", "first line", "p", "share of the misfit", "what would mend it"],
+                                  [[bad.score.name, f"{bad.score.line}", f"{bad.score.p_value:.2g}",
+                                    f"{100 * bad.score.share:.0f} %", mending(bad)] for bad in fit.bad_visits],
+                                  numbers=(1, 2, 3)))
     light = np.flatnonzero(fit.row_weight < 0.999)
     if len(light):
         order = light[np.argsort(fit.row_weight[light])][:20]

@@ -66,6 +66,7 @@ def convert_log(
     if form == "kuka-kr300":
         from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        return Converted(read_kuka_kr300(log), {}, ())
+        columns, findings = read_kuka_kr300(log)
+        return Converted(columns, {}, findings)
     samples = read_force_samples(log, form, rate_hz=rate, channels=channels, counts_per_n=counts[0], counts_per_nm=counts[1])
     return Converted(samples.columns(), samples.conditions, samples.findings)

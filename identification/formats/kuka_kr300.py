@@ -2,27 +2,29 @@
 
 github.com/JonasWeigand/Robot_Identification, MIT licence. Struct `rec`: `time_cont` [s], `act_pos_mot_deg` and
 `act_pos_se_deg` (6, n) [deg], `act_vel_mot_deg_per_s`, `act_torque_abs_nm` [N m] on the motor side; `para.u` are the gear
-ratios. Link encoders carry data on axes 1-3 only; an axis whose link angle never moves has none.
+ratios. Link encoders carry data on axes 1-3 only; an axis whose link angle never moves has none. Of a record without
+`rec.time_cont` the struct `time_data` states the step, `dt` [s].
 """
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import error
+from identification.common.findings import Finding, error
 
 Array = NDArray[np.float64]
 # Struct, field: what a record must have.
-NEEDED = (("rec", "time_cont"), ("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_deg"), ("rec", "act_vel_mot_deg_per_s"),
+NEEDED = (("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_deg"), ("rec", "act_vel_mot_deg_per_s"),
           ("rec", "act_torque_abs_nm"), ("para", "u"))
 
 
-def read_kuka_kr300(file: str | Path) -> dict[str, Array]:
-    """The record as columns of a joint deflection log (docs/formats.md): the torque on the gear side.
+def read_kuka_kr300(file: str | Path) -> tuple[dict[str, Array], tuple[Finding, ...]]:
+    """The record as columns of a joint deflection log (docs/formats.md), the torque on the gear side, and what was assumed.
 
     Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
     """
@@ -31,11 +33,15 @@ def read_kuka_kr300(file: str | Path) -> dict[str, Array]:
 
     name = str(file)
     try:
-        content: dict[str, Any] = loadmat(name, squeeze_me=True, struct_as_record=False)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            content: dict[str, Any] = loadmat(name, squeeze_me=True, struct_as_record=False)
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
     except (MatReadError, ValueError, TypeError, NotImplementedError, KeyError) as reason:
         raise error("CS0201", f"is not a MATLAB file that can be read: {reason}", file=name) from reason
+    findings = [Finding("CS1615", "warning", f"the reader of MATLAB files says: {text}", file=name)
+                for text in dict.fromkeys(str(one.message) for one in said)]
     fields = {}
     for struct, field in NEEDED:
         value = getattr(content.get(struct), field, None)
@@ -43,7 +49,7 @@ def read_kuka_kr300(file: str | Path) -> dict[str, Array]:
             raise error("CS0201", f"has no {struct}.{field}", file=name,
                         hint="among .mat files only the public KUKA KR300 records are read; write others as CSV")
         fields[field] = np.asarray(value, dtype=float)
-    time = fields["time_cont"]
+    time = _time(content, np.atleast_2d(fields["act_pos_mot_deg"]).shape[1], name, findings)
     columns = {"time_s": time}
     for field in ("act_pos_mot_deg", "act_pos_se_deg", "act_vel_mot_deg_per_s", "act_torque_abs_nm"):
         if fields[field].shape != (6, len(time)):
@@ -56,4 +62,18 @@ def read_kuka_kr300(file: str | Path) -> dict[str, Array]:
         columns[f"q{k + 1}_link_deg"] = link
         columns[f"q{k + 1}_torque_nm"] = fields["act_torque_abs_nm"][k] * fields["u"][k]
         columns[f"q{k + 1}_speed_deg_s"] = fields["act_vel_mot_deg_per_s"][k]
-    return columns
+    return columns, tuple(findings)
+
+
+def _time(content: dict[str, Any], count: int, name: str, findings: list[Finding]) -> Array:
+    """The record's clock, or the rows' numbers times the stated step."""
+    clock = getattr(content.get("rec"), "time_cont", None)
+    if clock is not None:
+        return np.asarray(clock, dtype=float)
+    step = getattr(content.get("time_data"), "dt", None)
+    if not isinstance(step, int | float) or not 0 < step < np.inf:
+        raise error("CS0201", "has no clock: neither rec.time_cont nor a step in time_data.dt", file=name,
+                    hint="write the log as CSV with time_s")
+    findings.append(Finding("CS1614", "note", f"has no clock; time is the row's number times time_data.dt = {step:g} s",
+                            file=name, hint="true if the logger kept its step and lost no row"))
+    return np.asarray(np.arange(count) * float(step), dtype=float)

@@ -9,6 +9,7 @@ Time is X0 + row Delta_X: a segment carries its own offset, so blocks written on
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +24,23 @@ from identification.formats.force_samples import ForceSamples
 Array = NDArray[np.float64]
 CHANNELS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 END = "***End_of_Header***"
+# Units that a file may state, and what makes newtons or newton metres of them.
+NEWTONS = {"N": 1.0, "Newton": 1.0, "Newtons": 1.0, "newton": 1.0, "newtons": 1.0, "kN": 1e3, "mN": 1e-3,
+           "lbf": 4.4482216152605}
+NEWTON_METRES = {"Nm": 1.0, "N*m": 1.0, "Newton*meter": 1.0, "Newton*meters": 1.0, "kNm": 1e3, "kN*m": 1e3, "Nmm": 1e-3,
+                 "N*mm": 1e-3, "mNm": 1e-3, "Ncm": 1e-2, "lbf*ft": 1.3558179483314, "lbf*in": 0.1129848290276}
+# Names of channels that are none, whatever they are chosen for.
+NO_LOAD = re.compile(r"tach|rpm|speed|drehzahl", re.IGNORECASE)
 # A step between blocks that is longer than this many samples is a gap.
 GAP = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One block: names of its channels, time (n, c) [s], values (n, c)."""
+    """One block: names of its channels, their stated units ("" where none is), time (n, c) [s], values (n, c)."""
 
     names: tuple[str, ...]
+    units: tuple[str, ...]
     time: Array
     values: Array
 
@@ -39,7 +48,8 @@ class Segment:
 def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSamples:
     """Reads a force log; channels: names of the three force channels and, or not, three moment channels.
 
-    Raises CompstiffError: CS0005 cannot be read, CS0201 no such file, CS0202 a channel is missing, CS0203 not a number.
+    Raises CompstiffError: CS0005 cannot be read, CS0201 no such file, CS0202 a channel is missing, CS0203 not a number,
+    CS1612 a channel is no force.
     """
     name = str(file)
     segments = read_segments(file)
@@ -54,8 +64,9 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
                         f"{', '.join(segments[0].names)}", file=name)
     place = [segments[0].names.index(channel) for channel in present]
     time = np.concatenate([segment.time[:, place[0]] for segment in segments])
-    values = np.concatenate([segment.values[:, place] for segment in segments])
-    findings = []
+    findings: list[Finding] = []
+    scale = [_scale(segment, place, name, findings) for segment in segments]
+    values = np.concatenate([segment.values[:, place] * each for segment, each in zip(segments, scale, strict=True)])
     if len(time) > 1:
         step = np.diff(time)
         gaps, back = int(np.sum(step > GAP * np.median(step))), int(np.sum(step <= 0))
@@ -64,6 +75,31 @@ def read_lvm(file: str | Path, channels: Sequence[str] = CHANNELS) -> ForceSampl
                                     hint="blocks were not acquired without a break"))
     return ForceSamples(name, time - time[0], values[:, :3], values[:, 3:] if len(present) == 6 else None,
                         findings=tuple(findings))
+
+
+def _scale(segment: Segment, place: list[int], name: str, findings: list[Finding]) -> Array:
+    """What makes newtons, then newton metres of the channels at `place`; a unit that is none of either is refused."""
+    scale = np.ones(len(place))
+    said = {finding.message for finding in findings}
+    unstated = []
+    for k, column in enumerate(place):
+        channel, unit = segment.names[column], segment.units[column]
+        what, known = ("a force", NEWTONS) if k < 3 else ("a moment", NEWTON_METRES)
+        told = unit.replace("\N{MIDDLE DOT}", "*").replace(" ", "").replace("-", "*").rstrip(".")
+        if (unit and told not in known) or NO_LOAD.search(channel):
+            raise error("CS1612", f"channel {channel} is {f'in {unit}' if unit else 'a speed by its name'}, not {what}",
+                        file=name, hint="volts need the sensor's calibration: log newtons, or scale the columns and give "
+                        "them as CSV; name other channels where these are not the force's")
+        scale[k] = known.get(told, 1.0)
+        if not unit:
+            unstated.append(channel)
+        elif scale[k] != 1.0:
+            text = f"channel {channel} is in {unit}: taken times {scale[k]:g}"
+            findings += [Finding("CS1613", "note", text, file=name)] if text not in said else []
+    if unstated:
+        text = f"states no unit for {', '.join(unstated)}: taken for newtons and newton metres"
+        findings += [Finding("CS1613", "note", text, file=name)] if text not in said else []
+    return scale
 
 
 def read_segments(file: str | Path) -> list[Segment]:
@@ -124,7 +160,9 @@ def _segment(
     body = [line for line in lines[end + 2: stop] if line.strip()]
     values = _numbers(body, columns, separator, decimal, name, end + 3)
     rows = np.arange(len(values))[:, None]
-    return Segment(tuple(titles[k] for k in columns), np.array(offsets) + rows * np.array(steps), values)
+    stated = next((line.split(separator)[1:] for line in lines[start:end] if line.startswith("Y_Unit_Label")), [])
+    units = tuple(stated[k].strip() if k < len(stated) else "" for k in range(count))
+    return Segment(tuple(titles[k] for k in columns), units, np.array(offsets) + rows * np.array(steps), values)
 
 
 def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, name: str, first: int) -> Array:

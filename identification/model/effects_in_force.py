@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.effects import Effect
+from identification.model.law_of import LawOf
 from identification.model.load_state import LoadState
 from identification.model.rotations import Frame, rotation_matrix
 
@@ -94,6 +95,11 @@ def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> 
     result[:, :, SPRINGS] = slopes_by_springs(rows, effects, values, added(rows, effects, values))
     place = 6
     for term, own in zip(effects, split(values, effects), strict=True):
+        if isinstance(term.effect, LawOf):
+            # Linear in its coefficients.
+            result[:, :, place: place + len(own)] = term.effect.columns(rows, term.joint)
+            place += len(own)
+            continue
         for k, size in enumerate(term.effect.typical(rows, term.joint)):
             step = np.zeros(len(own))
             step[k] = STEP * size

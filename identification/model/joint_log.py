@@ -14,13 +14,15 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class JointLog:
     """n samples of one joint, evenly spaced: time (n,) [s], torque (n,) on the gear side [N m], speed (n,) [rad/s],
-    deflection (n,) motor minus link angle [rad]; compliance of its spring [rad/(N m)]."""
+    deflection (n,) motor minus link angle [rad], angle (n,) of the motor as a joint angle [rad]; compliance of its spring
+    [rad/(N m)]."""
 
     joint: int
     time: Array
     torque: Array
     speed: Array
     deflection: Array
+    angle: Array
     compliance: float
 
     @cached_property

@@ -71,6 +71,16 @@ class IdentifiedModel:
         return np.array([(parameter.low, parameter.high) for parameter in parameters]).reshape(-1, 2)
 
     @property
+    def rejected(self) -> str:
+        """Why the measurements it was made from reject the model, in words; "" where they do not, or nothing is known of it."""
+        check = self.fit.get("model_check")
+        if not isinstance(check, dict) or check.get("rejected") is not True:
+            return ""
+        p_value = check.get("p_value")
+        probability = f"p = {p_value:.2g}: " if isinstance(p_value, int | float) else ""
+        return f"{probability}{check.get('seen') or 'it does not explain them'}"
+
+    @property
     def log_std(self) -> Array:
         """Standard deviation of ln k (6,)."""
         return np.sqrt(np.diag(self.covariance)[SPRINGS])

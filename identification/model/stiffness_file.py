@@ -16,6 +16,7 @@ from identification.model.cell import Cell
 from identification.model.effects import effects
 from identification.model.effects_in_force import EFFECTS, SPRINGS
 from identification.model.gravity import fall_in_base
+from identification.model.law_of import known as law_or_effect
 from identification.model.rotations import Frame, rotation_vector
 from identification.model.stiffness import FORMAT, JOINT_NAMES, EffectInForce, IdentifiedModel
 
@@ -157,7 +158,7 @@ def _check_tool(file: _StiffnessFile, cell: Cell, in_force: tuple[EffectInForce,
 def _effect(item: _Effect, name: str) -> EffectInForce:
     """The effect an entry of `effects` names."""
     known = effects()
-    effect = known.get(item.effect)
+    effect = law_or_effect(item.effect)
     if effect is None:
         nearest = get_close_matches(item.effect, known, 1, cutoff=0.0)
         raise error("CS1204", f"the model is extended by an effect '{item.effect}', which this version does not know; the "

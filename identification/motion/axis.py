@@ -13,6 +13,7 @@ from identification.motion.autoregression import Autoregression, noise_beside
 from identification.motion.band import BAND, low_pass, thinned
 from identification.motion.dictionary import Shape, catalogue, shapes
 from identification.motion.log_file import MotionLog
+from identification.motion.smooth import Smooth
 
 Array = NDArray[np.float64]
 
@@ -23,11 +24,11 @@ class Axis:
 
     deflection (n,) [rad], torque (n,) [N m], angle (n,) [rad] of the motor, time (n,) [s]; lengths: samples of
     each record; dictionary: the shapes of each effect that the joint can show. band infinite: nothing was filtered.
+    smooth: an error over the joint's angle that stands beside the spring; None: none.
     """
 
     joint: int
     logs: list[JointLog]
-    angles: list[Array]
     rates: list[float]
     band: float
     deflection: Array
@@ -36,9 +37,10 @@ class Axis:
     time: Array
     lengths: tuple[int, ...]
     dictionary: list[list[Shape]]
+    smooth: Smooth | None = None
 
     @cached_property
-    def plain(self) -> Array:
+    def spring(self) -> Array:
         """Columns (n, records + 1) of the plain spring: an offset for each record, then the torque."""
         offsets = np.zeros((len(self.torque), len(self.lengths)))
         start = 0
@@ -46,6 +48,11 @@ class Axis:
             offsets[start: start + length, k] = 1.0
             start += length
         return np.column_stack([offsets, self.torque])
+
+    @cached_property
+    def plain(self) -> Array:
+        """Columns of all that stands beside the effects: the plain spring, then the smooth error over the angle."""
+        return self.spring if self.smooth is None else np.column_stack([self.spring, self.smooth.columns(self.angle)])
 
     @cached_property
     def widest(self) -> Array:
@@ -57,6 +64,21 @@ class Axis:
         """The noise: what is left beside the whole dictionary."""
         scale = np.linalg.norm(self.widest, axis=0)
         return noise_beside(self.parts(self.widest / scale), self.parts(self.deflection))
+
+    @cached_property
+    def penalty(self) -> Array:
+        """What the smooth error's prior adds to the normal equations, for the columns of `plain`: (noise / size)^2, else 0."""
+        penalty = np.zeros(self.plain.shape[1])
+        if self.smooth is not None:
+            penalty[self.spring.shape[1]:] = self.white_variance / self.smooth.size**2
+        return penalty
+
+    @cached_property
+    def white_variance(self) -> float:
+        """Variance [rad^2] of the white part of the noise, beside the whole dictionary."""
+        white = self.whiten(self.widest / np.linalg.norm(self.widest, axis=0))
+        left = self.white_deflection - white @ np.linalg.lstsq(white, self.white_deflection, rcond=1e-10)[0]
+        return float(left @ left / max(1, len(left) - white.shape[1]))
 
     def parts(self, values: Array) -> list[Array]:
         """The records' parts of rows that stand below one another."""
@@ -72,17 +94,19 @@ class Axis:
         return self.whiten(self.deflection[:, None])[:, 0]
 
 
-def axis_of(joint: int, records: list[MotionLog], band: float = BAND) -> Axis:
-    """The joint in the records that have it."""
+def axis_of(
+    joint: int, records: list[MotionLog], band: float = BAND, smooth: Smooth | None = None, only: tuple[str, ...] = ()
+) -> Axis:
+    """The joint in the records that have it; only: the effects of its dictionary, all where empty."""
     having = [record for record in records if joint in record.joints]
     logs = [record.joints[joint] for record in having]
-    angles, rates = [record.angle[joint] for record in having], [record.rate for record in having]
-    parts = [low_pass(np.column_stack([log.deflection, log.torque, motor]), rate, band)
-             for log, motor, rate in zip(logs, angles, rates, strict=True)]
+    rates = [record.rate for record in having]
+    parts = [low_pass(np.column_stack([log.deflection, log.torque, log.angle]), rate, band)
+             for log, rate in zip(logs, rates, strict=True)]
     deflection, torque, angle = np.concatenate(parts).T
     time = np.concatenate([thinned(record.time, rate, band) for record, rate in zip(having, rates, strict=True)])
-    return Axis(joint, logs, angles, rates, band, deflection, torque, angle, time,
-                tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue()))
+    return Axis(joint, logs, rates, band, deflection, torque, angle, time,
+                tuple(len(part) for part in parts), shapes(logs, rates, band, catalogue(only)), smooth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +121,19 @@ class Solved:
 
 
 def solve(axis: Axis, columns: Array) -> Solved:
-    """Generalised least squares of the deflection on columns (n, p)."""
+    """Generalised least squares of the deflection on columns (n, p), those of `plain` first, with the smooth error's prior."""
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0] = 1.0
     white = axis.whiten(columns / scale)
     deflection = axis.white_deflection
-    inverse = np.linalg.pinv(white.T @ white, rcond=1e-12, hermitian=True)
+    prior = np.zeros(columns.shape[1])
+    prior[: len(axis.penalty)] = axis.penalty
+    prior /= scale**2
+    inverse = np.linalg.pinv(white.T @ white + np.diag(prior), rcond=1e-12, hermitian=True)
     coefficients = inverse @ (white.T @ deflection)
     left = deflection - white @ coefficients
-    chi2 = float(left @ left)
-    freedom = max(1, len(deflection) - columns.shape[1] - len(axis.noise.phi))
+    chi2 = float(left @ left + prior @ coefficients**2)
+    free = columns.shape[1] - float(prior @ np.diag(inverse))
+    freedom = max(1.0, len(deflection) - free - len(axis.noise.phi))
     covariance = inverse * chi2 / freedom / np.outer(scale, scale)
     return Solved(coefficients / scale, covariance, chi2, len(deflection))

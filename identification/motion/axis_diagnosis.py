@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from identification.common.arrays import read_only
 from identification.motion.axis import Axis
 from identification.motion.causes import LogCause
+from identification.motion.log_file import MotionLog
 from identification.motion.prediction import Gain
 from identification.motion.remainder import Remainder
 from identification.motion.search import Hypothesis
 from identification.motion.stiffness import AxisStiffness
+from identification.motion.transmission import Transmission
+from identification.motion.zeros import ZeroShift
 
 Array = NDArray[np.float64]
 Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
@@ -25,7 +28,9 @@ MICRO = 1e6
 class AxisDiagnosis:
     """One joint. named: the hypothesis of the certain causes only, which the gain is about. causes: certain; alternatives:
     others, the likeliest first. explained: share of the misfit's variance that `named` takes away, under the band. deflection
-    (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict."""
+    (n,), residuals (n, 2) [rad]: of plain and extended model, fitted, at full rate. withdrawn: names that do not predict.
+    transmission: what repeats with the angle, named or not; zeros: shifts of the zero between records; records: what was
+    fitted."""
 
     axis: Axis
     verdict: Verdict
@@ -36,6 +41,9 @@ class AxisDiagnosis:
     stiffness: AxisStiffness
     deflection: Array
     residuals: Array
+    transmission: Transmission
+    records: tuple[MotionLog, ...]
+    zeros: tuple[ZeroShift, ...] = ()
     causes: tuple[LogCause, ...] = ()
     alternatives: tuple[LogCause, ...] = ()
     withdrawn: tuple[str, ...] = ()
@@ -70,6 +78,8 @@ class AxisDiagnosis:
                       "compliance_rad_per_nm": float(hypothesis.solved.coefficients[len(self.axis.lengths)])}
                      for hypothesis in self.hypotheses[:6]],
             "left": self.left.as_dict(), "stiffness": self.stiffness.as_dict(),
+            "transmission_error": self.transmission.as_dict(list(self.records)),
+            "zero_shifts": [zero.as_dict() for zero in self.zeros],
         }
 
     def lines(self) -> list[str]:
@@ -87,8 +97,16 @@ class AxisDiagnosis:
         if gain is not None:
             lines.append(f"  gain where it was not fitted ({gain.held_out}): {MICRO * gain.before:.0f} -> "
                          f"{MICRO * gain.after:.0f} urad RMS, ratio {gain.ratio:.1f} ({gain.interval[0]:.1f} ... "
-                         f"{gain.interval[1]:.1f})")
+                         f"{gain.interval[1]:.1f}){self._with_zero(gain)}")
+        lines += [f"  {zero.sentence}" for zero in self.zeros if zero.moved]
         return [*lines, f"  {self.stiffness.sentence}"]
+
+    @staticmethod
+    def _with_zero(gain: Gain) -> str:
+        before, after = gain.with_zero
+        if np.isclose(before / after, gain.ratio):
+            return ""
+        return f"; each record with its own zero, with that of the fitted {before / after:.1f}"
 
     def _answer(self) -> list[str]:
         """The names, certain and not."""

@@ -9,23 +9,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis
 from identification.motion.dictionary import Shape
+from identification.motion.lines import shared
+from identification.motion.log_file import MotionLog
 from identification.motion.search import Hypothesis
 from identification.motion.stiffness import finite_or_none
+from identification.motion.transmission import Transmission
 
 Array = NDArray[np.float64]
+TRANSMISSION = Shape(TransmissionError(), np.full(4, np.nan), (), np.empty((0, 0)), False, ())
+# How sure a smooth part is whose ratio's 95 % interval stands above one.
+SMOOTH_SURE = 0.975
 
 
 @dataclass(frozen=True, eq=False)
 class LogCause:
-    """An effect at a joint with its probability. values, std (P,): its parameters, NaN where the log does not tell them."""
+    """An effect at a joint with its probability. values, std (P,): its parameters, NaN where the log does not tell them. told:
+    the parameters in words, where their list does not say it."""
 
     shape: Shape
     joint: int
     probability: float
     values: Array
     std: Array
+    told: str = ""
 
     @property
     def label(self) -> str:
@@ -45,6 +54,8 @@ class LogCause:
     @property
     def estimates(self) -> str:
         """The parameters with their uncertainty, in words."""
+        if self.told:
+            return self.told
         estimates = []
         for parameter, value, std in zip(self.shape.effect.parameters, self.values, self.std, strict=True):
             if np.isfinite(std):
@@ -64,7 +75,7 @@ def cause_of(axis: Axis, hypothesis: Hypothesis, which: int, probability: float)
     """A hypothesis' effect with its parameters; through the spring they are ratios, their spread to first order."""
     shape, kept = hypothesis.shapes[which], list(hypothesis.kept[which])
     spring = len(axis.lengths)
-    place = spring + 1 + sum(map(len, hypothesis.kept[:which]))
+    place = axis.plain.shape[1] + sum(map(len, hypothesis.kept[:which]))
     index = list(range(place, place + len(kept)))
     coefficients, covariance = hypothesis.solved.coefficients, hypothesis.solved.covariance
     c = float(coefficients[spring])
@@ -81,6 +92,29 @@ def cause_of(axis: Axis, hypothesis: Hypothesis, which: int, probability: float)
     return LogCause(shape, axis.joint, probability, values, std)
 
 
+def transmission_cause(axis: Axis, hypothesis: Hypothesis, found: Transmission, records: list[MotionLog]) -> LogCause:
+    """The transmission error as a cause: its parameters are those of the smooth part and of the strongest line."""
+    values, std = np.full(4, np.nan), np.full(4, np.nan)
+    values[:2] = 0.0
+    told, p_value = [], 1 - SMOOTH_SURE
+    if found.confirmed:
+        sizes = [found.amplitudes([record]) for record in records if axis.joint in record.joints]
+        size = shared(sizes)
+        k = int(np.argmax(np.abs(size)))
+        strongest = found.confirmed[k]
+        values[1:] = abs(size[k]), strongest.cycles, np.angle(sizes[0][k])
+        std[2] = strongest.std
+        told.append(f"{len(size)} line{'s' if len(size) > 1 else ''}, the strongest {1e6 * values[1]:.1f} urad at "
+                    f"{strongest.cycles:.1f} +- {strongest.std:.1f} cycles a turn")
+        p_value = min(line.again for line in found.confirmed)
+    if axis.smooth is not None:
+        part = slice(axis.spring.shape[1], axis.plain.shape[1])
+        values[0] = float(np.std(axis.plain[:, part] @ hypothesis.solved.coefficients[part]))
+        told.append(f"a smooth part of {1e6 * values[0]:.0f} urad RMS over {np.degrees(np.ptp(axis.angle)):.0f} deg")
+    return LogCause(TRANSMISSION, axis.joint, 1 - p_value, values, std,
+                    f"{' and '.join(told)}, found again in {found.again_on}")
+
+
 def over_joints(causes: Iterable[LogCause]) -> list[list[LogCause]]:
     """Causes that belong to no joint are one, whatever joints show them."""
     groups: dict[str, list[LogCause]] = {}
@@ -95,7 +129,7 @@ def group_as_dict(group: list[LogCause]) -> dict[str, Any]:
     parameters: dict[str, Any] = {}
     for k, parameter in enumerate(effect.parameters):
         value, std = _pooled([(cause.values[k], cause.std[k]) for cause in group])
-        parameters[parameter.name] = {"estimate": float(np.clip(value, parameter.low, parameter.high)), "std": std,
+        parameters[parameter.name] = {"estimate": finite_or_none(np.clip(value, parameter.low, parameter.high)), "std": std,
                                       "unit": parameter.unit}
     content = group[0].as_dict() | {
         "probability": min(cause.probability for cause in group), "family": effect.family, "of_robot": effect.of_robot,

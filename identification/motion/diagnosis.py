@@ -17,8 +17,11 @@ from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis, Verdict
 from identification.motion.band import BAND
 from identification.motion.causes import group_as_dict, over_joints
 from identification.motion.fit import identified_model, stiffness_findings
-from identification.motion.log_file import MotionLog
+from identification.motion.log_file import MotionLog, check_distinct
 from identification.motion.procedure import ALARM, REPLICATES, diagnose_axes
+
+HINT = ("a controller that takes the link encoder's word is off by as much at the same motor angle; the deflection of each "
+        "record counts from its own zero")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,12 @@ class JointLogDiagnosis:
                                         f"{' and '.join(follows)}; no cause in the dictionary has that law", file=source,
                                         hint="a transmission or encoder error repeats with the angle: measure it by moving "
                                         "slowly"))
+            alone = [f"{line.cycles:.1f}" for line in axis.transmission.lines if not line.confirmed]
+            if alone:
+                findings.append(Finding("CS1611", "note", f"joint {axis.joint}: what repeats {', '.join(alone)} times a turn "
+                                        f"is not found again in {axis.transmission.again_on}: it is not named", file=source))
+            findings += [Finding("CS1610", "warning", zero.sentence, file=zero.record, hint=HINT)
+                         for zero in axis.zeros if zero.moved]
         if self.verdict == "unknown":
             findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains",
                                     file=source))
@@ -113,10 +122,11 @@ def diagnose_joint_logs(
     cell: Cell, logs: Sequence[MotionLog], held_out: MotionLog | None = None, *, alarm: float = ALARM,
     replicates: int = REPLICATES,
 ) -> JointLogDiagnosis:
-    """Finds out what the plain springs get wrong in the logs; the gain is measured on `held_out`, else on blocks of time.
+    """Finds out what the plain springs get wrong in the logs. The gain is measured on `held_out`, else on each log predicted
+    from the others, of a single log on blocks of time.
 
     alarm: rate of false alarms over the whole dictionary and all joints; replicates: simulated data sets behind the p-values.
-    Raises CompstiffError (CS1501) where the held-out log lacks a joint.
+    Raises CompstiffError: CS1501 where the held-out log lacks a joint, CS1616 where a log is there twice.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> log, other = compstiff.read_motion_log("log_a.csv"), compstiff.read_motion_log("log_b.csv")
@@ -124,5 +134,6 @@ def diagnose_joint_logs(
     >>> diagnosis.as_dict()["verdict"]
     'named'
     """
+    check_distinct([*logs, *([held_out] if held_out else [])])
     return JointLogDiagnosis(cell, tuple(logs), diagnose_axes(list(logs), held_out, alarm=alarm, replicates=replicates),
                              1 / (replicates + 1))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from identification.model.effects import Effect, effects
 from identification.model.effects.channel_delay import ChannelDelay
+from identification.model.effects.transmission_error import TransmissionError
 from identification.model.joint_log import JointLog
 from identification.motion.band import low_pass
 
@@ -25,6 +26,8 @@ STRAIGHT = 0.02
 SMEARED = (0.0, 30.0, 100.0)
 # Quantiles of the standard normal distribution, equally likely.
 NORMAL = tuple(NormalDist().inv_cdf((k + 0.5) / 15) for k in range(15))
+# What is in any motion beside the spring.
+ALWAYS = ("channel_delay (link)", "joint_friction", "motor_inertia")
 # Multiples of an effect's grid of torques, for gears whose torques are larger than the grid was made for.
 WIDER = (1.0, 4.0, 16.0)
 
@@ -45,8 +48,8 @@ class Shape:
 
     @property
     def name(self) -> str:
-        """The effect, and which channel it is about: channel_delay (link)."""
-        return f"{self.effect.name} ({self.effect.where['channel']})" if "channel" in self.effect.where else self.effect.name
+        """The effect, and which channel it is about."""
+        return label(self.effect)
 
     def values(self, coefficients: Array, compliance: float) -> Array:
         """Parameter values (P,) of coefficients (p,)."""
@@ -55,11 +58,17 @@ class Shape:
         return values
 
 
-def catalogue() -> list[Effect]:
-    """The effects that show in logs; the delay once for each channel."""
-    shown = [effect for effect in effects().values()
-             if type(effect).log_contribution is not Effect.log_contribution and effect.name != ChannelDelay.name]
-    return [ChannelDelay("link"), ChannelDelay("torque"), *shown]
+def catalogue(only: tuple[str, ...] = ()) -> list[Effect]:
+    """The effects that show in logs; the delay once for each channel. The transmission error is searched for by itself."""
+    shown = [effect for effect in effects().values() if type(effect).log_contribution is not Effect.log_contribution
+             and effect.name not in (ChannelDelay.name, TransmissionError.name)]
+    offered = [ChannelDelay("link"), ChannelDelay("torque"), *shown]
+    return [effect for effect in offered if not only or label(effect) in only]
+
+
+def label(effect: Effect) -> str:
+    """The effect, and which channel it is about: channel_delay (link)."""
+    return f"{effect.name} ({effect.where['channel']})" if "channel" in effect.where else effect.name
 
 
 def shapes(logs: list[JointLog], rates: list[float], band: float, offered: list[Effect]) -> list[list[Shape]]:

@@ -14,8 +14,9 @@ from identification.model.effects_in_force import EffectInForce
 from identification.model.stiffness import IdentifiedModel
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause
-from identification.motion.log_file import MotionLog
+from identification.motion.log_file import MotionLog, check_distinct
 from identification.motion.stiffness import DISAGREE, AxisStiffness, axis_stiffness, log_posterior
+from identification.motion.transmission import find_transmission
 
 # Effects that the robot shows at rest too: `correct` can use them.
 AT_REST = ("backlash", "soft_zone", "hysteresis")
@@ -55,8 +56,9 @@ def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
     >>> print(fit.lines()[2])
     k2      5.02e+06                4.98e+06 ... 5.05e+06        reliable
     """
+    check_distinct(logs)
     numbers = sorted({joint for log in logs for joint in log.joints})
-    joints = tuple(axis_stiffness(joint, list(logs)) for joint in numbers)
+    joints = tuple(axis_stiffness(joint, list(logs), find_transmission(joint, list(logs), None)) for joint in numbers)
     return JointLogFit(identified_model(cell, joints), joints, stiffness_findings(logs, joints))
 
 

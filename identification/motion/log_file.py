@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import Finding, error
-from identification.common.tables import read_table
+from identification.common.findings import CompstiffError, Finding, error
+from identification.common.tables import opened, read_table
 from identification.model.joint_log import JointLog
 
 Array = NDArray[np.float64]
@@ -23,12 +25,11 @@ MOST_LAG, WORTH_SAYING = 5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class MotionLog:
-    """One record: time (n,) [s], even steps. joints: by number, compliance left at one. angle: motor angles (n,) [rad]."""
+    """One record: time (n,) [s], even steps. joints: by number, compliance left at one."""
 
     source: str
     time: Array
     joints: dict[int, JointLog]
-    angle: dict[int, Array]
     findings: tuple[Finding, ...]
 
     @property
@@ -39,9 +40,14 @@ class MotionLog:
     def cut(self, start: int, stop: int) -> MotionLog:
         """The samples from start to stop."""
         part = slice(start, stop)
-        joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.compliance)
-                  for k, log in self.joints.items()}
-        return MotionLog(self.source, self.time[part], joints, {k: angle[part] for k, angle in self.angle.items()}, ())
+        joints = {k: JointLog(k, log.time[part], log.torque[part], log.speed[part], log.deflection[part], log.angle[part],
+                              log.compliance) for k, log in self.joints.items()}
+        return MotionLog(self.source, self.time[part], joints, ())
+
+    def less(self, joint: int, error: Array) -> MotionLog:
+        """The log with an error (n,) [rad] taken off the deflection of a joint."""
+        log = self.joints[joint]
+        return replace(self, joints=self.joints | {joint: replace(log, deflection=log.deflection - error)})
 
 
 def is_motion_log(file: str | Path) -> bool:
@@ -59,11 +65,9 @@ def is_motion_log(file: str | Path) -> bool:
             return False
         return any(COLUMN.match(name) for name in names)
     try:
-        with open(file, encoding="utf-8-sig", errors="replace") as stream:
-            header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
-    except OSError:
+        return any(COLUMN.match(name) for name in _header(file))
+    except (OSError, CompstiffError):
         return False
-    return any(COLUMN.match(name.strip().strip('"')) for name in re.split(r"[,;\t]", header))
 
 
 def read_motion_log(file: str | Path) -> MotionLog:
@@ -82,7 +86,8 @@ def read_motion_log(file: str | Path) -> MotionLog:
     if file.suffix.lower() == ".mat":
         from identification.formats.kuka_kr300 import read_kuka_kr300
 
-        columns = read_kuka_kr300(file)
+        columns, said = read_kuka_kr300(file)
+        findings += said
     else:
         columns, line, findings = _table(file)
     name, time = str(file), columns["time_s"]
@@ -91,13 +96,12 @@ def read_motion_log(file: str | Path) -> MotionLog:
         raise error("CS1501", "no joint has q?_motor_deg, q?_link_deg and q?_torque_nm", file=name,
                     hint="a joint needs an encoder on either side of its gear, and its torque on the gear side")
     _check_time(time, line, name)
-    logs, angles = {}, {}
+    logs = {}
     for k in joints:
         angle = np.radians(columns[f"q{k}_motor_deg"])
         speed = np.gradient(angle, time)
         deflection = angle - np.radians(columns[f"q{k}_link_deg"])
-        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, 1.0)
-        angles[k] = angle
+        logs[k] = JointLog(k, time, columns[f"q{k}_torque_nm"], speed, deflection, angle, 1.0)
         logged = columns.get(f"q{k}_speed_deg_s")
         lag = 0.0 if logged is None else _lag(np.radians(logged), speed)
         if abs(lag) >= WORTH_SAYING:
@@ -105,14 +109,36 @@ def read_motion_log(file: str | Path) -> MotionLog:
             findings.append(Finding("CS1506", "note", f"q{k}_speed_deg_s lies {abs(lag) * step:.1f} ms "
                                     f"{'behind' if lag > 0 else 'ahead of'} the motor angle; the speed is taken from the angle",
                                     file=name))
-    return MotionLog(name, time, logs, angles, tuple(findings))
+    return MotionLog(name, time, logs, tuple(findings))
 
 
 def _table(file: Path) -> tuple[dict[str, Array], NDArray[np.intp], list[Finding]]:
     names = [f"q{k}_{what}" for k in range(1, 7) for what in ("motor_deg", "link_deg", "torque_nm", "speed_deg_s")]
     groups = [[f"q{k}_motor_deg", f"q{k}_link_deg", f"q{k}_torque_nm"] for k in range(1, 7)]
+    if file.suffix.lower() not in (".parquet", ".pq") and "time_s" not in _header(file):
+        raise error("CS1501", "has no column time_s", file=str(file), line=1,
+                    hint="a logger with a fixed step needs no clock: write time_s as the row's number times the step (at "
+                    "250 Hz 0, 0.004, 0.008 ...), if no row was lost")
     table = read_table(file, required=["time_s"], optional=names, together=groups)
     return dict(table.numbers), table.line, list(table.findings)
+
+
+def _header(file: Path) -> list[str]:
+    """The names in the first line that says anything."""
+    with opened(file) as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
+        header = next((line for line in text if line.strip() and not line.lstrip().startswith("#")), "")
+    return [name.strip().strip('"') for name in re.split(r"[,;\t]", header)]
+
+
+def check_distinct(logs: Sequence[MotionLog]) -> None:
+    """Raises CompstiffError (CS1616) where a log is there twice: it would confirm itself."""
+    for k, log in enumerate(logs):
+        for other in logs[:k]:
+            both = [joint for joint in log.joints if joint in other.joints]
+            if both and all(np.array_equal(log.joints[joint].torque, other.joints[joint].torque) for joint in both):
+                raise error("CS1616", f"holds the same samples as {other.source}", file=log.source,
+                            hint="a further record is another motion, best of another day")
 
 
 def _check_time(time: Array, line: NDArray[np.intp] | None, name: str) -> None:

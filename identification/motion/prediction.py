@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import rms
 from identification.motion.axis import Axis, axis_of, solve
-from identification.motion.dictionary import Shape
+from identification.motion.blocks import ratio_interval
+from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.log_file import MotionLog
 from identification.motion.search import Hypothesis
+from identification.motion.transmission import Transmission
 
 Array = NDArray[np.float64]
-# Length of the blocks that are held out in turn where there is no second record [s], and of those that are redrawn.
+# Blocks of time that are held out in turn where there is no second record.
 FOLDS = 5
-BLOCK = 1.0
-REDRAWN = 999
 
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """RMS [rad] of all that was not fitted, at full rate, offset included; interval_95 of the ratio from redrawn blocks of a
-    second. explained: share of the variance that plain and extended model explain there. held_out: how it was held out.
-    residuals: (n, 2) [rad], plain and extended."""
+    """RMS [rad] of all that was not fitted, at full rate, each other record with a zero of its own; interval_95 of the ratio
+    from redrawn blocks of a second. explained: share of the variance that plain and extended model explain there. held_out: how
+    it was held out. residuals: (n, 2) [rad], plain and extended. with_zero: RMS of both with the zero of the fitted records."""
 
     before: float
     after: float
@@ -32,6 +32,7 @@ class Gain:
     explained: tuple[float, float]
     held_out: str
     residuals: Array
+    with_zero: tuple[float, float]
 
     @property
     def ratio(self) -> float:
@@ -40,9 +41,11 @@ class Gain:
 
     def as_dict(self) -> dict[str, object]:
         """As in diagnosis.json."""
+        before, after = self.with_zero
         return {"rms_before_urad": 1e6 * self.before, "rms_after_urad": 1e6 * self.after, "ratio": self.ratio,
                 "interval": list(self.interval), "variance_explained_before": self.explained[0],
-                "variance_explained_after": self.explained[1], "held_out": self.held_out}
+                "variance_explained_after": self.explained[1], "held_out": self.held_out,
+                "with_fitted_zero": {"rms_before_urad": 1e6 * before, "rms_after_urad": 1e6 * after, "ratio": before / after}}
 
 
 def model_columns(axis: Axis, hypothesis: Hypothesis, without: int | None = None) -> Array:
@@ -66,7 +69,7 @@ def _again(axis: Axis, shape: Shape) -> Array:
 
 def straight_line(axis: Axis) -> Array:
     """Offsets and compliance (records + 1,) of the plain spring by ordinary least squares: the straight line one would draw."""
-    return np.asarray(np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0], dtype=float)
+    return np.asarray(np.linalg.lstsq(axis.spring, axis.deflection, rcond=None)[0], dtype=float)
 
 
 def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Array:
@@ -76,63 +79,76 @@ def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Arra
     return np.asarray(axis.deflection - offset - columns[:, own:] @ fitted[lengths:])
 
 
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Records that are fitted and one that is predicted; apart: it is another record, so its zero is its own."""
+
+    train: list[MotionLog]
+    test: MotionLog
+    apart: bool
+
+
 def held_out(
-    axis: Axis, hypothesis: Hypothesis, records: list[MotionLog], validate: MotionLog | None
+    joint: int, band: float, hypothesis: Hypothesis, transmission: Transmission, records: list[MotionLog],
+    validate: MotionLog | None,
 ) -> tuple[Gain, tuple[bool, ...]]:
-    """The gain of a hypothesis where it was not fitted, and of each of its causes whether it helps there."""
-    splits, how = _splits(axis, records, validate)
-    plain_left, left, measured = [], [], []
-    # Under the band: what is left with all causes, then without each of them.
+    """The gain of a hypothesis and a transmission error where they were not fitted, and of each of the hypothesis' causes
+    whether it helps there. Both are judged with a zero that is the other record's own: zeros move between records."""
+    splits, how = _splits(joint, records, validate)
+    # At full rate: plain, extended, and what was measured; under the band: with all causes, then without each of them.
     models = (None, *range(len(hypothesis.shapes)))
+    full: list[list[Array]] = [[], [], []]
+    with_zero: list[list[Array]] = [[], []]
     smooth: list[list[Array]] = [[] for _ in models]
-    for train, test in splits:
-        raw, low = axis_of(axis.joint, [test], np.inf), axis_of(axis.joint, [test], axis.band)
+    for split in splits:
+        plain, measured = axis_of(joint, split.train, band, only=ALWAYS), axis_of(joint, [split.test], np.inf, only=ALWAYS)
+        over = transmission.smooth_over(split.train)
+        train = axis_of(joint, transmission.cleaned(split.train), band, over)
+        test = transmission.predicted(split.train, split.test)
+        raw, low = axis_of(joint, [test], np.inf, over), axis_of(joint, [test], band, over)
         offsets = len(train.lengths)
-        plain_left.append(residual_on(straight_line(train), offsets, raw, raw.plain))
-        measured.append(raw.deflection)
-        for without, parts in zip(models, smooth, strict=True):
+        for parts, without in zip(smooth, models, strict=True):
             fitted = solve(train, model_columns(train, hypothesis, without)).coefficients
-            parts.append(residual_on(fitted, offsets, low, model_columns(low, hypothesis, without)))
+            parts.append(_own_zero(residual_on(fitted, offsets, low, model_columns(low, hypothesis, without)), split))
             if without is None:
-                left.append(residual_on(fitted, offsets, raw, model_columns(raw, hypothesis)))
+                both = (residual_on(straight_line(plain), offsets, measured, measured.spring),
+                        residual_on(fitted, offsets, raw, model_columns(raw, hypothesis)))
+                for k, left in enumerate(both):
+                    with_zero[k].append(left)
+                    full[k].append(_own_zero(left, split))
+                full[2].append(measured.deflection - measured.deflection.mean())
     squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in smooth]
     helps = tuple(square > squares[0] for square in squares[1:])
-    before, after, deflection = np.concatenate(plain_left), np.concatenate(left), np.concatenate(measured)
-    total = float(np.sum((deflection - deflection.mean()) ** 2))
+    before, after, deflection = (np.concatenate(parts) for parts in full)
+    total = float(deflection @ deflection)
     explained = (1 - float(before @ before) / total, 1 - float(after @ after) / total)
-    return Gain(rms(before), rms(after), _interval(before, after, max(1, int(BLOCK * axis.rates[0]))), explained, how,
-                np.column_stack([before, after])), helps
+    seconds = sum(float(split.test.time[-1] - split.test.time[0]) for split in splits)
+    gain = Gain(rms(before), rms(after), ratio_interval(before, after, seconds), explained, how,
+                np.column_stack([before, after]), (rms(np.concatenate(with_zero[0])), rms(np.concatenate(with_zero[1]))))
+    return gain, helps
 
 
-def _splits(
-    axis: Axis, records: list[MotionLog], validate: MotionLog | None
-) -> tuple[list[tuple[Axis, MotionLog]], str]:
+def _own_zero(left: Array, split: Split) -> Array:
+    return left - left.mean() if split.apart else left
+
+
+def _splits(joint: int, records: list[MotionLog], validate: MotionLog | None) -> tuple[list[Split], str]:
     """What is fitted and what is predicted with it, and how it was held out in words."""
+    having = [record for record in records if joint in record.joints]
     if validate is not None:
-        return [(axis, validate)], f"validate: {validate.source}"
-    having = [record for record in records if axis.joint in record.joints]
-    splits = [(axis_of(axis.joint, train, axis.band), test) for record in having
-              for train, test in _folds(record, [other for other in having if other is not record])]
-    return splits, f"cross-validation by {FOLDS} blocks of time"
+        return [Split(having, validate, True)], f"validate: {validate.source}"
+    if len(having) > 1:
+        return [Split([other for other in having if other is not record], record, True) for record in having], (
+            "each record by the others")
+    return _folds(having[0]), f"cross-validation by {FOLDS} blocks of time"
 
 
-def _folds(record: MotionLog, others: list[MotionLog]) -> list[tuple[list[MotionLog], MotionLog]]:
+def _folds(record: MotionLog) -> list[Split]:
     count = len(record.time)
     edges = np.linspace(0, count, FOLDS + 1).astype(int)
     folds = []
     for k in range(FOLDS):
         ends = ((0, edges[k]), (edges[k + 1], count))
         pieces = [record.cut(start, stop) for start, stop in ends if stop - start > count // 6]
-        folds.append((pieces + others, record.cut(edges[k], edges[k + 1])))
+        folds.append(Split(pieces, record.cut(edges[k], edges[k + 1]), False))
     return folds
-
-
-def _interval(before: Array, after: Array, block: int) -> tuple[float, float]:
-    """95 % interval of the ratio of RMS, blocks redrawn."""
-    rng = np.random.default_rng(0)
-    count = max(2, len(before) // block)
-    first = np.array([np.sum(part**2) for part in np.array_split(before, count)])
-    second = np.array([np.sum(part**2) for part in np.array_split(after, count)])
-    drawn = rng.integers(0, count, (REDRAWN, count))
-    low, high = np.quantile(np.sqrt(first[drawn].sum(axis=1) / second[drawn].sum(axis=1)), [0.025, 0.975])
-    return float(low), float(high)

@@ -5,21 +5,23 @@ The rules are those of measured TCP deflections (docs/effects.md), joint by join
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import error
 from identification.motion.axis import Axis, axis_of, solve
-from identification.motion.axis_diagnosis import AxisDiagnosis, Verdict
+from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.band import BAND
-from identification.motion.causes import LogCause, cause_of
+from identification.motion.causes import LogCause, cause_of, transmission_cause
 from identification.motion.log_file import MotionLog
-from identification.motion.prediction import Gain, held_out, model_columns, straight_line
+from identification.motion.prediction import held_out, model_columns, straight_line
 from identification.motion.remainder import Remainder, remainder
 from identification.motion.search import Hypothesis, survey
 from identification.motion.stiffness import axis_stiffness
+from identification.motion.transmission import Transmission, find_transmission
+from identification.motion.zeros import zero_shifts
 
 Array = NDArray[np.float64]
 Hypotheses = tuple[Hypothesis, ...]
@@ -30,6 +32,14 @@ NEARLY_ALL = 0.95
 WORTH_NAMING = 0.02
 # Residual variance, plain over extended, from which a misfit is gross.
 GROSS = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """At full rate (n,) [rad]: the deflection as it was measured, and what the straight line leaves of it."""
+
+    deflection: Array
+    beside_line: Array
 
 
 def diagnose_axes(
@@ -50,31 +60,42 @@ def diagnose_axes(
 def _axis(
     joint: int, records: list[MotionLog], validate: MotionLog | None, alarm: float, replicates: int, rng: np.random.Generator
 ) -> AxisDiagnosis:
-    axis, raw = axis_of(joint, records, BAND), axis_of(joint, records, np.inf)
+    whole, found = axis_of(joint, records, BAND), find_transmission(joint, records, validate)
+    cleaned, smooth = found.cleaned(records), found.smooth_over(records)
+    axis = axis_of(joint, cleaned, BAND, smooth) if found.named else whole
+    raw = axis_of(joint, cleaned, np.inf, smooth)
+    line = np.concatenate([record.joints[joint].deflection for record in records if joint in record.joints])
+    measured = _Measured(line, line - raw.spring @ straight_line(whole))
     p_value = detection(axis, replicates, rng)
     hypotheses = survey(axis)
     plain = _of_entries(hypotheses, set())
     assert plain is not None
-    stiffness = axis_stiffness(joint, records)
-    left = _remainder(axis, raw, plain)
-    adequate = AxisDiagnosis(
-        axis=axis, verdict="unknown" if left.patterns else "adequate", p_value=p_value, hypotheses=hypotheses, named=plain,
-        left=left, stiffness=stiffness, deflection=raw.deflection, residuals=_residuals(axis, raw, plain))
-    if p_value > max(alarm, 1 / (replicates + 1)):
-        return adequate
-    named, gain, withdrawn = _predictive(axis, hypotheses, plain, records, validate)
-    causes, alternatives = _causes(axis, hypotheses, named)
-    left, before, after = _remainder(axis, raw, named), _left(axis, plain), _left(axis, named)
+    misfit = p_value <= max(alarm, 1 / (replicates + 1))
+    named, withdrawn = _predictive(axis, hypotheses, plain, found, records, validate) if misfit else (plain, ())
+    left = _remainder(axis, raw, named, measured)
+    stiffness = axis_stiffness(joint, records, found)
+    answer = AxisDiagnosis(
+        axis=axis, verdict="unknown" if left.patterns else "adequate", p_value=min(p_value, found.p_value),
+        hypotheses=hypotheses, named=named, left=left, stiffness=stiffness, deflection=measured.deflection,
+        residuals=_residuals(raw, named, measured, found.named), withdrawn=withdrawn, transmission=found,
+        records=tuple(records),
+        zeros=zero_shifts(joint, named, found, [*records, *([] if validate is None else [validate])]))
+    if not misfit and not found.named:
+        return answer
+    causes, alternatives = _causes(axis, hypotheses, named) if misfit else ((), ())
+    if found.named:
+        causes = (*causes, transmission_cause(axis, named, found, records))
+    before, after = whole.deflection - whole.plain @ solve(whole, whole.plain).coefficients, _left(axis, named)
     explained = 1 - float(np.var(after) / np.var(before))
     nearly = explained >= NEARLY_ALL and np.var(before) >= GROSS * np.var(after)
-    verdict: Verdict = "named"
-    if not named.entries or not (nearly or not left.patterns):
-        # Nothing is certain: a set of names where the likeliest of them leaves no pattern, else unknown.
-        best = hypotheses[0]
-        verdict = "ambiguous" if best.entries and not _remainder(axis, raw, best).patterns else "unknown"
-        alternatives, causes, gain = (*causes, *alternatives), (), None
-    return replace(adequate, verdict=verdict, named=named, causes=causes, alternatives=alternatives, withdrawn=withdrawn,
-                   explained=explained, left=left, gain=gain, residuals=_residuals(axis, raw, named))
+    if causes and (nearly or not left.patterns):
+        gain = held_out(joint, BAND, named, found, records, validate)[0]
+        return replace(answer, verdict="named", causes=causes, alternatives=alternatives, explained=explained, gain=gain)
+    # Nothing is certain: a set of names where the likeliest of them leaves no pattern, else unknown.
+    best = hypotheses[0]
+    open_set = best.entries and not _remainder(axis, raw, best, measured).patterns
+    return replace(answer, verdict="ambiguous" if open_set else "unknown", alternatives=(*causes, *alternatives),
+                   explained=explained)
 
 
 def _of_entries(hypotheses: Hypotheses, entries: set[int]) -> Hypothesis | None:
@@ -82,20 +103,18 @@ def _of_entries(hypotheses: Hypotheses, entries: set[int]) -> Hypothesis | None:
 
 
 def _predictive(
-    axis: Axis, hypotheses: Hypotheses, plain: Hypothesis, records: list[MotionLog], validate: MotionLog | None
-) -> tuple[Hypothesis, Gain | None, tuple[str, ...]]:
-    """The hypothesis of all certain causes that also predict what was not fitted, its gain, and the names of the others."""
+    axis: Axis, hypotheses: Hypotheses, plain: Hypothesis, found: Transmission, records: list[MotionLog],
+    validate: MotionLog | None,
+) -> tuple[Hypothesis, tuple[str, ...]]:
+    """The hypothesis of all certain causes that also predict what was not fitted, and the names of the others."""
     certain = {entry for entry in range(len(axis.dictionary)) if _at_work(hypotheses, entry) >= CERTAIN}
     named = _of_entries(hypotheses, certain) or plain
     if not named.entries:
-        return named, None, ()
-    gain, helps = held_out(axis, named, records, validate)
-    if all(helps):
-        return named, gain, ()
+        return named, ()
+    helps = held_out(axis.joint, axis.band, named, found, records, validate)[1]
     withdrawn = tuple(name for name, good in zip(named.names, helps, strict=True) if not good)
     kept = {entry for entry, good in zip(named.entries, helps, strict=True) if good}
-    named = _of_entries(hypotheses, kept) or plain
-    return named, held_out(axis, named, records, validate)[0] if named.entries else None, withdrawn
+    return _of_entries(hypotheses, kept) or plain, withdrawn
 
 
 def _causes(
@@ -149,12 +168,14 @@ def _left(axis: Axis, hypothesis: Hypothesis) -> Array:
     return np.asarray(axis.deflection - hypothesis.columns(axis) @ hypothesis.solved.coefficients)
 
 
-def _residuals(axis: Axis, raw: Axis, hypothesis: Hypothesis) -> Array:
-    """Full-rate residuals (n, 2) of the plain straight line and of the hypothesis."""
-    line = raw.plain @ straight_line(axis)
-    extended = model_columns(raw, hypothesis) @ hypothesis.solved.coefficients if hypothesis.entries else line
-    return np.column_stack([raw.deflection - line, raw.deflection - extended])
+def _residuals(raw: Axis, hypothesis: Hypothesis, measured: _Measured, extended: bool) -> Array:
+    """Full-rate residuals (n, 2) of the plain straight line and of the extended model."""
+    if not hypothesis.entries and not extended:
+        return np.column_stack([measured.beside_line, measured.beside_line])
+    return np.column_stack([measured.beside_line,
+                            raw.deflection - model_columns(raw, hypothesis) @ hypothesis.solved.coefficients])
 
 
-def _remainder(axis: Axis, raw: Axis, hypothesis: Hypothesis) -> Remainder:
-    return remainder(axis, _left(axis, hypothesis), raw.parts(_residuals(axis, raw, hypothesis)[:, 1]))
+def _remainder(axis: Axis, raw: Axis, hypothesis: Hypothesis, measured: _Measured) -> Remainder:
+    full = _residuals(raw, hypothesis, measured, axis.smooth is not None)[:, 1]
+    return remainder(axis, _left(axis, hypothesis), raw.parts(full))

@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from identification.model.robot import Prior
 from identification.motion.axis import Axis, Solved, axis_of, solve
 from identification.motion.band import BAND
-from identification.motion.dictionary import Shape
+from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.log_file import MotionLog
 from identification.motion.remainder import angle_columns
+from identification.motion.transmission import Transmission
 
 Array = NDArray[np.float64]
 # Bands [Hz] between which the stiffness must hold.
 BANDS = (4.0, BAND, 9.0)
-NUISANCE = ("channel_delay (link)", "joint_friction", "motor_inertia")
 ANGLE_DEGREE = 4
 # Laws of the gear that change what is taken for its stiffness, where the data speak for them.
 GEAR_LAWS = ("hysteresis", "soft_zone", "backlash")
@@ -44,7 +44,7 @@ class AxisStiffness:
     """compliance c [rad/(N m)] with its standard deviations by the noise and by the law, NaN where refused; share: of the
     torque's variance that speed, its sign and acceleration do not explain; straight: c of a straight line through the torque;
     grade, reason: as in stiffness.json. records: (source, c, std) of each record alone. apart: the largest distance of two
-    records in standard deviations."""
+    records in standard deviations. beside: the transmission error that was taken out, in words."""
 
     joint: int
     compliance: float
@@ -58,6 +58,7 @@ class AxisStiffness:
     samples: int
     worth: float
     records: tuple[tuple[str, float, float], ...] = ()
+    beside: str = ""
     apart: float = 0.0
 
     @property
@@ -95,12 +96,13 @@ class AxisStiffness:
             "torque_share_of_its_own": self.share, "samples": self.samples, "worth_independent": self.worth,
             "link_delay_s": {"estimate": self.delay[0], "std": self.delay[1]},
             "records": [{"record": name, "compliance_rad_per_nm": c, "std": std} for name, c, std in self.records],
-            "records_apart_sigmas": self.apart if self.records else None,
+            "beside": self.beside, "records_apart_sigmas": self.apart if self.records else None,
         }
 
     def lines(self) -> list[str]:
         """How it was found, and what each record says by itself."""
-        return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones",
+        beside = f"; beside {self.beside}" if self.beside else ""
+        return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones{beside}",
                 *(f"  {name}: k = {1 / c:.3g} N m/rad (c = {c:.2e} +- {std:.1e})" for name, c, std in self.records)]
 
 
@@ -109,42 +111,47 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def axis_stiffness(joint: int, records: list[MotionLog]) -> AxisStiffness:
-    """The joint's stiffness from all records that have it, and from each alone."""
-    having = [record for record in records if joint in record.joints]
-    together = _from(joint, having)
+def axis_stiffness(joint: int, records: list[MotionLog], transmission: Transmission | None = None) -> AxisStiffness:
+    """The joint's stiffness from all records that have it, and from each alone, beside a transmission error found before."""
+    transmission = transmission or Transmission(joint)
+    having = transmission.cleaned([record for record in records if joint in record.joints])
+    together = replace(_from(joint, having, transmission), beside=transmission.words)
     if len(having) == 1:
         return together
-    alone = [_from(joint, [record]) for record in having]
+    alone = [_from(joint, [record], transmission) for record in having]
     listed = tuple((record.source, own.compliance, own.std) for record, own in zip(having, alone, strict=True))
     apart = max(abs(a[1] - b[1]) / np.hypot(a[2], b[2]) for k, a in enumerate(listed) for b in listed[k + 1:])
     spread = float(np.std([compliance for _, compliance, _ in listed], ddof=1) / np.sqrt(len(listed)))
     return _judged(replace(together, law_std=max(together.law_std, spread), records=listed, apart=float(apart)))
 
 
-def _from(joint: int, records: list[MotionLog]) -> AxisStiffness:
+def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> AxisStiffness:
+    smooth = transmission.smooth_over(records)
     central, delay, noise, values = 0.0, (0.0, 0.0), 0.0, []
     share = straight = worth = np.nan
     samples = 0
     for band in BANDS:
-        axis = axis_of(joint, records, band)
+        axis = axis_of(joint, records, band, smooth)
         base = np.column_stack([axis.plain, *(shape.columns[:, :1] for shape in _always(axis))])
         place = len(axis.lengths)
         by_law = [solve(axis, np.column_stack([base, *extra])) for extra in _laws(axis, base)]
-        with_angle = solve(axis, np.column_stack([base, angle_columns(axis.angle, degree=ANGLE_DEGREE)]))
-        values += [float(solved.coefficients[place]) for solved in (*by_law, with_angle)]
+        readings = list(by_law)
+        if smooth is None:
+            readings.append(solve(axis, np.column_stack([base, angle_columns(axis.angle, degree=ANGLE_DEGREE)])))
+        values += [float(solved.coefficients[place]) for solved in readings]
         if band == BAND:
             central, noise = _averaged(by_law, place)
-            delay = _averaged(by_law, place + 1)
-            share, samples = _own_share(base, place), sum(len(log.time) for log in axis.logs)
-            straight = float(np.linalg.lstsq(axis.plain, axis.deflection, rcond=None)[0][-1])
+            delay = _averaged(by_law, axis.plain.shape[1])
+            rigid = [k for k in range(base.shape[1]) if not axis.spring.shape[1] <= k < axis.plain.shape[1]]
+            share, samples = _own_share(base[:, rigid], place), sum(len(log.time) for log in axis.logs)
+            straight = float(np.linalg.lstsq(axis.spring, axis.deflection, rcond=None)[0][-1])
             worth = axis.noise.worth(len(axis.torque))
     law = float(np.sqrt(np.mean((np.array(values) - central) ** 2)))
     return _judged(AxisStiffness(joint, central, noise, law, share, straight, delay, "", "", samples, worth))
 
 
 def _always(axis: Axis) -> list[Shape]:
-    return [group[0] for group in axis.dictionary if group[0].name in NUISANCE]
+    return [group[0] for group in axis.dictionary if group[0].name in ALWAYS]
 
 
 def _laws(axis: Axis, base: Array) -> list[list[Array]]:

@@ -18,26 +18,37 @@ from typing import Any
 import numpy as np
 
 # The effect modules register what they hold.
-from tests.virtual_cell import effects_hung, effects_measurement, effects_outside, effects_robot, files
+from tests.virtual_cell import (
+    effects_at_poses,
+    effects_hung,
+    effects_measurement,
+    effects_other_laws,
+    effects_outside,
+    effects_robot,
+    files,
+)
 from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import DESIGNS, Design
 from tests.virtual_cell.hidden import EFFECTS, Hidden, install
 from tests.virtual_cell.noise import Noise, draw_noise, force_errors, readings
 from tests.virtual_cell.plant import Plant
 
-__all__ = ["DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
+__all__ = ["AT_POSES", "DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
 
-# The dictionary (docs/effects.md) but for the three of logs taken in motion; and the effects that are in no dictionary.
-DICTIONARY = tuple(name for name, entry in EFFECTS.items()
-                   if entry.build.__module__ not in (effects_outside.__name__, effects_hung.__name__))
-# What dead weights bring, and only they can show.
-HUNG = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ == effects_hung.__name__)
-OUTSIDE = tuple(name for name, entry in EFFECTS.items()
-                if entry.build.__module__ == effects_outside.__name__ and entry.known_as == name)
-# Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques.
-NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE and name not in HUNG)
-assert {entry.build.__module__ for entry in EFFECTS.values()} == {
-    module.__name__ for module in (effects_robot, effects_measurement, effects_outside, effects_hung)}
+
+def _of(*modules: object) -> tuple[str, ...]:
+    """The effects that these modules register."""
+    return tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ in [module.__name__ for module in modules])
+
+
+# The dictionary (docs/effects.md) but for those of logs taken in motion; what dead weights bring, and only they can show;
+# effects of some poses alone; and effects that are in no dictionary.
+DICTIONARY, HUNG, AT_POSES = _of(effects_robot, effects_measurement), _of(effects_hung), _of(effects_at_poses)
+OUTSIDE = tuple(name for name in _of(effects_outside) if EFFECTS[name].known_as == name)
+# Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques; and the
+# dictionary's effects under laws that are not its own.
+NEAR = tuple(name for name in _of(effects_outside, effects_other_laws) if name not in OUTSIDE)
+assert {*DICTIONARY, *HUNG, *AT_POSES, *OUTSIDE, *NEAR} == set(EFFECTS)
 LOG_STD = 0.5       # of the true stiffnesses about the prior's medians
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import NABTESCO
-from identification.model.effects.kinds import GearTwist
+from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -33,6 +33,7 @@ class Backlash(GearTwist):
                                 "stays under, a worn-out gear"),
     )
     near_laws = ("soft_zone",)
+    law_family = SOFTER_NEAR_ZERO
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
     turning = "crosses its gap"
     settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"

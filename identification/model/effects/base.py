@@ -67,8 +67,9 @@ class Effect(ABC):
 
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
     the data. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint
-    whose shapes a real one of this kind may mix in. sentence: the cause as a shop-floor engineer says it ({joint} is filled
-    in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law comes from,
+    whose shapes a real one of this kind may mix in. law_family: what laws of one gear that imitate each other have in common,
+    as a sentence; "" where there is no other. sentence: the cause as a shop-floor engineer says it ({joint} is filled in).
+    settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law comes from,
     or "engineering judgement" with its reason.
     """
 
@@ -81,6 +82,7 @@ class Effect(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     gear_law: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
+    law_family: ClassVar[str] = ""
     sentence: ClassVar[str]
     settles: ClassVar[str]
     turning: ClassVar[str] = ""

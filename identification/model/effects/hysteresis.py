@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.arrays import Array
-from identification.model.effects.base import Parameter
+from identification.common.arrays import Array, read_only
+from identification.model.effects.base import Parameter, Signature, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
+
+# Friction is seen where a load comes back: in so many rows at least, whose twist is off the first loading's by this share of
+# the amplitude. Engineering judgement: fewer are single readings, and less is no loop.
+FEWEST_WITNESSES, REMEMBERED = 3, 0.2
 
 
 class Hysteresis(GearTwist):
@@ -38,13 +45,37 @@ class Hysteresis(GearTwist):
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return np.asarray(values[0] * slip_state(rows.torque[:, i], rows.starts, values[1]))
 
+    def missing(self, rows: LoadState) -> str:
+        if any(self._witnesses(rows, joint, slip) for joint in self.joints for slip in self.parameters[1].grid):
+            return ""
+        return "no pose was loaded and unloaded, so that no load could leave anything behind"
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        """Nothing for a slip that leaves no trace in these rows: where the load only grew from zero the twist is that of a soft
+        gear, and tells nothing of friction."""
+        return [shape if self._witnesses(rows, joint, slip) else replace(shape, rows=np.zeros_like(shape.rows))
+                for slip, shape in zip(self.parameters[1].grid, super().signatures(rows, joint), strict=True)]
+
+    def _witnesses(self, rows: LoadState, joint: int | None, slip: float) -> bool:
+        """Whether enough rows keep something of the loads before theirs."""
+        torque = rows.torque[:, self.index(joint)]
+        kept = slip_state(torque, rows.starts, slip) - saturated(torque / slip)
+        return int(np.sum(np.abs(kept) > REMEMBERED)) >= FEWEST_WITNESSES
+
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.trunc(slip_state(rows.torque[:, self.index(joint)], rows.starts, values[1]))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
-        start = np.zeros(len(log.torque), dtype=bool)
-        start[0] = True
-        return np.asarray(values[0] * slip_state(log.torque, start, values[1]))
+        return np.asarray(values[0] * _slip_state_of_log(np.ascontiguousarray(log.torque).tobytes(), float(values[1])))
+
+
+@lru_cache(maxsize=32)
+def _slip_state_of_log(torque: bytes, slip: float) -> Array:
+    """Slip state (n,) of a log from zero at its start; kept, since one torque is asked for again with every model of a log."""
+    path = np.frombuffer(torque)
+    state = slip_state(path, np.arange(len(path)) == 0, slip)
+    read_only(state)
+    return state
 
 
 def slip_state(torque: Array, starts: NDArray[np.bool_], slip: float) -> Array:

@@ -13,6 +13,8 @@ from identification.model.effects.base import Effect, Parameter, Signature
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
+# What free play and a soft zone have in common, whatever the gear's real law.
+SOFTER_NEAR_ZERO = "the gear of joint {joint} is softer near zero torque"
 ONLY_IN_MOTION = "it shows only in logs taken in motion"
 ONLY_AS_SCATTER = "it is scatter, which is looked for by itself"
 NOTHING_HANGS = "the loads are not those of hung weights"

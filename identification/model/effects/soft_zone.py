@@ -7,7 +7,7 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import HARMONIC_DRIVE
-from identification.model.effects.kinds import GearTwist
+from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -29,11 +29,12 @@ class SoftZone(GearTwist):
                          "joint 1 of the paper's Table 1",
                   bounds_source=f"{HARMONIC_DRIVE}, table 41: the whole twist up to T2 is 6.5 to 13.4 arcmin; 3e-3 rad is "
                                 "10.3 arcmin"),
-        Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(50.0, 90.0, 160.0, 280.0), shape=True,
+        Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(12.0, 25.0, 50.0, 90.0, 160.0, 280.0), shape=True,
                   source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
                   bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
                                 "m; 5 to 1500 N m of that is engineering judgement"),
     )
+    law_family = SOFTER_NEAR_ZERO
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
 

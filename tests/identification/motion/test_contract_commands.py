@@ -92,3 +92,39 @@ def test_options_that_do_not_fit(tmp_path: Path, cell: Path) -> None:
     assert run("identify", cell, log, "-o", tmp_path / "s.json", "--profile")[0] == 2
     (tmp_path / "m.csv").write_text("q1_deg\n1\n")
     assert run("diagnose", cell, tmp_path / "m.csv", "--validate", log, "-o", tmp_path / "d.json")[0] == 2
+
+
+def test_further_logs_are_fitted_and_each_is_predicted_by_the_others(tmp_path: Path, cell: Path) -> None:
+    fault = {"channel_delay": 1.0}
+    logs = [write(tmp_path / f"{k}.csv", columns(k, fault, seconds=10)) for k in (1, 2)]
+    code, document = run("diagnose", cell, logs[0], "--also", logs[1], "-o", tmp_path / "d.json", "--replicates", 49)
+    assert code == 0
+    result = document["result"]
+    assert result["gain"]["held_out"] == "each record by the others"
+    assert result["records"] == [str(log) for log in logs]
+    assert [cause["effect"] for cause in result["causes"]] == ["channel_delay"]
+    (joint,) = result["joints"]
+    (zero,) = joint["zero_shifts"]
+    assert [zero["reference"], zero["record"]] == [str(log) for log in logs]
+    assert not zero["moved"]
+    assert joint["transmission_error"]["named"] is False
+    assert set(result["gain"]["by_joint"]["2"]["with_fitted_zero"]) == {"rms_before_urad", "rms_after_urad", "ratio"}
+
+
+def test_a_zero_that_moved_and_a_log_given_twice(tmp_path: Path, cell: Path) -> None:
+    values = columns(1, {"channel_delay": 1.0}, seconds=10)
+    other = columns(2, {"channel_delay": 1.0}, seconds=10)
+    other["q2_link_deg"] = other["q2_link_deg"] + 0.14
+    logs = [write(tmp_path / "a.csv", values), write(tmp_path / "b.csv", other), write(tmp_path / "c.csv", values)]
+    code, document = run("diagnose", cell, logs[0], "--validate", logs[1], "-o", tmp_path / "d.json", "--replicates", 49)
+    assert code == 0
+    assert "CS1610" in [finding["code"] for finding in document["findings"]]
+    for command in ("diagnose", "identify"):
+        code, document = run(command, cell, logs[0], "--also", logs[2], "-o", tmp_path / "x.json")
+        assert code == 1
+        assert document["findings"][0]["code"] == "CS1616"
+
+
+def test_also_is_for_logs(tmp_path: Path, cell: Path) -> None:
+    (tmp_path / "m.csv").write_text("q1_deg\n1\n")
+    assert run("diagnose", cell, tmp_path / "m.csv", "--also", tmp_path / "m.csv", "-o", tmp_path / "d.json")[0] == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +88,41 @@ def test_public_record_has_its_torque_on_the_gear_side(tmp_path: Path) -> None:
 
 def test_other_matlab_files_are_refused(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"x": 1})
-    assert "has no rec.time_cont" in failure(tmp_path / "a.mat")
+    assert "has no rec.act_pos_mot_deg" in failure(tmp_path / "a.mat")
     (tmp_path / "b.mat").write_text("no")
     assert "CS0201" in failure(tmp_path / "b.mat")
     assert "has shape (6, 3)" in failure(kuka(tmp_path / "c.mat", act_torque_abs_nm=np.zeros((6, 3))))
+
+
+def test_a_record_with_a_step_and_no_clock(tmp_path: Path) -> None:
+    kuka(tmp_path / "clock.mat")
+    content = scipy.io.loadmat(tmp_path / "clock.mat", squeeze_me=True, struct_as_record=True)
+    rec = {name: content["rec"][name].item() for name in content["rec"].dtype.names if name != "time_cont"}
+    stated = {"rec": rec, "para": {"u": content["para"]["u"].item()}}
+    scipy.io.savemat(tmp_path / "step.mat", stated | {"time_data": {"dt": 0.004}})
+    log = read_motion_log(tmp_path / "step.mat")
+    assert log.time == pytest.approx(0.004 * np.arange(1250))
+    assert [finding.code for finding in log.findings if finding.code == "CS1614"]
+    scipy.io.savemat(tmp_path / "none.mat", stated)
+    assert "has no clock" in failure(tmp_path / "none.mat")
+
+
+def test_what_the_reader_of_matlab_files_warns_of_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kuka(tmp_path / "a.mat")
+    read = scipy.io.loadmat
+
+    def warns(*arguments: object, **options: object) -> object:
+        warnings.warn("Duplicate variable name \"rec\" in stream", UserWarning, stacklevel=2)
+        return read(*arguments, **options)
+
+    monkeypatch.setattr(scipy.io, "loadmat", warns)
+    (finding,) = [one for one in read_motion_log(tmp_path / "a.mat").findings if one.code == "CS1615"]
+    assert "Duplicate variable name" in finding.message
+
+
+def test_a_table_without_clock_is_told_how_to_make_one(tmp_path: Path) -> None:
+    values = columns(0, {}, seconds=5)
+    del values["time_s"]
+    told = failure(write(tmp_path / "a.csv", values))
+    assert "has no column time_s" in told
+    assert "0.004" in told

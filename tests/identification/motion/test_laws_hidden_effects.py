@@ -71,12 +71,13 @@ def test_plain_spring_is_adequate(tmp_path: Path) -> None:
     assert "named" not in verdicts
 
 
-def test_an_error_that_follows_the_angle_is_outside_the_dictionary(tmp_path: Path) -> None:
+def test_an_error_that_follows_the_angle(tmp_path: Path) -> None:
+    """25 cycles a turn with a record to find them again in; beside the delay both are named."""
     alone = diagnosed(tmp_path, 0, {"angle_error": 1.0})
-    assert alone.verdict == "unknown"
+    assert [cause.shape.name for cause in alone.causes] == ["transmission_error"]
+    assert alone.transmission.cycles == pytest.approx([25], abs=0.5)
     beside = diagnosed(tmp_path, 0, {"angle_error": 1.0, "channel_delay": 1.0})
-    assert [cause.shape.name for cause in beside.causes] == ["channel_delay (link)"]
-    assert {name: p for name, _, p in beside.left.follows}["the joint's angle"] < 0.005
+    assert [cause.shape.name for cause in beside.causes] == ["channel_delay (link)", "transmission_error"]
 
 
 def test_intervals_of_the_stiffness_hold(tmp_path: Path) -> None:

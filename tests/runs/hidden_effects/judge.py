@@ -42,7 +42,10 @@ def label(effect: str, joint: int | None) -> str:
 def answer(content: Mapping[str, Any]) -> Answer:
     """The answer of a diagnosis.json."""
     causes, alternatives = ([label(one["effect"], one["joint"]) for one in content[key]] for key in ("causes", "alternatives"))
-    return Answer(content["verdict"], frozenset(causes), tuple(alternatives))
+    names = frozenset(causes) - {"bad_visit"}
+    # That something is wrong at a pose is no name of an effect.
+    unknown = content["verdict"] == "named" and not names
+    return Answer("unknown" if unknown else content["verdict"], names, tuple(alternatives))
 
 
 def truth_names(truth: Sequence[Mapping[str, Any]]) -> Names:

@@ -40,7 +40,7 @@ MEASUREMENT = (
 # An effect that no deflection shows (docs/effects.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
 # Effects that only logs taken in motion show: tests/identification/motion hides them there.
-IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia")
+IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "transmission_error")
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)
 
 

@@ -1,0 +1,122 @@
+"""Does the model that was fitted explain its own rows? A cheap check of the six springs, which no stiffness passes by.
+
+Score tests against kinds of columns that need no cause: a deflection that goes with the load in a way no joint can, gears whose
+twist is not in proportion to their torque or changes with their angle, a robot that changes with time. For columns E, with the
+stiffnesses free (projection as in subsets.py),
+
+    b = E^T W (r - D step) ,   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E ,   T = b^T G^+ b ,
+
+and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left. With the subset
+conflicts, family-wise by Bonferroni; and noise far over the stated. What is off, and why, `compstiff diagnose` finds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SENSOR
+from identification.fit.posterior import Posterior
+from identification.fit.subsets import Conflict
+from identification.model.load_state import LoadState
+
+Array = NDArray[np.float64]
+# Rejected on purpose rarely: noise is a little other than its model on every cell, and a file that is rejected is refused.
+REJECTED = 1e-3
+# Columns whose information is under this share of the largest tell nothing by themselves.
+RANK = 1e-6
+# Readings a column must leave to the noise.
+READINGS_A_COLUMN = 4
+# Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more, with 95 %
+# confidence.
+GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
+PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating"}
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """p_value: family-wise probability of a misfit as clear as this by chance. rejected: the model does not explain its rows.
+    seen: the clearest misfit in words."""
+
+    p_value: float
+    rejected: bool
+    seen: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values, for stiffness.json."""
+        return {"p_value": self.p_value, "rejected": self.rejected, "seen": self.seen}
+
+
+def model_check(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> ModelCheck:
+    """The check of a plain model; conflicts: its subset conflicts."""
+    found = [(_p_value(fitted, columns), words) for words, columns in _kinds(fitted.load_state)]
+    tests = len(found) + 1
+    found = [(min(tests * p, 1.0), words) for p, words in found]
+    found += [(min(tests * conflict.corrected, 1.0), f"{conflict.part} and {conflict.rest} want different stiffnesses")
+              for conflict in conflicts[:1]]
+    beyond = "; ".join(f"the {name} would have to be {multiple:.1f} times the stated"
+                       for name, multiple in beyond_stated(fitted, GRANTED).items())
+    p_value, seen = min(found, default=(1.0, ""))
+    if p_value >= REJECTED and beyond:
+        return ModelCheck(p_value, True, beyond)
+    return ModelCheck(p_value, p_value < REJECTED, seen)
+
+
+def _kinds(state: LoadState) -> Iterator[tuple[str, Array]]:
+    """The kinds of columns (n, 3, m) [m], each of a size that its own typical load makes, with what they stand for."""
+    force, jacobian, torque = state.wrench[:, :3], state.jacobian[:, :3], state.torque
+    axes = np.eye(3)
+    yield ("the tool yields to a load in a direction that no joint explains",
+           np.stack([force[:, j, None] * axes[i] for i in range(3) for j in range(3)], axis=2))
+    in_tool = np.einsum("nij,ni->nj", state.tool, force)
+    yield ("the tool yields in its own frame in a way that no joint explains",
+           np.stack([state.tool[:, :, i] * in_tool[:, j, None] for i in range(3) for j in range(3)], axis=2))
+    largest = np.maximum(np.abs(torque).max(axis=0), 1e-9)
+    yield ("a joint's deflection is not in proportion to its torque",
+           np.concatenate([jacobian * bent[:, None] for bent in (np.abs(torque), torque * np.abs(torque) / largest)], axis=2))
+    own = jacobian * (state.compliance * torque)[:, None]
+    yield ("a joint's stiffness changes with its angle",
+           np.concatenate([own * np.cos(state.theta)[:, None], own * np.sin(state.theta)[:, None]], axis=2))
+    order = np.linspace(-1.0, 1.0, len(state))
+    yield ("the robot, or the sensors, change with time",
+           np.concatenate([own * order[:, None, None], order[:, None, None] * axes[None]], axis=2))
+
+
+def _p_value(fitted: Posterior, columns: Array) -> float:
+    """Of one kind of columns (n, 3, m) [m]; 1 where too few readings are left to tell."""
+    from scipy.stats import f
+
+    at, weights = fitted.at_map, fitted.weights
+    scale = np.sqrt(np.mean(columns**2, axis=(0, 1)))
+    columns = at.noise.rotation @ (columns[:, :, scale > 0] / scale[scale > 0])
+    inverse = np.linalg.inv(fitted.information + fitted.prior.precision(fitted.map))
+    residual = at.residual[:, :, None]
+    cross, of_residual = weights.inner(at.design, columns), weights.inner(at.design, residual)[:, 0]
+    step = inverse @ of_residual
+    score = weights.inner(columns, residual)[:, 0] - cross.T @ step
+    gram = weights.inner(columns, columns) - cross.T @ inverse @ cross
+    eigenvalues, vectors = np.linalg.eigh(gram)
+    kept = eigenvalues > RANK * max(float(eigenvalues.max(initial=0.0)), 1e-30)
+    rank = int(kept.sum())
+    left = fitted.readings - 6 - rank
+    if not rank or left < READINGS_A_COLUMN * rank:
+        return 1.0
+    explained = float(np.sum((vectors[:, kept].T @ score) ** 2 / eigenvalues[kept]))
+    total = float(weights.inner(residual, residual)[0, 0] - of_residual @ step)
+    variance = max(total - explained, 1e-12) / left
+    return float(f.sf(explained / rank / variance, rank, left))
+
+
+def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
+    """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
+    confidence: how many times the stated size each is."""
+    if np.any(fitted.data.rows.machined_pass != ""):
+        # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
+        return {}
+    multiples, log_std, stated = fitted.components.values, fitted.components_log_std, fitted.at_map.noise.stated
+    return {name: float(multiples[part]) for part, name in PARTS.items()
+            if stated[part] and np.log(multiples[part] / granted) > ONE_SIDED_95 * log_std[part]}

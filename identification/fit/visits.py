@@ -1,0 +1,289 @@
+"""Do the readings of every pose visit fit the springs that fit the others? One family-wise test over the visits.
+
+Robust weights and the re-seating size take up what is wrong at a whole pose, so that no row stands out by itself. Here each
+visit's own response (own_response.py) is held against what the other visits predict for it:
+
+    z = (g - M x)^T (C_g + M C_x M^T + f^2 G G^T)^-1 (g - M x) / s
+
+g, C_g: the visit's own response and its covariance; x, C_x: step and covariance of the fit without the visit, M: the response
+to a step; f: a force error that all readings of a visit share. s is the median of z over the visits, each in units of its
+chi-squared's median, and 1 at least: what is wrong everywhere makes no single visit stand out. The largest z gets its
+probability from replicates under the noise of the fit, which in the end is a fit without the visits in question (`bad_visits`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.findings import CompstiffError
+from identification.fit.fitted_model import response
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import MEMORY, SETUP, USUAL_SETUP, NoiseModel, noise_model
+from identification.fit.own_response import LoadColumns, own_response
+from identification.fit.posterior import Posterior, posterior
+from identification.fit.sag import sag_columns
+from identification.measurements import Measurements
+from identification.model.compliance import compliance_matrix
+
+Array = NDArray[np.float64]
+# A visit is left out only on evidence that is rarer by chance than this, family-wise over the visits.
+ALARM = 0.005
+# No visit is looked at further where even the whole fit makes its largest misfit so likely.
+SCREEN = 0.1
+# Visits without which none can be called bad, and the share of them beyond which they are no single mistakes.
+FEWEST, MOST = 6, 1 / 3
+# A force error that all readings of a visit share, in shares of the load: half a per cent, as of the single readings.
+SHARED_FORCE = 0.005
+SCREENING, REPLICATES, BATCH = 199, 399, 20
+# Above so many rows the replicates are left to the chi-squared: the noise is well known there.
+MANY_ROWS = 6000
+# Tails that replicates have at least: rows do not tell tails well, few of them not at all.
+TAILS, FEW_ROWS, TAILS_OF_FEW = 20.0, 100, 6.0
+LARGEST_SURPRISE = 300.0
+# A visit of a few readings whose others fit without one of them, to this probability, has one bad reading.
+FEW_READINGS, UNSUSPICIOUS = 6, 0.05
+LIGHT = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class VisitScore:
+    """How one visit fits the others. name: the pose's label or its first line; rows (n,): numbers in the file, from 1; line: of
+    the first row; light: how many of them count under a third of an ordinary one. surprise: -log10 of the probability of its
+    z alone; p_value: family-wise. share: of the whole misfit. offset (3,) [m]: of its readings from the model, its response
+    free, with offset_std (3,) [m], what the re-seating that was estimated allows; NaN where it cannot be told apart."""
+
+    name: str
+    rows: NDArray[np.intp]
+    line: int
+    light: int
+    surprise: float
+    p_value: float
+    share: float
+    offset: Array
+    offset_std: Array
+
+    @property
+    def offset_sigmas(self) -> float:
+        """The largest component of the offset in its own standard deviations; NaN where it cannot be told."""
+        return float(np.max(np.abs(self.offset) / self.offset_std))
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        sigmas = self.offset_sigmas
+        return {"pose": self.name, "rows": self.rows.tolist(), "line": self.line, "light_rows": self.light,
+                "surprise": self.surprise, "p_value": self.p_value, "share_of_misfit": self.share,
+                "offset_um": None if np.isnan(sigmas) else (1e6 * self.offset).tolist(),
+                "offset_sigmas": None if np.isnan(sigmas) else sigmas}
+
+
+@dataclass(frozen=True, eq=False)
+class VisitTest:
+    """The visits (V,) that were looked at, in their order, and the family-wise probability of the largest surprise; resolution:
+    the smallest it can be. bad: those that do not fit the others, the worst first. too_many: more than a third of the visits
+    would be bad, so none is. rest: the fit without the bad ones, None where there are none. scale: s of z (module)."""
+
+    scores: tuple[VisitScore, ...]
+    p_value: float
+    resolution: float
+    bad: tuple[VisitScore, ...] = ()
+    too_many: bool = False
+    rest: Posterior | None = None
+    scale: float = 1.0
+
+
+def bad_visits(fitted: Posterior, seed: int = 0) -> VisitTest:
+    """The visits that the fit of the others does not explain: taken out one after the other, the fit and its noise worked out
+    anew without them, and each of them judged by the last of these fits."""
+    rng = np.random.default_rng([seed, 1730])
+    rows = fitted.data.rows
+    test = score_visits(fitted, fitted.data, rng, SCREENING)
+    if len(test.scores) < FEWEST or test.p_value > SCREEN:
+        return test
+    out: list[VisitScore] = []
+    rest = fitted
+    while True:
+        taken = {score.line for score in out}
+        inside = [score for score in test.scores if score.line not in taken]
+        worst = max(inside, key=lambda score: score.surprise)
+        if out and worst.p_value > ALARM:
+            break
+        out.append(worst)
+        if len(out) > MOST * len(test.scores):
+            return replace(test, too_many=True)
+        kept = ~np.isin(rows.row, np.concatenate([score.rows for score in out]))
+        try:
+            rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted.log_compliance)
+        except CompstiffError:
+            # Without these visits there is no fit to judge them by.
+            return test
+        test = score_visits(rest, fitted.data, rng, REPLICATES)
+    taken = {score.line for score in out}
+    bad = sorted((score for score in test.scores if score.line in taken and score.p_value <= ALARM
+                  and not _one_reading(rest, fitted.data, score)), key=lambda score: -score.surprise)
+    if bad and len(bad) < len(out):
+        kept = ~np.isin(rows.row, np.concatenate([score.rows for score in bad]))
+        rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted.log_compliance)
+    return replace(test, bad=tuple(bad), rest=rest if bad else None)
+
+
+def _one_reading(rest: Posterior, data: LoadTest, score: VisitScore) -> bool:
+    """Whether a visit of a few readings fits without one of them, which is then no matter of the visit; visits of many are
+    robust against one."""
+    rows = data.rows
+    if not 2 < len(score.rows) <= FEW_READINGS:
+        return False
+    for number in score.rows:
+        left = data.with_rows(rows.select(rows.row != number))
+        others = set(score.rows.tolist()) - {int(number)}
+        test = score_visits(rest, left, np.random.default_rng(0), 0)
+        again = next((other for other in test.scores if set(other.rows.tolist()) == others), None)
+        if again is not None and again.p_value > UNSUSPICIOUS:
+            return True
+    return False
+
+
+def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, replicates: int) -> VisitTest:
+    """How each visit of these rows, fitted or not, fits the fitted ones; one that was fitted is predicted without itself."""
+    rows, cell = data.rows, data.cell
+    was_fitted = np.isin(rows.row, fitted.data.rows.row)
+    # The rows of a visit that were kept for validation are one of their own.
+    apart = np.unique(2 * rows.visit + was_fitted, return_inverse=True)[1].astype(np.intp)
+    further = [part for part in (SETUP, MEMORY) if fitted.at_map.noise.active[part]]
+    noise = noise_model(data.with_rows(replace(rows, visit=apart)), fitted.compliance).with_parts(*further)
+    shared_force = max(SHARED_FORCE, USUAL_SETUP * fitted.components.setup)
+    row_weight = np.ones(len(rows))
+    row_weight[was_fitted] = _matched(fitted, rows.row[was_fitted])
+    position, slope = response(data, fitted.map, fitted.terms)
+    residual = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(rows.deflection) - position)[:, :, None]
+    count = 0 if len(rows) > MANY_ROWS else replicates
+    stiff = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, fitted.compliance)[:, :3, :3]
+    drawn = _drawn(noise, fitted, rng, count)
+    if not noise.active[SETUP]:
+        drawn += noise.rotation @ _shared(stiff, rows.wrench[:, :3], noise, rng, count)
+    residual = np.concatenate([residual, drawn], axis=2)
+    sag = sag_columns(data.load_state(fitted.compliance), noise)
+    design = np.concatenate([noise.rotation @ slope, sag], axis=2)
+    others = _Others(fitted, noise, row_weight, was_fitted, design, residual)
+    precision = noise.of_rows_alone(fitted.components)
+    seat = np.maximum(fitted.components.offset * noise.offset, 1e-9)
+    misfit = noise.by_visit(np.sum(residual[:, :, 0] ** 2, axis=1))
+    found, squares, counts = [], [], []
+    for number in range(noise.visits):
+        mine = np.flatnonzero(noise.visit == number)
+        if not testable(rows, mine):
+            continue
+        loads = LoadColumns.of(rows.wrench[mine, :3])
+        k = loads.columns.shape[2]
+        columns = noise.rotation[mine] @ np.concatenate([loads.columns, np.tile(np.eye(3), (len(mine), 1, 1))], axis=2)
+        free = loads.has_offset
+        prior = np.concatenate([np.zeros(k), np.zeros(3) if free else 1 / seat**2])
+        own = own_response(columns, precision[mine], prior, residual[mine])
+        weighted = precision[mine] @ columns * own.row_weight[0][:, None, None]
+        by_step = own.covariance[0] @ np.einsum("nip,niq->pq", weighted, design[mine])
+        step, spread = others.without(number)
+        off = own.coefficients[:, :k] - step.T @ by_step[:k].T
+        shared = np.kron(np.diag((shared_force * loads.scale) ** 2), stiff[mine[0]] @ stiff[mine[0]].T)
+        allowed = own.covariance[:, :k, :k] + by_step[:k] @ spread @ by_step[:k].T + shared
+        squares.append(np.einsum("bp,bp->b", off, np.linalg.solve(allowed, off[:, :, None])[:, :, 0]))
+        counts.append(_directions(columns[:, :, :k], precision[mine]))
+        offset = own.coefficients[0, k:] if free else np.full(3, np.nan)
+        found.append(VisitScore(
+            visit_name(rows, mine), rows.row[mine], int(rows.line[mine[0]]), int(np.sum(row_weight[mine] < LIGHT)), 0.0, 1.0,
+            float(misfit[number] / max(misfit.sum(), 1e-300)), offset,
+            np.sqrt(seat**2 + np.diag(own.covariance[0])[k:])))
+    return _judged(found, np.array(squares), np.array(counts), count)
+
+
+def visit_name(rows: Measurements, mine: NDArray[np.intp]) -> str:
+    """The label of a visit's pose, or where its first row stands."""
+    label = str(rows.pose[mine[0]])
+    return label or f"the pose from line {rows.line[mine[0]]}"
+
+
+def testable(rows: Measurements, mine: NDArray[np.intp]) -> bool:
+    """Whether these rows are one pose under load, and no stretch of a machined pass."""
+    still = bool(np.all(rows.theta[mine] == rows.theta[mine[0]])) and rows.machined_pass[mine[0]] == ""
+    return still and bool(np.any(rows.wrench[mine, :3] != 0))
+
+
+class _Others:
+    """The fit without one visit, linearised: for the data and each replicate."""
+
+    def __init__(self, fitted: Posterior, noise: NoiseModel, row_weight: Array, inside: NDArray[np.bool_], design: Array,
+                 residual: Array) -> None:
+        weighted = noise.weights(fitted.components, row_weight).apply(design)
+        self._information = noise.by_visit(np.einsum("nip,niq->npq", weighted, design))
+        self._pull = noise.by_visit(np.einsum("nip,nib->npb", weighted, residual))
+        self._fitted = noise.by_visit(inside.astype(float)) > 0
+        self._total = self._information[self._fitted].sum(axis=0)
+        parameters = len(fitted.map)
+        self._total[:parameters, :parameters] += fitted.prior.precision(fitted.map)
+        # What the robot's own weight may do, in usual sizes.
+        self._total[parameters:, parameters:] += np.eye(len(self._total) - parameters)
+        self._pulled = self._pull[self._fitted].sum(axis=0)
+        self._pulled[:parameters, 0] -= fitted.prior.gradient(fitted.map)
+
+    def without(self, number: int) -> tuple[Array, Array]:
+        """Step (q, B) and its covariance (q, q) of the fit without visit `number`."""
+        mine = float(self._fitted[number])
+        spread = np.asarray(np.linalg.inv(self._total - mine * self._information[number]), dtype=float)
+        return spread @ (self._pulled - mine * self._pull[number]), spread
+
+
+def _matched(fitted: Posterior, numbers: NDArray[np.intp]) -> Array:
+    """The fitted rows' weights for these row numbers."""
+    order = np.argsort(fitted.data.rows.row)
+    return np.asarray(fitted.row_weight[order[np.searchsorted(fitted.data.rows.row[order], numbers)]])
+
+
+def tails(degrees: float, rows: int) -> float:
+    """Degrees of freedom that so many rows of estimated ones are judged with."""
+    return min(degrees, TAILS if rows >= FEW_ROWS else TAILS_OF_FEW)
+
+
+def _drawn(noise: NoiseModel, fitted: Posterior, rng: np.random.Generator, count: int) -> Array:
+    """Noise (n, 3, count), whitened: Student, with variance components drawn from their own posterior."""
+    components, n = fitted.components, len(noise.visit)
+    degrees = tails(components.degrees, n)
+    parts = [np.empty((n, 3, 0))]
+    for start in range(0, count, BATCH):
+        some = min(BATCH, count - start)
+        logs = rng.multivariate_normal(components.logs, fitted.components_covariance, method="eigh")
+        drawn = components.with_logs(np.clip(logs, components.logs - 2.5, components.logs + 1.5))
+        heavier = rng.chisquare(degrees, (n, some)) / degrees
+        parts.append(noise.draw(np.repeat(drawn.values[None], some, axis=0), heavier, rng))
+    return np.concatenate(parts, axis=2)
+
+
+def _shared(stiff: Array, force: Array, noise: NoiseModel, rng: np.random.Generator, count: int) -> Array:
+    """What a force error that all readings of a visit share does (n, 3, count) [m]; stiff (n, 3, 3) [m/N]: G."""
+    error = SHARED_FORCE * rng.standard_normal((noise.visits, 3, 3, count))
+    return np.asarray(np.einsum("nij,njkb,nk->nib", stiff, error[noise.visit], force, optimize=True))
+
+
+def _directions(columns: Array, precision: Array) -> int:
+    """How many directions of a response the readings tell."""
+    square = np.einsum("nip,nij,njq->pq", columns, precision, columns)
+    return int(np.linalg.matrix_rank(square, tol=1e-6 * max(float(np.diag(square).max()), 1e-300)))
+
+
+def _judged(found: list[VisitScore], squares: Array, counts: NDArray[np.int_], replicates: int) -> VisitTest:
+    """The test from z (V, 1 + replicates), the data's first, of as many directions (V,)."""
+    from scipy.stats import chi2
+
+    if not found:
+        return VisitTest((), 1.0, 1.0)
+    scale = np.maximum(np.median(squares / np.asarray(chi2.median(counts))[:, None], axis=0), 1.0)
+    surprise = np.minimum(-chi2.logsf(squares / scale, counts[:, None]) / np.log(10), LARGEST_SURPRISE)
+    largest = np.sort(surprise[:, 1:].max(axis=0))
+    if replicates:
+        p_values = (1 + replicates - np.searchsorted(largest, surprise[:, 0])) / (replicates + 1)
+    else:
+        p_values = np.minimum(1.0, len(found) * 10.0 ** -surprise[:, 0])
+    scores = tuple(replace(score, surprise=float(own), p_value=float(p))
+                   for score, own, p in zip(found, surprise[:, 0], p_values, strict=True))
+    return VisitTest(scores, float(p_values.min()), 1 / (replicates + 1) if replicates else 0.0, scale=float(scale[0]))

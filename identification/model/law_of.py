@@ -1,0 +1,68 @@
+"""A named effect's real law is not exactly the dictionary's: what its other shapes, and those of the laws near it, add.
+
+The model to correct with carries the shapes' coefficients beside the effect, as they were identified, with their covariance: a
+prediction follows the law that the data show, and its standard deviation has what the data leave open of the law.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.model.effects import Effect, Parameter, effects
+from identification.model.load_state import LoadState
+
+Array = NDArray[np.float64]
+PREFIX = "law_of_"
+# Coefficients are shares of the typical size; a law a hundred times that is none.
+BOUND = 100.0
+
+
+class LawOf(Effect):
+    """`sum_k a_k shape_k`, each shape for the typical size of its law. Not in the dictionary: it comes with the effect `of`."""
+
+    family = "gear"
+    of_robot = True
+    sentence = "the law of the named effect is not exactly the dictionary's"
+    settles = ""
+    formula_source = "the effect's own law and those near it (docs/effects.md), superposed: engineering judgement"
+
+    def __init__(self, of: Effect) -> None:
+        # An effect of the dictionary is a class with a name and parameters of its own; these are one for each effect in force.
+        self.of = of
+        self.name = f"{PREFIX}{of.name}"                                                    # type: ignore[misc]
+        self.of_robot = of.of_robot                                                         # type: ignore[misc]
+        self.joints = of.joints                                                             # type: ignore[misc]
+        near = [effects()[name] for name in of.near_laws if name in effects()]
+        self.shapes = [(law, choice) for law in (of, *near)
+                       for choice in itertools.product(*(parameter.grid or (None,) for parameter in law.parameters))]
+        self.parameters = tuple(                                                            # type: ignore[misc]
+            Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes)))
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return np.asarray(self.columns(rows, joint) @ values)
+
+    def columns(self, rows: LoadState, joint: int | None) -> Array:
+        """What each shape adds at its typical size (n, 6, m): position [m] and rotation [rad]."""
+        moved = []
+        for law, choice in self.shapes:
+            size = next(k for k, value in enumerate(choice) if value is None)
+            values = np.array([0.0 if value is None else value for value in choice])
+            values[size] = law.typical(rows, joint)[size]
+            moved.append(law.contribution(rows, joint, values))
+        return np.stack(moved, axis=2)
+
+
+def uncertain(effect: Effect) -> bool:
+    """Whether an effect's law has a shape that real ones need not follow."""
+    return not effect.where and (bool(effect.near_laws) or any(parameter.grid for parameter in effect.parameters))
+
+
+def known(name: str) -> Effect | None:
+    """The effect of this name, or the law of one; None where there is none."""
+    if not name.startswith(PREFIX):
+        return effects().get(name)
+    of = effects().get(name.removeprefix(PREFIX))
+    return LawOf(of) if of is not None and uncertain(of) else None

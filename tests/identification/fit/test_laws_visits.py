@@ -1,0 +1,183 @@
+"""What robust weights hide: a pose at which something is wrong is found, said in plain words, and left out; nothing else is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.diagnose import diagnose
+from identification.fit.fit import fit_stiffness
+from identification.fit.load_test import LoadTest
+from identification.fit.mending import slips_of_pen
+from identification.fit.posterior import posterior
+from identification.fit.visits import bad_visits
+from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
+from tests.virtual_cell.cell import Case, Hidden, simulate
+from tests.virtual_cell.effects_at_poses import mistaken_pose, rewrite, table
+from tests.virtual_cell.noise import Noise
+
+SHEET = Noise(sensor_um=2.0, force_relative=0.005, force_n=0.5, pose_offset_um=3.0, quantum_um=0.1, stated_sensor_um=2.0,
+              stated_force_n=0.7, stated_force_relative=0.005, stated_pose_offset_um=4.0)
+Edit = Callable[[Path], None]
+
+
+def read(case: Case, folder: Path, *edits: Edit) -> tuple[Cell, Measurements]:
+    """The case's files as a user has them, with mistakes written into the table."""
+    cell_file, file = case.write(folder)
+    for edit in edits:
+        edit(file)
+    cell = read_cell(cell_file)
+    return cell, read_measurements(file, cell.robot)
+
+
+def wrong_angle(pose: str, axis: int, change: Callable[[str], str]) -> Edit:
+    def edit(file: Path) -> None:
+        right = next(row for row in table(file) if row["pose"] == pose)[f"q{axis}_deg"]
+        rewrite(file, pose, {f"q{axis}_deg": change(right)})
+
+    return edit
+
+
+def other_sign(text: str) -> str:
+    return text[1:] if text.startswith("-") else "-" + text
+
+
+def codes(found: object) -> list[str]:
+    return [finding.code for finding in found.findings]                                         # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("design", "seed", "pose"), [("ladder12", 71001, "P7"), ("poses20", 71002, "P12")])
+def test_a_wrong_angle_is_found_and_the_right_one_told(design: str, seed: int, pose: str, tmp_path: Path) -> None:
+    case = simulate(seed, design, noise=SHEET)
+    right = next(f"{angle:.9g}" for angle, label in zip(np.degrees(case.theta[:, 4]), case.pose, strict=True) if label == pose)
+    cell, measurements = read(case, tmp_path, wrong_angle(pose, 5, other_sign))
+    fit = fit_stiffness(cell, measurements)
+    bad, = fit.bad_visits
+    assert bad.score.name == pose
+    assert bad.score.p_value <= 0.005
+    assert bad.mends[0].what == f"axis 5 is {other_sign(right)} in the table; {right} would fit"
+    finding = next(finding for finding in fit.findings if finding.code == "CS1730")
+    assert pose in finding.message
+    assert right in finding.hint
+    # The stiffnesses are those of a table without the pose, the weight of its rows is nothing.
+    without = fit_stiffness(cell, measurements.select(measurements.pose != pose))
+    assert np.allclose(fit.model.stiffness, without.model.stiffness, rtol=1e-3)
+    assert np.all(fit.row_weight[measurements.pose == pose] == 0)
+
+
+def hose(pose: int) -> Hidden:
+    """Along y, which a load of pose 5 of poses20 is."""
+    return Hidden("hose_drags", parameters={"share": 0.5, "poses": [pose], "x": 0.0, "y": 1.0, "z": 0.0})
+
+
+def stuck(joint: int, pose: int) -> Hidden:
+    return Hidden("axis_sticks", joint, parameters={"torque_nm": 200.0, "poses": [pose]})
+
+
+@pytest.mark.parametrize(("design", "seed", "hidden", "number"), [
+    ("ladder12", 71003, hose(8), 8), ("ladder12", 71004, stuck(3, 2), 2), ("poses20", 71005, hose(5), 5),
+    ("poses20", 71006, stuck(3, 6), 6)])
+def test_what_drags_or_sticks_at_a_pose_is_found_there(design: str, seed: int, hidden: Hidden, number: int, tmp_path: Path
+                                                       ) -> None:
+    case = simulate(seed, design, [hidden], SHEET)
+    assert np.sqrt(np.mean(case.effect_um[case.design.pose == number] ** 2)) > 10            # three times the re-seating
+    test = bad_visits(posterior(LoadTest.of(*read(case, tmp_path))))
+    assert [score.name for score in test.bad] == [f"P{number}"]
+
+
+def test_diagnose_names_the_pose_and_judges_the_rest(tmp_path: Path) -> None:
+    case = simulate(71007, "ladder12", noise=SHEET)
+    cell, measurements = read(case, tmp_path, wrong_angle("P5", 5, other_sign))
+    diagnosis = diagnose(cell, measurements)
+    assert diagnosis.verdict == "named"
+    cause, = diagnosis.as_dict()["causes"]
+    assert cause["effect"] == "bad_visit"
+    assert cause["parameters"]["pose"]["estimate"] == "P5"
+    assert "CS1730" in codes(diagnosis)
+    assert any("P5" in line for line in diagnosis.lines())
+    assert len(diagnosis.judgement.rows) == 231
+    assert diagnosis.extended().fit["rows"] == 231
+
+
+def test_one_reading_off_at_a_pose_may_be_the_sensor_or_the_table(tmp_path: Path) -> None:
+    """They cannot be told apart: the sensor is named, and the slip that would explain the reading too is said."""
+    case = simulate(71007, "poses20", noise=SHEET)
+    right = next(f"{angle:.9g}" for angle, label in zip(np.degrees(case.theta[:, 4]), case.pose, strict=True) if label == "P5")
+    diagnosis = diagnose(*read(case, tmp_path, wrong_angle("P5", 5, other_sign)))
+    assert diagnosis.verdict == "named"
+    finding, = [finding for finding in diagnosis.findings if finding.code == "CS1730"]
+    assert "P5" in finding.message
+    assert right in finding.hint
+
+
+@pytest.mark.parametrize("tails", [None, 4])
+def test_nothing_wrong_leaves_nothing_out(tails: int | None, tmp_path: Path) -> None:
+    noise = replace(SHEET, degrees_of_freedom=tails)
+    for seed in range(71010, 71016):
+        case = simulate(seed, "poses20", noise=noise)
+        assert not bad_visits(posterior(LoadTest.of(*read(case, tmp_path)))).bad
+
+
+def test_too_many_poses_are_no_single_mistakes(tmp_path: Path) -> None:
+    case = simulate(71020, "poses20", noise=SHEET)
+    turned = [wrong_angle(f"P{number}", 5, other_sign) for number in range(1, 12)]
+    fit = fit_stiffness(*read(case, tmp_path, *turned))
+    assert not fit.bad_visits
+    assert len(fit.posterior.data.rows) == 20
+
+
+def test_every_slip_of_the_pen_can_be_taken_back() -> None:
+    rng = np.random.default_rng(71021)
+    for angle in rng.uniform(-179, 179, 300):
+        right = f"{angle:.4f}".rstrip("0")
+        wrong, _ = mistaken_pose(right, rng)
+        # Zeros in front are not seen any more when the number has been read.
+        if not re.match(r"-?0\d", wrong):
+            shown = f"{float(wrong):.9g}"
+            assert float(right) in [float(other) for _, other in slips_of_pen(shown)], (right, wrong)
+
+
+def test_an_outlier_among_the_validation_rows_is_named(tmp_path: Path) -> None:
+    case = simulate(71030, "poses20", noise=SHEET, validation=4)
+
+    def ten_times(file: Path) -> None:
+        lines = file.read_text().splitlines()
+        cells = lines[-2].split(",")
+        cells[9:12] = [str(10 * float(value)) for value in cells[9:12]]
+        lines[-2] = ",".join(cells)
+        file.write_text("\n".join(lines) + "\n")
+
+    cell, measurements = read(case, tmp_path, ten_times)
+    fit = fit_stiffness(cell, measurements)
+    clean = fit_stiffness(*read(case, tmp_path))
+    assert clean.held_out is not None
+    assert clean.validation is not None
+    assert fit.validation is not None
+    assert not len(clean.validation.numbers)
+    assert fit.validation.numbers.tolist() == [int(measurements.row[-2])]
+    assert fit.validation.rms > 10 * clean.held_out[1]
+    assert fit.validation.rms_without < 1.3 * clean.held_out[1]
+    assert [finding.line for finding in fit.findings if finding.code == "CS1732"] == [int(measurements.line[-2])]
+    assert "CS1732" in codes(diagnose(cell, measurements))
+    assert "CS1732" not in codes(clean)
+
+
+def test_a_pose_of_the_validation_rows_is_named(tmp_path: Path) -> None:
+    case = simulate(71031, "poses20", noise=SHEET, validation=4)
+    fit = fit_stiffness(*read(case, tmp_path, wrong_angle("P22", 5, other_sign)))
+    assert fit.validation is not None
+    assert [bad.score.name for bad in fit.validation.visits] == ["P22"]
+    assert "CS1733" in codes(fit)
+
+
+@pytest.mark.parametrize(("offset_um", "said"), [(3.0, False), (25.0, True)])
+def test_a_zero_that_moves_between_poses_is_said(offset_um: float, said: bool, tmp_path: Path) -> None:
+    case = simulate(71040, "ladder12", noise=replace(SHEET, pose_offset_um=offset_um))
+    cell, measurements = read(case, tmp_path)
+    assert ("CS1734" in codes(fit_stiffness(cell, measurements))) == said

@@ -1,0 +1,125 @@
+"""Errors that repeat with the joint's angle, and zeros that move: hidden in simulated logs by formulas of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.motion.axis import axis_of, solve
+from identification.motion.axis_diagnosis import AxisDiagnosis
+from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.procedure import diagnose_axes
+from identification.motion.search import Hypothesis
+from identification.motion.stiffness import axis_stiffness
+from identification.motion.transmission import Transmission, find_transmission
+from identification.motion.zeros import zero_shifts
+from tests.identification.motion.simulated_joint import STIFFNESS, columns, write
+
+MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
+
+
+def record(folder: Path, seed: int, faults: dict[str, float], *, lines: dict[float, float] | None = None, phase: float = 0.0,
+           ring: float = 0.0, zero_deg: float = 0.0, noise: float = 2e-5, name: str = "log") -> MotionLog:
+    """10 s. lines: size [rad] by cycles a turn; ring [rad]: what a ring off its axis reads, not a sine but an arctangent;
+    zero_deg: of the link encoder."""
+    values = columns(seed, faults, seconds=10, noise=noise)
+    turn = np.radians(values["q2_motor_deg"])
+    error = sum((size * np.sin(cycles * turn + phase) for cycles, size in (lines or {}).items()), np.zeros_like(turn))
+    if ring:
+        error = error + np.arctan2(ring * np.sin(turn - 0.7), 1 + ring * np.cos(turn - 0.7))
+    values["q2_link_deg"] = values["q2_link_deg"] - np.degrees(error) + zero_deg
+    return read_motion_log(write(folder / f"{name}_{seed}.csv", values))
+
+
+def names(one: AxisDiagnosis) -> set[str]:
+    return {cause.shape.name for cause in one.causes}
+
+
+@pytest.mark.parametrize(("cycles", "again"), [(413.2, 2.5), (1017.7, 0.0), (267.43, -1.0)])
+def test_a_hidden_line_is_found_at_its_frequency(tmp_path: Path, cycles: float, again: float) -> None:
+    """Also where the phase is another in the other record, and where the number a turn is no whole one."""
+    fitted = record(tmp_path, 300, MOTION, lines={cycles: 2e-5})
+    other = record(tmp_path, 301, MOTION, lines={cycles: 2e-5}, phase=again)
+    found = find_transmission(2, [fitted], other)
+    (line,) = found.confirmed
+    assert abs(line.cycles - cycles) < 4 * line.std
+    assert line.std < 1.0
+    assert line.phase_holds == (again == 0.0)
+    assert np.abs(found.amplitudes([fitted])) == pytest.approx([2e-5], rel=0.15)
+
+
+def test_a_ring_off_its_axis_is_a_smooth_part(tmp_path: Path) -> None:
+    fitted, other = (record(tmp_path, seed, {"channel_delay": 1.0}, ring=1e-3, name=f"{seed}") for seed in (310, 311))
+    one = diagnose_axes([fitted], other, replicates=49)[0]
+    assert one.verdict == "named"
+    assert names(one) == {"channel_delay (link)", "transmission_error"}
+    assert one.transmission.smooth is not None
+    assert one.gain is not None
+    assert one.gain.after < 4e-5
+
+
+def test_a_line_in_one_record_only_is_not_named(tmp_path: Path) -> None:
+    fitted, other = record(tmp_path, 320, {}, lines={700.0: 4e-5}), record(tmp_path, 321, {})
+    found = find_transmission(2, [fitted], other)
+    assert [round(line.cycles) for line in found.lines] == [700]
+    assert not found.named
+    one = diagnose_axes([fitted], other, replicates=49)[0]
+    assert "transmission_error" not in names(one)
+
+
+def test_a_single_record_must_agree_with_its_other_end(tmp_path: Path) -> None:
+    found = find_transmission(2, [record(tmp_path, 330, MOTION, lines={700.0: 4e-5})], None)
+    assert [round(line.cycles) for line in found.confirmed] == [700]
+    assert "the same record" in found.again_on
+
+
+def test_coloured_noise_has_no_lines(tmp_path: Path) -> None:
+    """Of 16 pairs of records with nothing hidden (noise that lasts, another gear's law left out in every other one) the search
+    alone may find a line in one; none is named, smooth or sharp."""
+    found = [find_transmission(2, [record(tmp_path, 340 + k, faults)], record(tmp_path, 380 + k, faults))
+             for k, faults in enumerate(8 * [MOTION, {"hysteresis": 1.0}])]
+    assert sum(bool(one.lines) for one in found) <= 1
+    assert not any(one.named for one in found)
+
+
+def test_a_stiffness_stands_beside_a_smooth_error_and_lines(tmp_path: Path) -> None:
+    """A ring off its axis biases the stiffness of logs over a part of the turn; beside the named error the truth is inside, and
+    the interval is narrower than without the name."""
+    logs = [record(tmp_path, seed, MOTION, lines={500.0: 3e-5}, ring=1.5e-3) for seed in (350, 351)]
+    found = find_transmission(2, logs, None)
+    assert found.named
+    beside, without = axis_stiffness(2, logs, found), axis_stiffness(2, logs)
+    low, high = beside.interval_95
+    assert low < STIFFNESS < high
+    assert beside.std < without.std
+
+
+@pytest.mark.parametrize("faults", [{"channel_delay": 1.0}, {"hysteresis": 1.0}])
+def test_a_zero_that_moves_changes_no_name(tmp_path: Path, faults: dict[str, float]) -> None:
+    fitted, other, moved = (record(tmp_path, seed, faults, zero_deg=zero, noise=8e-6)
+                            for seed, zero in ((360, 0.0), (361, 0.0), (361, 0.14)))
+    before, after = (diagnose_axes([fitted], one, replicates=49)[0] for one in (other, moved))
+    assert names(before) == names(after) == {"channel_delay (link)" if "channel_delay" in faults else "hysteresis"}
+    assert before.verdict == after.verdict == "named"
+    assert before.gain is not None
+    assert after.gain is not None
+    assert after.gain.ratio == pytest.approx(before.gain.ratio, rel=1e-6)
+    plain, extended = after.gain.with_zero
+    assert plain / extended < 0.5 * before.gain.ratio
+    assert not before.zeros[0].moved
+    shift = after.zeros[0]
+    assert shift.moved
+    assert abs(shift.shift + np.radians(0.14)) < 4 * shift.std
+
+
+def test_the_interval_of_a_zero_s_shift_holds(tmp_path: Path) -> None:
+    """95 % intervals of 24 pairs of records under noise that lasts."""
+    hit = 0
+    for k in range(24):
+        pair = [record(tmp_path, 400 + k, {}, noise=4e-5), record(tmp_path, 440 + k, {}, zero_deg=0.01, noise=4e-5)]
+        axis = axis_of(2, pair)
+        (shift,) = zero_shifts(2, Hypothesis((), (), (), solve(axis, axis.plain), 0.0), Transmission(2), pair)
+        hit += abs(shift.shift + np.radians(0.01)) < 1.96 * shift.std
+    assert hit >= 20
