@@ -97,9 +97,9 @@ def cases(first: int, count: int) -> None:
             names = [cause["effect"] for cause in found.as_dict()["causes"] if "single_row" not in cause["parameters"]]
             said["+".join(names) if names else "a bad row" if found.verdict == "named" else found.verdict] += 1
         print(f"{kind}: {dict(said)}")
-        errors = " ".join(f"{100 * x:.2f}" for x in np.median(off, axis=0)[1:])
-        print(f"  intervals that hold, k1 ... k6: {' '.join(f'{value:.0f}' for value in inside)} of {count}; k1 not "
-              f"identifiable {unseen}; median error of k2 ... k6 {errors} %")
+        held, wrong = " ".join(f"{value:.0f}" for value in inside), in_words(np.median(off, axis=0)[1:])
+        print(f"  intervals that hold, k1 ... k6: {held} of {count}; k1 not identifiable {unseen}; median error of k2 ... k6 "
+              f"{wrong} %")
 
 
 def main() -> None:

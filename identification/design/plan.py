@@ -139,6 +139,8 @@ class DesignPlan:
                 "Let it hang still before reading. Never drive with a weight that hangs.",
                 "Leave the controller's load data as they are without weights.",
             ]
+        if self.sheet.hung and self.further:
+            lines.append("To a file of forces add the column mass_kg first, empty in its rows; fx_n fy_n fz_n stay empty here.")
         if self.discrimination is not None:
             lines += ["Append the rows to what was measured before, then diagnose again.", *self.discrimination.lines()]
         return lines

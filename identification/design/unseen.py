@@ -17,6 +17,7 @@ from identification.design.domain import Domain, Pool, random_pool
 from identification.design.forecast import spread
 from identification.design.information import run_information
 from identification.design.loads import Slot, loads_of
+from identification.fit.identifiability import RELIABLE_LOG_STD
 from identification.model.gravity import fall_in_base
 
 POSES = 400
@@ -109,5 +110,7 @@ def unseen_finding(domain: Domain, helps: tuple[Sideways, ...], labels: tuple[st
             hints.append(f"no force at this tool point shows k{one.joint} at these poses: load the tool beside the axis")
     if weights and any(one.joint == 1 for one in helps):
         hints.append("turning axis 1 or the whole robot about the vertical shows nothing")
-    return Finding("CS1507", "warning", f"these loads cannot show {names}: {why}. The prior alone carries it, and the plan is "
-                   "judged by what the loads do show", file=str(domain.rig.cell.source), hint="; ".join(hints))
+    known = all(one.before <= RELIABLE_LOG_STD for one in helps)
+    return Finding("CS1507", "note" if known else "warning", f"these loads cannot show {names}: {why}. Only what is known "
+                   "beforehand carries it, and the plan is judged by what the loads do show", file=str(domain.rig.cell.source),
+                   hint="; ".join(hints))

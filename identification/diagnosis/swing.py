@@ -14,6 +14,7 @@ with one degree of freedom and half nothing where there is no swing.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,10 +30,14 @@ from identification.model.effects.swinging_weight import SwingingWeight
 EFFECT = SwingingWeight()
 # Probability by chance under which scatter is called a swing: rare on purpose, tails heavier than normal raise it.
 ALARM = 1e-3
+# And that without the visit that speaks most for it: a swing is in every loaded reading, a gross error is not.
+WITHOUT_ONE = 0.01
 # The force error is known to a factor of two before the rows: 1 sigma of its ln about what is stated.
 FORCE_LOG_STD = 0.7
 # Force errors where cell.yaml states none: hook and rope that nobody weighed, and the mass on the weight's face.
 USUAL_FORCE_N, USUAL_FORCE_RELATIVE = 0.5, 0.005
+# Poses that a swing must be seen at.
+FEWEST_VISITS = 4
 # Sizes are sought from e^-6 times where they start.
 SMALLEST_LOG = -6.0
 
@@ -69,51 +74,90 @@ class _Visits:
     values: Array
     parts: Array
 
-    def log_likelihood(self, squared: Array) -> float:
-        """For squared sizes (4,), without its constant."""
+    def log_likelihood(self, squared: Array) -> Array:
+        """Of each visit (v,) for squared sizes (4,), without its constant."""
         root = np.linalg.cholesky(np.einsum("k,vkij->vij", squared, self.parts))
         white = np.linalg.solve(root, self.values[:, :, None])
-        return -float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum() + 0.5 * np.sum(white**2))
+        return np.asarray(-np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) - 0.5 * np.sum(white**2, axis=(1, 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """The likelihood of the sizes of the parts as logarithms, those of the force error believed about `start` (4,)."""
+
+    groups: tuple[_Visits, ...]
+    start: Array
+
+    def by_visit(self, logs: Array) -> Array:
+        """ln likelihood of each visit for the first sizes (k,), the others nothing."""
+        squared, start = np.zeros(4), self.start[: len(logs)]
+        squared[: len(logs)] = np.exp(2 * np.clip(logs, start + SMALLEST_LOG, start - SMALLEST_LOG))
+        return np.concatenate([group.log_likelihood(squared) for group in self.groups])
+
+    def cost(self, logs: Array) -> float:
+        """-ln posterior."""
+        believed = 0.5 * float(np.sum(((logs[1:3] - self.start[1:3]) / FORCE_LOG_STD) ** 2))
+        return believed - float(self.by_visit(logs).sum())
+
+    def least(self, begin: Array) -> tuple[Array, float]:
+        """The likeliest sizes, searched from `begin` (k,), and their cost."""
+        from scipy.optimize import minimize
+
+        simplex = np.concatenate([begin[None], begin + np.eye(len(begin))])
+        found = minimize(self.cost, begin, method="Nelder-Mead",
+                         options={"initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-3, "maxfev": 600})
+        return np.asarray(found.x), float(found.fun)
+
+    @cached_property
+    def without(self) -> tuple[Array, float]:
+        """The likeliest sizes (3,) without a swing, and their cost."""
+        return self.least(self.start[:3])
+
+    @cached_property
+    def best(self) -> tuple[Array, float]:
+        """The likeliest sizes (4,), and their cost."""
+        begins = (np.append(self.without[0], self.start[3]), self.start)
+        return min((self.least(begin) for begin in begins), key=lambda found: found[1])
+
+    @property
+    def by_chance(self) -> float:
+        """Probability of so large a likelihood ratio where nothing swings."""
+        from scipy.stats import chi2
+
+        return 0.5 * float(chi2.sf(2 * max(self.without[1] - self.best[1], 0.0), 1))
+
+    def without_loudest(self) -> _Sizes:
+        """Without the visit that speaks most for a swing."""
+        loudest = int(np.argmax(self.by_visit(self.best[0]) - self.by_visit(self.without[0])))
+        kept, place = [], 0
+        for group in self.groups:
+            members = np.arange(place, place + len(group.values)) != loudest
+            place += len(group.values)
+            if members.any():
+                kept.append(_Visits(group.values[members], group.parts[members]))
+        return _Sizes(tuple(kept), self.start)
 
 
 def swing_of(fitted: Posterior) -> Swing | None:
     """The swing in the residuals of a fitted model, None where they show none or cannot."""
-    from scipy.optimize import minimize
-    from scipy.stats import chi2
-
-    state = fitted.load_state
+    state, noise = fitted.load_state, fitted.data.cell.noise
     if nothing_hangs(state):
         return None
     groups = _groups(fitted)
-    if not groups:
+    if sum(len(group.values) for group in groups) < FEWEST_VISITS:
         return None
-    noise = fitted.data.cell.noise
-    start = np.log([1.0, max(float(noise.force.max()), USUAL_FORCE_N), noise.force_relative or USUAL_FORCE_RELATIVE,
-                    EFFECT.parameters[0].typical])
-
-    def cost(logs: Array) -> float:
-        squared = np.zeros(4)
-        squared[: len(logs)] = np.exp(2 * np.clip(logs, start[: len(logs)] + SMALLEST_LOG, start[: len(logs)] - SMALLEST_LOG))
-        believed = 0.5 * float(np.sum(((logs[1:3] - start[1:3]) / FORCE_LOG_STD) ** 2))
-        return believed - sum(group.log_likelihood(squared) for group in groups)
-
-    def least(count: int, begin: Array) -> tuple[Array, float]:
-        simplex = np.concatenate([begin[None], begin + np.eye(count)])
-        found = minimize(cost, begin, method="Nelder-Mead",
-                         options={"initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-3, "maxfev": 600})
-        return np.asarray(found.x), float(found.fun)
-
-    without, worse = least(3, start[:3])
-    best, better = min((least(4, begin) for begin in (np.append(without, start[3]), start)), key=lambda found: found[1])
-    p_value = 0.5 * float(chi2.sf(2 * max(worse - better, 0.0), 1))
-    if p_value > ALARM:
+    sizes = _Sizes(groups, np.log([
+        1.0, max(float(noise.force.max()), USUAL_FORCE_N), noise.force_relative or USUAL_FORCE_RELATIVE,
+        EFFECT.parameters[0].typical]))
+    if sizes.by_chance > ALARM or sizes.without_loudest().by_chance > WITHOUT_ONE:
         return None
-    step = 0.1
-    curvature = (cost(best + step * np.eye(4)[3]) - 2 * better + cost(best - step * np.eye(4)[3])) / step**2
+    best, least = sizes.best
+    step = 0.1 * np.eye(4)[3]
+    curvature = (sizes.cost(best + step) - 2 * least + sizes.cost(best - step)) / 0.01
     angle = float(np.exp(best[3]))
     across = _across(fitted.data, fitted.compliance, state.fall)
     largest = angle * np.sqrt(np.trace(across, axis1=1, axis2=2))
-    return Swing(angle, float(1 / np.sqrt(max(curvature, 1.0))), p_value, float(largest.max()))
+    return Swing(angle, float(1 / np.sqrt(max(curvature, 1.0))), sizes.by_chance, float(largest.max()))
 
 
 def allowed_for(data: LoadTest, swing: Swing, fitted: Posterior) -> LoadTest:
@@ -139,7 +183,7 @@ def _carried(data: LoadTest, compliance: Array) -> Array:
     return np.asarray(compliance_matrix(cell.robot, data.rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3])
 
 
-def _groups(fitted: Posterior) -> list[_Visits]:
+def _groups(fitted: Posterior) -> tuple[_Visits, ...]:
     """The visits that tell, those with equally many rows together."""
     data, state = fitted.data, fitted.load_state
     residual = fitted.residual
@@ -155,8 +199,8 @@ def _groups(fitted: Posterior) -> list[_Visits]:
             continue
         visited = _visit(residual[rows], sigma[rows].mean(axis=0), carried[rows].mean(axis=0), load[rows], down)
         found.setdefault(len(visited[0]), []).append(visited)
-    return [_Visits(np.stack([values for values, _ in members]), np.stack([parts for _, parts in members]))
-            for members in found.values()]
+    return tuple(_Visits(np.stack([values for values, _ in members]), np.stack([parts for _, parts in members]))
+                 for members in found.values())
 
 
 def _visit(residual: Array, sigma: Array, carried: Array, load: Array, down: Array) -> tuple[Array, Array]:

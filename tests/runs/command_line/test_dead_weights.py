@@ -77,6 +77,24 @@ def test_from_the_plan_to_the_diagnosis(planned: tuple[Path, Design, dict], seed
     assert diagnosed["verdict"] != "named", diagnosed["causes"]
 
 
+def test_one_rope_over_a_pulley_shows_joint_1(planned: tuple[Path, Design, dict]) -> None:
+    """A zero reading and the load that the plan names, appended as a visit with forces: k1 as well known as forecast."""
+    folder, design, document = planned
+    (told,) = document["result"]["unseen"]
+    q = next(visit["q_deg"] for visit in document["result"]["visits"] if visit["pose"] == told["pose"])
+    theta = np.vstack([design.theta, np.radians([q, q])])
+    load = np.vstack([design.load, np.zeros(3), told["force_n"]])
+    time = np.append(design.time, design.time[-1] + [120.0, 180.0])
+    more = Design(theta, load, time, np.append(design.dwell, [20.0, 60.0]), np.append(design.pose, [design.pose[-1] + 1] * 2),
+                  np.append(design.validate, [False, False]))
+    case = simulate(4, more)
+    cell, file = case.write(folder / "pulley")
+    fitted = run("identify", cell, file, "-o", file.with_name("stiffness.json"))["result"]["parameters"][0]
+    assert fitted["grade"] == "reliable"
+    assert fitted["std"] / fitted["estimate"] < 3 * told["log_std_after"]
+    assert abs(np.log(fitted["estimate"] / case.stiffness[0])) < 4 * fitted["std"] / fitted["estimate"]
+
+
 def test_a_hook_beside_the_tool_is_named(planned: tuple[Path, Design, dict]) -> None:
     _, cell, file = filled(planned, 5, Hidden("hook_offset", None, 1.5))
     diagnosed = run("diagnose", cell, file, "-o", file.with_name("diagnosis.json"))["result"]
