@@ -16,6 +16,7 @@ from identification.model.robot import Prior, RobotModel, built_in_robots, read_
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
+FrameKind = Literal["base", "tool", "sensor"]
 ZERO: Triple = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
@@ -72,7 +73,7 @@ def _log_columns(names: tuple[str, ...]) -> tuple[str, ...]:
 class ForceLogFile(Strict):
     """What frame and sign logged forces have, and how this cell's logger writes them."""
 
-    frame: Literal["base", "tool", "sensor"] = "base"
+    frame: FrameKind = "base"
     sensor_quaternion: Quaternion | None = None
     sensor_position_mm: Triple | None = None
     sign: Literal["on_tool", "by_tool"] = "on_tool"
@@ -182,7 +183,7 @@ class ForceLogFrame:
     form: how the logger writes.
     """
 
-    kind: Literal["base", "tool", "sensor"]
+    kind: FrameKind
     flange_from_sensor: Frame | None
     sign: float
     bias: Array | None = None
