@@ -59,12 +59,10 @@ def test_lines_of_one_record_are_found_again_in_the_other(
     assert np.max(np.abs(found.amplitudes([records[order[1]]]))) == pytest.approx(1e-6 * urad, rel=0.1)
 
 
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_smooth_part_of_one_axis_goes_on_where_the_record_was_not(
-    records: tuple[MotionLog, MotionLog], order: tuple[int, int]
-) -> None:
-    named = [find_transmission(joint, [records[order[0]]], records[order[1]]).smooth is not None for joint in (1, 2, 3)]
-    assert named == [True, False, False]
+def test_the_smooth_part_of_one_axis_goes_on_where_the_record_was_not(records: tuple[MotionLog, MotionLog]) -> None:
+    a, b = records
+    assert [find_transmission(joint, [a], b).smooth is not None for joint in (1, 2, 3)] == [True, False, False]
+    assert b.joints[1].angle.max() < a.joints[1].angle.min() + 0.01
 
 
 def test_a_stiffness_that_is_refused_otherwise(records: tuple[MotionLog, MotionLog]) -> None:
