@@ -13,6 +13,7 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.share import Share
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
@@ -49,8 +50,8 @@ class Judgement:
     these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
     than noise. withdrawn: names that were all but given, and what spoke against each. lost: sets of causes
     whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes
-    were averaged. carried: the extended model with the laws of its effects free within what real ones differ by, None where
-    nothing is named: its springs are the ones to use."""
+    were averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its
+    effects free within what real ones differ by, None where nothing is named: it is the one to use."""
 
     verdict: Verdict
     plain: Posterior
@@ -70,6 +71,7 @@ class Judgement:
     law_differs: bool = False
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
+    share: Share | None = None
     carried: Posterior | None = None
 
     def __post_init__(self) -> None:
