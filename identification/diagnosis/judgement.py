@@ -13,6 +13,7 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.share import Share
 from identification.diagnosis.swing import Swing
 from identification.fit.mending import BadVisit
 from identification.fit.noise import residual_std
@@ -52,11 +53,11 @@ class Judgement:
     nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
     misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
     lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the
-    rows of machined passes were averaged. carried: the extended model with the laws of its effects free within what real ones
-    differ by, None where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the
-    model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others; bad_visits: those that do
-    not, not among `rows`; suspects: those that a sensor named for their pose explains as well. validation: the outliers among
-    the validate rows."""
+    rows of machined passes were averaged. share: how many of the rows were looked at, None: all. carried: the extended model
+    with the laws of its effects free within what real ones differ by, None where nothing is named: it is the one to use.
+    swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single
+    visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose
+    explains as well. validation: the outliers among the validate rows."""
 
     verdict: Verdict
     plain: Posterior
@@ -76,6 +77,7 @@ class Judgement:
     law_differs: bool = False
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
+    share: Share | None = None
     carried: Posterior | None = None
     swing: Swing | None = None
     visits: VisitTest | None = None

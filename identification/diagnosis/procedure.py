@@ -29,6 +29,7 @@ from identification.diagnosis.naming import (
     without_slight,
 )
 from identification.diagnosis.search import Hypothesis, Survey
+from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
@@ -45,8 +46,8 @@ ALARM = 0.05
 INADEQUATE = 0.005
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
-# Laws of one gear that differ in a correction by less than this share of the noise may stay open under one name.
-OPEN_LAWS_DIFFER = 1 / 3
+# Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
+OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
@@ -68,13 +69,14 @@ def judge(
 ) -> Judgement:
     """Finds out what the plain model gets wrong on these measurements.
 
-    Rows of machined passes are averaged over blocks first (blocks.py). Where whole visits or single rows are bad, they are
-    named and the rest is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate
-    of false alarms. Raises what `posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py); of very many rows a share is looked at (share.py). Where
+    whole visits or single rows are bad, they are named and the rest is judged without them. catalogue: the effects to choose
+    from (all known ones). alarm: family-wise rate of false alarms. Raises what `posterior` raises for the plain model.
     """
     averaged, thinning = in_blocks(cell, measurements)
-    procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning)
+    looked_at, share = share_of(averaged)
+    procedure = Procedure(LoadTest.of(cell, looked_at), effects() if catalogue is None else catalogue, alarm, replicates, seed)
+    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
         "not_offered": judgement.left_out,
-        "visits": _visits(judgement), "validation": _validation(judgement),
+        "rows_looked_at": len(judgement.rows), "visits": _visits(judgement), "validation": _validation(judgement),
     }
 
 
@@ -238,6 +238,10 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
                                 f"blocks: neighbouring rows share their noise over {length:.1f} rows, so they are worth "
                                 f"about {thin.rows / length:.0f} independent ones", file=source))
+    if judgement.share is not None:
+        findings.append(Finding("CS1024", "note", f"the diagnosis is made from {judgement.share.rows} of {judgement.share.of} "
+                                "rows, taken evenly over the file; so are the stiffnesses of --extended", file=source,
+                                hint="identify uses all rows"))
     for label in judgement.lost:
         findings.append(Finding("CS1020", "note", f"{label} is no candidate: its fit did not converge", file=source,
                                 hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))
