@@ -13,6 +13,7 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
@@ -20,7 +21,7 @@ from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
 Array = NDArray[np.float64]
-Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
+Verdict = Literal["adequate", "named", "ambiguous", "unknown", "mistake"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class Judgement:
     these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
     than noise. bad_rows: not among `rows`. thinning: how the rows of machined passes were averaged. carried: the extended model
     with the laws of its effects free within what real ones differ by, None where nothing is named: its springs are the ones to
-    use."""
+    use. mistakes: those of the table or the cell file: the one where the verdict is one, else rivals of the alternatives."""
 
     verdict: Verdict
     plain: Posterior
@@ -64,6 +65,7 @@ class Judgement:
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
     carried: Posterior | None = None
+    mistakes: tuple[NamedMistake, ...] = ()
 
     @property
     def rows(self) -> Measurements:
@@ -74,7 +76,7 @@ class Judgement:
     def expected_std(self) -> Array:
         """What the noise allows (n, 3) [m]: as estimated with the causes named, else as stated (estimated where it is not)."""
         components = self.extended.components
-        if self.verdict in ("ambiguous", "unknown"):
+        if self.verdict in ("ambiguous", "unknown", "mistake"):
             components = components.within(self.plain.at_map.noise.stated)
         return residual_std(self.plain.data, components, self.extended.compliance)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import comb
 
 import numpy as np
 
@@ -24,9 +25,12 @@ from identification.diagnosis.naming import (
     without_slight,
 )
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
-from identification.diagnosis.search import Hypothesis, Survey
+from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import posterior
+from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, mistakes_in
+from identification.fit.mistakes.search import Search
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -80,6 +84,8 @@ class Procedure:
     def without_bad_rows(self) -> Judgement:
         """The judgement; where single rows are bad, of the others."""
         judgement = self.judged()
+        if judgement.verdict == "mistake":
+            return judgement
         bad = bad_rows(judgement.extended)
         if not bad:
             return judgement
@@ -100,11 +106,17 @@ class Procedure:
         detection = goodness_of_fit(plain, self.catalogue, self.rng, self.replicates)
         judgement = Judgement("adequate", plain, plain, detection, scatter=beyond_stated(plain, GRANTED),
                               left_out={name: why for name, why in missing.items() if why})
+        unseen = beyond_the_fit(plain)
+        if unseen is not None:
+            return replace(judgement, verdict="mistake", mistakes=(unseen,))
         return judgement if detection.p_value > self.alarm and not judgement.scatter else self.named(judgement)
 
     def named(self, judgement: Judgement) -> Judgement:
-        """The judgement of a plain model that does not explain the rows."""
+        """The judgement of a plain model that does not explain the rows: a mistake in the files, or a physical cause."""
         plain = judgement.plain
+        mistakes = mistakes_in(plain)
+        if mistakes.sure is not None:
+            return replace(judgement, verdict="mistake", mistakes=(mistakes.sure,))
         seen, best, extended = converged(plain, self.catalogue, 2)
         adequacy = goodness_of_fit(extended, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
@@ -112,6 +124,9 @@ class Procedure:
             adequacy = goodness_of_fit(extended, self.catalogue, self.rng, self.replicates)
         scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
         extended = extended if best is None else without_slight(self.data, extended, self.rng)
+        physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries)) if mistakes.possible else 0.0
+        if mistakes.clearly(physics):
+            return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         share = explained(plain, extended)
         to_the_noise = adequacy.p_value > INADEQUATE and not scatter
         nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
@@ -120,9 +135,11 @@ class Procedure:
         supported = best is not None and best.log_evidence >= SUPPORT
         if best is None or not supported or not (to_the_noise or nearly):
             left = adequacy if supported else judgement.detection
-            return replace(judgement, verdict="unknown", extended=plain, alternatives=inclusion(seen)[:NEAREST],
-                           patterns=left.seen_patterns)
-        return self.with_names(judgement, seen, best)
+            judgement = replace(judgement, verdict="unknown", extended=plain, alternatives=inclusion(seen)[:NEAREST],
+                                patterns=left.seen_patterns)
+        else:
+            judgement = self.with_names(judgement, seen, best)
+        return beside(judgement, mistakes, physics)
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them."""
@@ -145,3 +162,24 @@ class Procedure:
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended.log_compliance)
         return replace(judgement, verdict="ambiguous", alternatives=credible(seen), next_loads=next_loads(rivals, self.rng),
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
+
+
+def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
+    """ln posterior of a set of causes among `entries`, on the rows in which mistakes were looked for."""
+    if not extended.terms:
+        return found.log_evidence
+    if found.plain.data is not extended.data:
+        extended = posterior(found.plain.data, extended.terms, extended.log_compliance)
+    size = min(len(extended.terms), len(PRIOR_OF_SIZE))
+    return log_evidence(extended) + float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
+
+
+def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:
+    """The judgement, ambiguous where mistakes are about as likely as physics of this ln posterior, or likelier."""
+    rivals = mistakes.against(physics)
+    if not rivals:
+        return judgement
+    causes = judgement.causes if judgement.verdict == "named" else judgement.alternatives
+    likelier = max(each.candidate.log_posterior for each in rivals) > physics + RIVAL
+    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), gain=None, carried=None,
+                   alternatives=() if likelier or judgement.verdict == "unknown" else causes)

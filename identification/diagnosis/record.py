@@ -10,6 +10,7 @@ from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
+from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.model.effects import effects
 from identification.model.effects.kinds import ONLY_IN_MOTION
 
@@ -28,6 +29,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
                    "p_value": judgement.detection.p_value, "p_resolution": judgement.detection.resolution},
         "causes": [_cause(judgement, cause) for cause in judgement.causes] + [bad.as_dict() for bad in judgement.bad_rows],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
+        "mistakes": [mistake.as_dict() for mistake in judgement.mistakes],
         "gain": None if judgement.gain is None else judgement.gain.as_dict(),
         "next_measurements": next_measurements(judgement),
         "subset_conflicts": [conflict.as_dict() for conflict in judgement.conflicts],
@@ -43,6 +45,8 @@ def record(judgement: Judgement) -> dict[str, Any]:
 def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
     """Loads, then checks that are no loads, for the names that are left."""
     listed: list[dict[str, Any]] = [load.as_dict() for load in judgement.next_loads]
+    listed += [{"kind": "check", "what": mistake.candidate.mistake.settles, "about": mistake.key}
+               for mistake in judgement.mistakes]
     if judgement.verdict in ("ambiguous", "unknown"):
         texts = dict.fromkeys(
             (cause.effect.settles, cause.label) for cause in judgement.alternatives if cause.probability >= 0.02)
@@ -112,11 +116,15 @@ def _verdict(judgement: Judgement) -> list[str]:
         return ["adequate: six springs explain the data to their noise"]
     if judgement.verdict == "named":
         return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_row_line, judgement.bad_rows)]
+    if judgement.verdict == "mistake":
+        return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
         return ["unknown: something is wrong that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4])]
-    names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
-    lines = [f"ambiguous: these data cannot tell apart: {names}"]
+    names = [f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8]]
+    names += [f"{mistake.key} (a mistake in the {mistake.candidate.mistake.of})" for mistake in judgement.mistakes]
+    lines = [f"ambiguous: these data cannot tell apart: {', '.join(names)}",
+             *(f"  {mistake.sentence}" for mistake in judgement.mistakes)]
     if judgement.withdrawn:
         lines.append(f"withdrawn: {', '.join(judgement.withdrawn)} does not predict poses that were not fitted")
     if judgement.robot_difference is not None:
@@ -154,9 +162,14 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
                                 + ("; ".join(judgement.patterns[:2]) or "the readings scatter more than the stated noise"),
                                 file=source, hint="no effect is carried into the model; look at the residuals in the report"))
+    if judgement.verdict != "mistake":
+        findings += common_factor_findings(judgement.plain)
+    else:
+        findings += [mistake_finding(mistake, source, "warning") for mistake in judgement.mistakes]
     if judgement.verdict == "ambiguous":
-        findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
-                                + ", ".join(cause.label for cause in judgement.alternatives[:6]), file=source,
+        labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
+        findings.append(Finding("CS1402", "warning", f"the data cannot tell several causes apart: {', '.join(labels)}",
+                                file=source,
                                 hint="measure the loads named under next_measurements, or do the checks named there"))
     for bad in judgement.bad_rows:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
