@@ -77,12 +77,14 @@ def search(plain: Posterior) -> Search:
 
 
 def _portion(plain: Posterior) -> Posterior:
-    """The fit itself, or that of whole visits evenly over the rows where there are many."""
-    visits = np.unique(plain.data.rows.visit)
-    every = int(np.ceil(len(plain.data.rows) / MOST_ROWS))
-    if every == 1 or len(visits) < 2 * every:
+    """The fit itself, or where there are many rows that of whole visits, or of rows, evenly over them."""
+    rows = plain.data.rows
+    every = int(np.ceil(len(rows) / MOST_ROWS))
+    if every == 1:
         return plain
-    return posterior(plain.data.with_rows(plain.data.rows.select(np.isin(plain.data.rows.visit, visits[::every]))))
+    number = np.unique(rows.visit, return_inverse=True)[1]
+    kept = number if number.max() >= 4 * every else np.arange(len(rows))
+    return posterior(plain.data.with_rows(rows.select(kept % every == 0)))
 
 
 @dataclass(frozen=True, eq=False)

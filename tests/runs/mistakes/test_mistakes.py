@@ -26,8 +26,9 @@ def diagnosed(folder: Path, cell: Path, table: Path, *options: object) -> dict:
 
 
 @pytest.mark.parametrize(("name", "robot", "seed", "suffix"), [
-    ("force sign", VIRTUAL, 3, ".csv"), ("joint zero 2 deg", "irb4400-60", 5, ".csv"), ("TCP in metres", "irb6700-200-2.60", 4, ".yaml"),
-    ("sign in the second half", "irb6640-235-2.55", 6, ".csv"), ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
+    ("force sign", VIRTUAL, 3, ".csv"), ("joint zero 2 deg", "irb4400-60", 5, ".csv"),
+    ("TCP in metres", "irb6700-200-2.60", 4, ".yaml"), ("sign in the second half", "irb6640-235-2.55", 6, ".csv"),
+    ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
 ])
 def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, seed: int, suffix: str) -> None:
     case = right(seed, robot)
@@ -76,12 +77,12 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
     case = right(13, "irb4400-60")
     cell, table = MISTAKES["deflections swapped"](case, np.random.default_rng(1))[0].write(tmp_path)
     before = table.read_bytes()
-    extended = tmp_path / "extended.json"
-    done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--report", tmp_path / "r.html", *FEW)
+    extended, page = tmp_path / "extended.json", tmp_path / "r.html"
+    done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--report", page, *FEW)
     assert done.exit_code == 3
     assert "CS1704" in done.stderr
     assert not extended.exists()
-    assert "Mistakes in the files" in (tmp_path / "r.html").read_text()
+    assert "Mistakes in the files" in page.read_text()
     over = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", table, *FEW)
     assert over.exit_code == 1
     assert "CS0006" in over.stderr
