@@ -106,17 +106,19 @@ class Procedure:
         detection = goodness_of_fit(plain, self.catalogue, self.rng, self.replicates)
         judgement = Judgement("adequate", plain, plain, detection, scatter=beyond_stated(plain, GRANTED),
                               left_out={name: why for name, why in missing.items() if why})
+        if detection.p_value <= self.alarm or judgement.scatter:
+            return self.named(judgement)
         unseen = beyond_the_fit(plain)
-        if unseen is not None:
-            return replace(judgement, verdict="mistake", mistakes=(unseen,))
-        return judgement if detection.p_value > self.alarm and not judgement.scatter else self.named(judgement)
+        return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))
 
     def named(self, judgement: Judgement) -> Judgement:
         """The judgement of a plain model that does not explain the rows: a mistake in the files, or a physical cause."""
         plain = judgement.plain
         mistakes = mistakes_in(plain)
-        if mistakes.sure is not None:
-            return replace(judgement, verdict="mistake", mistakes=(mistakes.sure,))
+        # Springs that are off by a unit mean nothing beside a gross mistake of another kind.
+        clear = mistakes.sure or beyond_the_fit(plain)
+        if clear is not None:
+            return replace(judgement, verdict="mistake", mistakes=(clear,))
         seen, best, extended = converged(plain, self.catalogue, 2)
         adequacy = goodness_of_fit(extended, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:

@@ -13,7 +13,7 @@ from identification.common.findings import CompstiffError, Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes.judge import common_factor_findings, mistake_finding, mistakes_in
+from identification.fit.mistakes.judge import NamedMistake, common_factor_findings, mistake_finding, mistakes_in
 from identification.fit.mistakes.units import unit_mistake
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior, posterior
@@ -203,19 +203,19 @@ def _mistakes(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> list[Findin
     Raises CompstiffError for a unit (CS1018), and for a mistake that is clear without a look at physics (CS1700).
     """
     source = fitted.data.rows.source
+    possible: tuple[NamedMistake, ...] = ()
+    if any(conflict.is_conflict for conflict in conflicts) or fitted.chi2 >= WORTH_A_LOOK * fitted.readings:
+        mistakes = mistakes_in(fitted)
+        if mistakes.sure is not None:
+            raise CompstiffError(mistake_finding(mistakes.sure, source, "error"))
+        possible = mistakes.possible
     unit = unit_mistake(fitted)
     if unit is not None:
         raise error("CS1018", unit.sentence.format(rows=f"all {len(fitted.data.rows)} rows"), file=source,
                     hint=f"the factor looks like a unit; check: {unit.settles}")
-    findings = common_factor_findings(fitted)
-    if not any(conflict.is_conflict for conflict in conflicts) and fitted.chi2 < WORTH_A_LOOK * fitted.readings:
-        return findings
-    mistakes = mistakes_in(fitted)
-    if mistakes.sure is not None:
-        raise CompstiffError(mistake_finding(mistakes.sure, source, "error"))
-    return findings + [Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: "
-                               f"{named.sentence}", file=source, hint="compstiff diagnose weighs it against physical causes")
-                       for named in mistakes.possible]
+    return [*common_factor_findings(fitted), *(
+        Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: {named.sentence}",
+                file=source, hint="compstiff diagnose weighs it against physical causes") for named in possible)]
 
 
 def _larger_noise(fitted: Posterior) -> list[Finding]:
