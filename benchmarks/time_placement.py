@@ -109,7 +109,9 @@ def stood_still(
 def words(alignment: TimeAlignment) -> str:
     verdict = "placed" if alignment.believed else "refused"
     return (f"share {alignment.share:.2f}, score {alignment.score:7.1f}, {len(alignment.odd)} odd, {verdict}; "
-            f"override {100 * alignment.override:.1f} %, 1 sigma {1e3 * np.median(alignment.std):.0f} ms")
+            f"override {100 * alignment.override:.1f} %, 1 sigma {1e3 * np.median(alignment.std):.0f} ms, "
+            f"{1e3 * alignment.spread_on_cuts:.1f} mm on cuts; {100 * alignment.beyond_plateau:.0f} % beyond a plateau, in air "
+            f"{100 * alignment.in_air:.0f} %")
 
 
 def main(runs: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
 
 DONE, FAILED, USAGE, REFUSED, DEFECT, INTERRUPTED = 0, 1, 2, 3, 70, 130
 STATUS = {DONE: "ok", FAILED: "failed", REFUSED: "refused", DEFECT: "defect", INTERRUPTED: "interrupted"}
+
+
+def call(*words: object) -> str:
+    """A call of the command line to copy: a name with a blank is one word of it."""
+    return shlex.join(["compstiff", *map(str, words)])
 
 
 @dataclass

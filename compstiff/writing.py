@@ -39,13 +39,15 @@ def report(result: object) -> str:
 def write(files: Mapping[str | Path, bytes | str | Mapping[str, Any]], *, overwrite: bool = False) -> None:
     """Writes all files or none: bytes, text, or JSON values.
 
-    Raises CompstiffError: CS0003 a file exists and `overwrite` is not set, CS0004 it cannot be written.
+    Raises CompstiffError: CS0003 a file exists and `overwrite` is not set, CS0004 it cannot be written, CS0006 two
+    names are one file.
 
     >>> compstiff.write({"notes.txt": "as planned", "notes.json": {"planned": True}})
     """
-    from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
 
     contents = {Path(name): content if isinstance(content, bytes) else content.encode() if isinstance(content, str)
                 else json_bytes(dict(content)) for name, content in files.items()}
+    check_distinct([], [Path(name) for name in files])
     check_writable(contents, overwrite=overwrite)
     write_whole(contents)

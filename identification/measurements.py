@@ -8,15 +8,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MOMENTS, SIGMAS
+from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS, MOMENTS, SIGMAS
 from identification.common.findings import CompstiffError, Finding, error, fold
-from identification.common.tables import Table, read_table
+from identification.common.tables import MOST_COMPLAINTS, Table, read_table
+from identification.model.cell import Cell
+from identification.model.gravity import fall_in_base
 from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
 PURPOSES = ("identify", "validate")
 # A deflection beyond this is taken for a mistaken unit: every laser of such a rig ends at some millimetres.
 LARGEST_DEFLECTION_M = 0.05
+# No robot carries more than half of this: a larger mass is in grams or newtons.
+LARGEST_MASS_KG = 5000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +72,14 @@ class Measurements:
         return Measurements(source=self.source, findings=self.findings, **arrays, **labels)
 
 
-def read_measurements(file: str | Path, robot: RobotModel, *, planned: bool = False) -> Measurements:
+def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bool = False) -> Measurements:
     """Reads measurements.csv (or Parquet) for this robot; planned: a plan, whose deflections may all be empty.
+
+    robot: the cell itself where loads are masses, since its base frame says which way they pull.
 
     Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
     CS1002 joint outside its limits, CS1003 sigma not positive, CS1004 loaded row without any deflection, CS1005 no load,
-    CS1006 deflections whose unit cannot be right.
+    CS1006 deflections whose unit cannot be right, CS1508 to CS1510 masses beside forces, without a cell, too large.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> measurements = compstiff.read_measurements("measurements.csv", cell.robot)
@@ -81,14 +87,15 @@ def read_measurements(file: str | Path, robot: RobotModel, *, planned: bool = Fa
     ((112, 6), 28)
     """
     table = read_table(
-        file, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(*MOMENTS, *SIGMAS, "time_s", "dwell_s"),
-        texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, *SIGMAS, "dwell_s"),
-        together=(MOMENTS, SIGMAS))
+        file, required=(*JOINTS, *FORCES, *DEFLECTIONS), optional=(MASS, *MOMENTS, *SIGMAS, "time_s", "dwell_s"),
+        texts=("pose", "purpose", "reference", "pass"), may_be_empty=(*DEFLECTIONS, MASS, *SIGMAS, "dwell_s"),
+        together=(MOMENTS, SIGMAS), instead={MASS: FORCES})
+    cell, robot = (robot, robot.robot) if isinstance(robot, Cell) else (None, robot)
     count = len(table)
     nothing = np.full(count, np.nan)
     theta = np.radians(table.stack(*JOINTS))
     moment = np.column_stack([table.numbers.get(name, np.zeros(count)) for name in MOMENTS])
-    wrench = np.concatenate([table.stack(*FORCES), moment], axis=1)
+    wrench = np.concatenate([_forces(table, cell), moment], axis=1)
     deflection = 1e-6 * table.stack(*DEFLECTIONS)
     sigma = 1e-6 * np.column_stack([table.numbers.get(name, nothing) for name in SIGMAS])
     purpose = table.texts.get("purpose", np.full(count, "", dtype=object))
@@ -105,14 +112,43 @@ def read_measurements(file: str | Path, robot: RobotModel, *, planned: bool = Fa
         visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
-        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table)]))
+        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
+                       *([] if planned else _repeated(table, wrench, deflection))]))
+
+
+def _forces(table: Table, cell: Cell | None) -> Array:
+    """Forces (N, 3) [N] in the base frame: as given, or the weight of the mass that a row gives in their place."""
+    if MASS not in table.numbers:
+        return table.stack(*FORCES)
+    mass = table.numbers[MASS]
+    force = table.stack(*FORCES) if FORCES[0] in table.numbers else np.full((len(table), 3), np.nan)
+    hung = ~np.isnan(mass)
+    problems = [
+        Finding("CS1508", "error", text, file=table.source, line=int(table.line[row]), column=table.column(MASS), hint=hint)
+        for rows, text, hint in (
+            (hung & ~np.isnan(force).all(axis=1), "a mass and a force: which of them acted?",
+             "give mass_kg for a hung weight or fx_n fy_n fz_n for any other load, and leave the other cells empty"),
+            (~hung & np.isnan(force).any(axis=1), "neither a mass nor all three of fx_n fy_n fz_n",
+             "give mass_kg = 0 where nothing hung")) for row in np.flatnonzero(rows)]
+    problems += [
+        Finding("CS1510", "error", f"a mass of {mass[row]:g} kg, the limit is {LARGEST_MASS_KG:g}", file=table.source,
+                line=int(table.line[row]), column=table.column(MASS), hint="mass_kg is in kilograms: grams? newtons?")
+        for row in np.flatnonzero(np.abs(np.nan_to_num(mass)) > LARGEST_MASS_KG)]
+    if problems:
+        raise CompstiffError(*sorted(problems, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
+    if not hung.any():
+        return force
+    if cell is None:
+        raise error("CS1509", "the loads are masses, and which way they pull in the base frame is not known", file=table.source,
+                    hint="read the file with the cell in place of its robot: read_measurements(file, cell)")
+    return np.where(hung[:, None], np.nan_to_num(mass)[:, None] * fall_in_base(cell.world_from_base), force)
 
 
 def _check_sizes(table: Table, wrench: Array, deflection: Array) -> None:
     """Refuses a file without any load (CS1005) and deflections whose unit cannot be right (CS1006)."""
     if not np.any(wrench != 0):
         raise error("CS1005", f"none of the {len(table)} rows has a load: there is nothing to identify", file=table.source,
-                    hint="fx_n fy_n fz_n are the forces on the tool in newton")
+                    hint="fx_n fy_n fz_n are the forces on the tool in newton, mass_kg what hangs at it in kilograms")
     if np.nanmax(np.abs(deflection), initial=0.0) > LARGEST_DEFLECTION_M:
         row = int(np.nanargmax(np.nanmax(np.abs(np.nan_to_num(deflection)), axis=1)))
         raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
@@ -134,6 +170,21 @@ def _backwards(table: Table) -> list[Finding]:
     return [Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken",
                     file=table.source, line=int(table.line[int(np.argmax(back)) + 1]),
                     hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
+
+
+def _repeated(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
+    """Loaded rows that stand in the table before, to the last digit: copied, they would count as measured again.
+
+    A few may be so by chance where readings have few digits.
+    """
+    loaded = np.flatnonzero(np.any(wrench != 0, axis=1) & np.any(np.nan_to_num(deflection) != 0, axis=1))
+    rows = np.nan_to_num(table.stack(*JOINTS, *FORCES, *DEFLECTIONS)[loaded])
+    again = np.setdiff1d(loaded, loaded[np.unique(rows, axis=0, return_index=True)[1]])
+    if len(again) < 3 or len(again) < 0.1 * len(loaded):
+        return []
+    return [Finding("CS0012", "warning", f"{len(again)} of {len(loaded)} loaded rows stand in the table before, to the last "
+                    "digit: they count as measured again, and the stated intervals come out too narrow", file=table.source,
+                    line=int(table.line[again[0]]), hint="delete what was copied; a load measured again differs by its noise")]
 
 
 def run_numbers(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +44,34 @@ def compstiff(*arguments: object, cwd: Path | None = None) -> subprocess.Complet
     """Runs the installed command line."""
     return subprocess.run([sys.executable, "-m", "compstiff", *map(str, arguments)], cwd=cwd, capture_output=True,
                           text=True, timeout=120)
+
+
+@contextlib.contextmanager
+def started(*command: object, **named: Any) -> Iterator[subprocess.Popen[Any]]:
+    """A process that runs beside the test, in a process group of its own; it and its children are gone when the test leaves.
+
+    Ctrl-C reaches it as on a terminal: a test run in the background, or under nohup, hands down an ignored SIGINT.
+    """
+    process = subprocess.Popen(
+        list(map(str, command)), start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL), **named)
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        for stream in (process.stdout, process.stderr):
+            if stream:
+                stream.close()
+
+
+def cpu_seconds(process: subprocess.Popen[Any]) -> float:
+    """CPU time of a running process [s], whatever else the machine does; 0 where it has ended."""
+    with contextlib.suppress(OSError):
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return 0.0
 
 
 def measurement_text(theta: np.ndarray, wrench: np.ndarray, deflection_um: np.ndarray, **columns: list[object]) -> str:

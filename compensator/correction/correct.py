@@ -12,13 +12,14 @@ from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.engagement import following_the_cut, logged_pass
 from compensator.correction.intermediate_targets import with_intermediate_targets
+from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
 from compensator.correction.settings import SLOPE
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import rewrite
-from identification.common.findings import Finding, counted
+from identification.common.findings import Finding, Refused, counted
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -91,7 +92,8 @@ def correct(planned: Predicted) -> Corrected:
     """The corrected program: zones, intermediate targets, the forces that the corrected pass meets, the correction under them,
     the text, and what it commands.
 
-    Raises what `logged_pass`, `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise.
+    Raises what `logged_pass`, `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise;
+    Refused (CS3086) where nothing was corrected: nobody may take the planned text for a corrected one.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -116,6 +118,8 @@ def correct(planned: Predicted) -> Corrected:
                           judge(predicted.path, predicted.forces.forced, commanded), strict=feed_settings.strict_feed)
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,
                 *(feed.findings if feed else ()))
+    if written.content == planned.program.text.source.data:
+        raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
     return Corrected(planned, predicted, kept, correction, written.content, residual, cut.left_as_logged, feed, advice,
                      findings)

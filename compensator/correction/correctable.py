@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,8 +40,9 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
         raise Refused(*problems)
     lost = rest[~path.reached[rest]]
     if len(lost):
-        raise Refused(*(path.finding(int(i), "CS4105", "error", "a move with force: the robot cannot reach this target",
-                           "check tool, work object and base frame") for i in lost[:20]))
+        first = path.finding(int(lost[0]), "CS4105", "error", "a move with force: the robot cannot reach this target",
+                             f"check tool, work object and base frame{_not_declared(path, int(lost[0]))}")
+        raise Refused(replace(first, count=len(lost)))
     refuse_outside(path, rest, path.theta[rest], "as planned")
     return rest, findings
 
@@ -51,7 +54,9 @@ def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
                                     for frames in (toolpath.tools, toolpath.workobjects))
     doubtful = (tool_unknown[toolpath.tool[targets]] | object_unknown[toolpath.workobject[targets]]
                 | ~np.isnan(toolpath.external[targets]).all(axis=1))
-    problems = []
+    problems = _nowhere_declared(path, targets)
+    if problems:
+        return problems
     for i in targets[doubtful].tolist():
         tool, item = toolpath.tools[toolpath.tool[i]], toolpath.workobjects[toolpath.workobject[i]]
         for kind, frame in (("tool", tool), ("work object", item)):
@@ -68,15 +73,29 @@ def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
     return problems
 
 
+def _nowhere_declared(path: RobotPath, targets: Indices) -> list[Finding]:
+    """CS4104: work objects that moves with force name and neither the program nor cell.yaml declares; one finding each."""
+    toolpath = path.toolpath
+    problems = []
+    for number, item in enumerate(toolpath.workobjects):
+        which = targets[toolpath.workobject[targets] == number]
+        if len(which) and item.position is None and not item.problem and not path.cell.object_stated:
+            finding = path.finding(
+                int(which[0]), "CS4104", "error", f"a move with force is in work object {item.name}, which neither this "
+                "program nor cell.yaml declares", "declare it with its numbers in this module, or state workobject in "
+                "cell.yaml; where it is the world, say so: workobject: {position_mm: [0, 0, 0]}")
+            problems.append(replace(finding, count=len(which)))
+    return problems
+
+
 def refuse_outside(path: RobotPath, targets: Indices, theta: Array, when: str) -> None:
-    """Refused (CS4105) where joint angles are outside the robot's limits."""
+    """Refused (CS4105) where joint angles are outside the robot's limits: a finding a joint, at the target farthest out."""
     robot = path.cell.robot
     excess = robot.limit_excess(theta)
-    worst = np.argwhere(excess > 1e-7)
-    if not len(worst):
-        return
+    over = excess > 1e-7
     findings = []
-    for row, joint in worst[:20]:
+    for joint in np.flatnonzero(over.any(axis=0)):
+        row = int(np.argmax(excess[:, joint]))
         if joint < 6:
             low, high = np.degrees(robot.limits[joint])
             what = f"joint {joint + 1} at {np.degrees(theta[row, joint]):.4f} deg, limits {low:g} to {high:g} deg"
@@ -85,6 +104,17 @@ def refuse_outside(path: RobotPath, targets: Indices, theta: Array, when: str) -
             index, first, last = robot.window
             what = (f"the parallel rod's angle at {np.degrees(theta[row] @ robot.coupling[index]):.4f} deg, window "
                     f"{np.degrees(first):g} to {np.degrees(last):g} deg")
-        findings.append(path.finding(int(targets[row]), "CS4105", "error", f"{when}: {what}",
-                           "check the configuration (confdata), tool and work object, or move the part"))
-    raise Refused(*findings)
+        finding = path.finding(int(targets[row]), "CS4105", "error", f"{when}: {what}", "check the configuration (confdata), "
+                               f"tool and work object, or move the part{_not_declared(path, int(targets[row]))}")
+        findings.append(replace(finding, count=int(over[:, joint].sum())))
+    if findings:
+        raise Refused(*findings)
+
+
+def _not_declared(path: RobotPath, target: int) -> str:
+    """What to add to a hint where tool or work object of a target are cell.yaml's, as the program does not declare them."""
+    toolpath = path.toolpath
+    named = (("tool", toolpath.tools[toolpath.tool[target]]),
+             ("work object", toolpath.workobjects[toolpath.workobject[target]]))
+    absent = " and ".join(f"{kind} {frame.name}" for kind, frame in named if frame.position is None)
+    return f"; the program does not declare {absent} with numbers, so that of cell.yaml was taken" if absent else ""

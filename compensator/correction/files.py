@@ -73,6 +73,8 @@ def correct_files(
 ) -> Corrected:
     """Corrects one program and writes all its files, or none. What `before_writing` raises stops it at the last moment.
 
+    overwrite: files that exist. It does not allow a program that was corrected before: that is `settings.correction`'s.
+
     >>> from pathlib import Path
     >>> inputs = compstiff.Inputs(Path("cell.yaml"), Path("insert.mod"), Path("stiffness.json"), Path("insert.forces.parquet"))
     >>> outputs = compstiff.Outputs(Path("part_corrected.mod"), offsets=Path("part_offsets.csv"), report=None)
@@ -80,14 +82,15 @@ def correct_files(
     >>> Path("part_corrected.mod.json").is_file()
     True
     """
-    check_distinct(inputs.files(), outputs.files())
+    read = [*inputs.files(), *(file for _, file in settings.files())]
+    check_distinct(read, outputs.files())
     check_writable(outputs.files(), overwrite=overwrite)
-    if not overwrite:
-        check_not_corrected(inputs.toolpath)
+    if not settings.correction.correct_again:
+        check_not_corrected(inputs.toolpath, outputs.program.parent)
     corrected = correct(predict_files(inputs, settings))
     air = ~corrected.predicted.forces.forced | corrected.predicted.program.air
     files, _, of_parts = split_files(corrected.content, air, settings.posting, outputs.program, overwrite=overwrite)
-    check_distinct(inputs.files(), files)
+    check_distinct(read, files)
     corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
     files[outputs.record] = json_bytes(record(corrected, files))
     if outputs.offsets:

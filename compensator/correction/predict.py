@@ -24,6 +24,9 @@ from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# A program of fewer moves may well cut on all of them. In the air is what has this share of the largest force at most, or so
+# little [N]; engineering judgement, as of --tare (forces/zero.py).
+FEW, QUIET, LEAST = 5, 0.2, 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +129,8 @@ def under_forces(
             borders=borders(path.length))
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare)
-        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings)
+        noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
+                   *_without_zero(placed, path, settings))
         targets, left = targets_to_correct(path, placed)
         loaded = LoadedPath(path, placed, model, targets)
         prediction = predict_path(loaded)
@@ -134,3 +138,14 @@ def under_forces(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))
+
+
+def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:
+    """A warning (CS3087) where force stands on every move of a program, approach and retract too, and no bias was taken off."""
+    count, size = len(placed.forced), np.linalg.norm(placed.wrench[:, :3], axis=1)
+    if settings.log.tare or path.cell.force_log.bias is not None or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
+        return []
+    return [Finding("CS3087", "warning", f"all {count} moves have force, at least {size.min():.0f} N, the first and the last "
+                    "too: nothing shows where the sensor's zero is", file=placed.log.source,
+                    hint="name moves in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml; "
+                    "a program that cuts on every move is no mistake")]

@@ -51,14 +51,12 @@ def check_not_corrected(toolpath: Path, *folders: Path) -> None:
         names = _recorded(path)
         if names is None:
             continue
-        (source, source_digest), *outputs = names
+        (source, _), *outputs = names
         beside = path.parent == toolpath.parent
-        # A record of a program that came out as it went in forbids nothing.
-        if any(source_digest != output_digest and (output_digest == digest or (beside and output == toolpath.name))
-               for output, output_digest in outputs):
+        if any(output_digest == digest or (beside and output == toolpath.name) for output, output_digest in outputs):
             raise Refused(Finding("CS4204", "error", f"is the output of an earlier correction (record {path.name}); nothing is "
                                   "corrected twice", file=str(toolpath),
-                                  hint=f"correct the CAM system's program {source}; --force if this really is one"))
+                                  hint=f"correct the CAM system's program {source}; --correct-again if this really is one"))
 
 
 def _recorded(file: Path) -> list[tuple[str, str]] | None:

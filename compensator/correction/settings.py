@@ -33,7 +33,7 @@ class CorrectionSettings:
     compliances, from a measured pass. tolerance [m]: how far the correction along a move may be from what its place asks
     for; long_move [m]: a MoveL, or half a MoveC, of this length may get intermediate targets; keep_targets: none does.
     tighten_zones: zones that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's
-    axis would lower the deviation."""
+    axis would lower the deviation. correct_again: also a program that a record names as the output of a correction."""
 
     confidence: float = 0.69
     slope: float | None = None
@@ -46,6 +46,7 @@ class CorrectionSettings:
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False
+    correct_again: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,15 +97,14 @@ class Settings:
         """JSON values, files by their name."""
         return {name: value.name if isinstance(value, Path) else value for name, value in self.values().items()}
 
-    def as_options(self) -> str:
-        """What `correct` needs to read the log and the stiffness as here, as on the command line."""
+    def as_options(self) -> list[str]:
+        """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
         log, scale = self.log, self.correction.scale
-        options = [f"--tare {first}:{last}" for first, last in log.tare]
-        options += [f"--log-format {log.log_format}"] if log.log_format else []
-        options += [f"--spindle-rpm {log.spindle_rpm:g}"] if log.spindle_rpm else []
-        if scale != EXACTLY_ONE:
-            options.append(f"--scale {scale.value:g}" + (f":{scale.std:g}" if scale.std else ""))
-        return "".join(f" {option}" for option in options)
+        options = [word for first, last in log.tare for word in ("--tare", f"{first}:{last}")]
+        options += ["--log-format", log.log_format] if log.log_format else []
+        options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
+        options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        return options
 
 
 DEFAULTS = Settings()

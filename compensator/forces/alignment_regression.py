@@ -41,6 +41,23 @@ def binned(time: Array, force: Array, width: float) -> Bins:
     return Bins(time[0] + (np.arange(len(count)) + 0.5) * width, mean, (count > 0).astype(float), width)
 
 
+def plateau_share(bins: Bins) -> float:
+    """Share of the force's variance that the best single plateau explains: one constant force from one bin to another, and
+    another constant before and after."""
+    def until(values: Array) -> Array:
+        return np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+
+    total, weight = until(bins.centred), until(bins.weight)
+    explained = 0.0
+    for first in range(len(bins.time)):
+        inside = weight[first + 1:] - weight[first]
+        outside = weight[-1] - inside
+        force = total[first + 1:] - total[first]
+        share = np.sum(force**2, axis=1) * weight[-1] / np.maximum(inside * outside, 0.5)
+        explained = max(explained, float(np.max(share, initial=0.0, where=(inside > 0) & (outside > 0))))
+    return explained / max(float(np.sum(bins.centred**2)), 1e-300)
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Coefficients (13, 3) and residual (n, 3) [N] of one alignment."""
@@ -75,6 +92,16 @@ class Regression:
         gram = design.T @ design + 1e-6 * len(design) * np.eye(design.shape[1])
         coefficients = np.linalg.solve(gram, design.T @ self.force)
         return Fit(coefficients, self.force - design @ coefficients)
+
+    def force_in_air(self, x: Array, slip: Array) -> float:
+        """RMS force on the program's air moves over that on its cuts, the sensor's bias taken off; NaN where the log has none
+        of either."""
+        planned = self.planned(x) + slip
+        inside = (planned >= self.program.time[0]) & (planned <= self.program.time[-1])
+        engagement, move = self.program.engagement(planned, float(x[2]), float(x[3]))
+        square = np.sum((self.force - self.fit(x, slip).coefficients[0]) ** 2, axis=1)
+        air, cut = square[inside & self.program.air[move]], square[inside & (engagement[:, 0] > 0)]
+        return float(np.sqrt(air.mean() / max(cut.mean(), 1e-300))) if len(air) and len(cut) else float("nan")
 
     def value(self, x: Array, slip: Array | float = 0.0, independent: float = 100.0) -> float:
         """Minus the log likelihood over `independent`, with the prior that lead-in and lead-out are alike."""

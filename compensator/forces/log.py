@@ -22,6 +22,8 @@ Indices = NDArray[np.intp]
 # A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.
 ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
+# What plain means cost is said of a target's stretch of this time [s].
+A_STRETCH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,8 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
             few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
             return None, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
                                   hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
+        if spindle.rivals:
+            return None, [_ambiguous(spindle, rate, name)]
         return spindle.frequency, [_averaged(
             spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
             f"at {spindle.strongest:.1f} Hz", name)]
@@ -161,6 +165,16 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
         findings.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
                             f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
     return stated, findings
+
+
+def _ambiguous(spindle: revolutions.Spindle, rate: float, name: str) -> Finding:
+    """Where tooth passing folds back at half the rate and several speeds make the same lines."""
+    speeds = ", ".join(f"{60 * frequency:.0f}" for frequency in (spindle.frequency, *spindle.rivals[:4]))
+    return Finding(
+        "CS3067", "warning", f"the spindle's speed is ambiguous: logged at {rate:g} Hz, {speeds} rpm and others, such as whole "
+        "fractions of them, make the same lines. Plain means were taken: a mean over "
+        f"{A_STRETCH:g} s keeps up to {spindle.left / A_STRETCH:.1f} N of the lines", file=name,
+        hint="state the speed: --spindle-rpm, or force_log.spindle_rpm in cell.yaml; or log at some thousand samples a second")
 
 
 def _averaged(frequency: float, how: str, name: str) -> Finding:

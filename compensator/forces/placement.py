@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
-from compensator.forces.program_time import air_moves
+from compensator.forces.program_time import moves_in_air
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Range, Zero, base_from_log, zero_of
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
-from compensator.toolpath import Move
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
 from identification.model.cell import Cell
@@ -213,14 +212,17 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
 
 
 def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """Where no bias is known and moves at the air feed show a force, the bias is likely it."""
-    by_joints = np.isin(path.toolpath.move, (Move.JOINT, Move.ABSOLUTE))
-    air = np.flatnonzero(air_moves(path.toolpath.feed, by_joints) & (forces.samples > 0))
+    """Where moves at the air feed show a force it is likely the sensor's bias, or what that has become."""
+    air = np.flatnonzero(moves_in_air(path.toolpath) & (forces.samples > 0))
     touched = air[forces.forced[air]]
-    if forces.tare is not None or 2 * len(touched) <= len(air):
+    if 2 * len(touched) <= len(air):
         return []
     size = np.linalg.norm(forces.wrench[touched, :3], axis=1)
+    why = "no bias was taken off"
+    hint = "name targets in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml"
+    if forces.tare is not None:
+        why = "the bias that was taken off is not theirs"
+        hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
     return [Finding("CS3041", "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed show a force, "
-                    f"{np.median(size):.1f} N in the middle, and are moved with the others: no bias was taken off",
-                    file=log.source, line=None, target=int(touched[0]),
-                    hint="name targets in the air with --tare FIRST:LAST, or state force_log.bias_n in cell.yaml")]
+                    f"{np.median(size):.1f} N in the middle, and are moved with the others: {why}",
+                    file=log.source, line=None, target=int(touched[0]), hint=hint)]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.path.robot_path import RobotPath
 from compensator.path.timing import drive
-from compensator.toolpath import Move
+from compensator.toolpath import Move, Toolpath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import counted, error
 
@@ -44,6 +44,12 @@ class ProgramTime:
     def duration(self) -> float:
         """Of the whole program [s]."""
         return float(self.time[-1] - self.time[0])
+
+    @cached_property
+    def speed(self) -> Array:
+        """Mean speed (N,) [m/s] of the move to each target; 0 where that takes no time."""
+        step, duration = np.diff(self.length, prepend=self.length[:1]), np.diff(self.time, prepend=self.time[:1])
+        return np.asarray(np.where(duration > 0, step / np.maximum(duration, 1e-9), 0.0))
 
     @cached_property
     def stretches(self) -> list[tuple[int, int]]:
@@ -93,6 +99,11 @@ def air_moves(feed: Array, by_joints: Flags) -> Flags:
     return np.asarray(by_joints | (feed >= feeds[1:][np.argmax(ratio)]))
 
 
+def moves_in_air(toolpath: Toolpath) -> Flags:
+    """The moves (N,) of a toolpath that do not cut (`air_moves`)."""
+    return air_moves(toolpath.feed, np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE))))
+
+
 def kinds_of_cut(feed: Array, air: Flags, length: Array) -> Indices:
     """Number (N,) of the kind of cut of each move: one for each of the KINDS feeds with most path, one for all others."""
     step = np.diff(length, prepend=length[:1])
@@ -116,8 +127,7 @@ def program_time(path: RobotPath) -> ProgramTime:
                     target=first,
                     hint=f"declare the speed in this file, or {HINT}")
     length = path.length
-    by_joints = np.asarray(np.isin(toolpath.move, (Move.JOINT, Move.ABSOLUTE)))
-    air = air_moves(toolpath.feed, by_joints)
+    air = moves_in_air(toolpath)
     step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
     direction = step / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
     if path.cell.force_log.kind != "base":

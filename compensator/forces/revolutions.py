@@ -17,10 +17,17 @@ from identification.common.arrays import Array
 
 Indices = NDArray[np.intp]
 # A line of the spectrum stands so far over the median of its neighbours. A comb of lines is believed when it holds so much of
-# their amplitude, chance taken off, and its strongest stands out so far; of a force in random steps no line does.
-OVER_FLOOR, CLEAR, OUTSTANDING = 30.0, 0.8, 300.0
+# their amplitude, chance taken off, NEARLY as much as the best one does, and its strongest stands out so far; of a force in
+# random steps no line does.
+OVER_FLOOR, CLEAR, NEARLY, OUTSTANDING = 30.0, 0.8, 0.02, 300.0
 NEIGHBOURS = 129
 MOST_TEETH = 24
+# Teeth that pass faster than this [Hz], four at 24 000 rpm, spindles that turn faster than this [Hz], 40 000 rpm, and cutters
+# of more teeth are not looked for behind a line that may be folded back (engineering judgement: robots do not mill so). A
+# comb's multiples are followed to half the rate; beyond, that many and up to BROADEST [Hz].
+FASTEST_TEETH, FASTEST, MOST_FOLDED_TEETH, MULTIPLES, BROADEST = 1600.0, 667.0, 8, 40, 5000.0
+# A comb on which lines fall by chance more often than one in so many e-folds, over all that were tried, is none.
+BY_CHANCE = 3.0
 # The slowest spindle looked for [Hz], and how many bins of the spectrum it must be from zero.
 SLOWEST, FEWEST_BINS = 4.0, 8
 # A stated speed is taken from the spectrum where that has it within this share.
@@ -95,12 +102,16 @@ def averaged(
 @dataclass(frozen=True)
 class Spindle:
     """frequency [Hz] of the spindle, or of what repeats most slowly. share: of the lines' amplitude at its multiples, chance
-    taken off. strongest [Hz]: the strongest line; over_floor: its power over the noise about it."""
+    taken off. strongest [Hz]: the strongest line; over_floor: its power over the noise about it. left [N s]: what all lines
+    leave in a plain mean, at most and as a root of squares, times the time that is averaged. rivals [Hz]: other speeds that
+    fit the lines as well, none a multiple or a fraction of it."""
 
     frequency: float
     share: float
     strongest: float
     over_floor: float
+    left: float
+    rivals: tuple[float, ...] = ()
 
 
 def spectrum(
@@ -135,37 +146,82 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
     """The spindle's speed from the comb of lines it makes; None where there is none that is clear.
 
     stated [Hz]: looked for near it alone. Of all combs that hold nearly as much as the best the widest is taken: whatever
-    repeats faster than the spindle without run-out repeats each tooth, and then a tooth is a period too.
+    repeats faster than the spindle without run-out repeats each tooth, and then a tooth is a period too. Lines above half the
+    rate of the log show folded back below it, so that another speed may make the same lines: a rival.
     """
-    step = frequency[1]
+    step, rate = frequency[1], 2 * frequency[-1]
     lines, height, over = _lines(power)
     fast = lines * step >= max(FEWEST_BINS * step, SLOWEST)
-    lines, height, over = lines[fast], height[fast], over[fast]
+    lines, height, over = lines[fast] * step, height[fast], over[fast]
     if not len(lines) or over.max() < (OUTSTANDING if stated is None else OVER_FLOOR):
         return None
     strongest = int(np.argmax(height))
-    top = lines[strongest] * step
+    top = float(lines[strongest])
+    slowest = max(FEWEST_BINS * step, SLOWEST)
     if stated is None:
-        tried = [top / teeth for teeth in range(1, MOST_TEETH + 1) if top / teeth >= max(FEWEST_BINS * step, SLOWEST)]
+        tried = [top / teeth for teeth in range(1, MOST_TEETH + 1)]
+        folds = np.arange(1, int((FASTEST_TEETH + top) / rate) + 1) * rate
+        tried += [fold / teeth for fold in (*(folds - top), *(folds + top)) if fold <= FASTEST_TEETH
+                  for teeth in range(1, MOST_FOLDED_TEETH + 1) if fold / teeth <= FASTEST]
+        tried = [first for first in tried if first >= slowest]
     else:
         near = max(int(np.round(top / stated)), 1)
         tried = [top / near] if abs(top / near / stated - 1) <= SLIP else [stated]
-    amplitude = np.sqrt(height)
-    combs = []
-    for first in tried:
-        guess = first
-        for _ in range(3):
-            order = np.maximum(np.round(lines * step / guess), 1)
-            close = np.abs(lines * step - order * guess) <= 1.5 * step
-            if not close.any():
-                break
-            weight = amplitude * close
-            guess = float(np.sum(weight * order * lines * step) / np.sum(weight * order**2))
-        chance = min(3 * step / guess, 0.9)
-        share = (amplitude[close].sum() / amplitude.sum() - chance) / (1 - chance)
-        combs.append(Spindle(guess, float(share), float(top), float(over[strongest])))
-    best = max(comb.share for comb in combs)
-    return next((comb for comb in combs if comb.share >= best - 0.02 and comb.share >= CLEAR), None)
+    # A Hann window halves the sum of what it weighs, and half of a line's amplitude stands at each sign of its frequency. A
+    # sine's mean over a time t is at most its amplitude over pi f t.
+    left = float(np.linalg.norm(4 * np.sqrt(height) / (2 * (len(power) - 1)) / (np.pi * lines)))
+    combs = [_comb(first, lines, np.sqrt(height), step, rate) for first in tried]
+    if stated is None:
+        combs = [comb for comb in combs if comb.evidence >= np.log(len(tried)) + BY_CHANCE]
+    combs = sorted((comb for comb in combs if comb.share >= CLEAR), key=lambda comb: -comb.frequency)
+    if not combs:
+        return None
+    best = max(comb.share for comb in combs) - NEARLY
+    found = next(comb for comb in combs if comb.share >= best)
+    rivals: list[float] = []
+    for comb in combs:
+        alike = comb.share >= best or comb.evidence > found.evidence
+        if alike and not any(_divides(comb.frequency, other, step) for other in (found.frequency, *rivals)):
+            rivals.append(comb.frequency)
+    return Spindle(found.frequency, found.share, top, float(over[strongest]), left, tuple(rivals))
+
+
+def _divides(one: float, other: float, step: float) -> bool:
+    """Whether one of two frequencies is a multiple of the other, as far as the steps of the spectrum tell."""
+    low, high = min(one, other), max(one, other)
+    return bool(abs(np.round(high / low) * low - high) <= 1.5 * step)
+
+
+@dataclass(frozen=True)
+class _Comb:
+    """frequency [Hz], share as in Spindle; evidence: minus the log of the chance that so many lines lie on such a comb."""
+
+    frequency: float
+    share: float
+    evidence: float
+
+
+def _comb(first: float, lines: Array, amplitude: Array, step: float, rate: float) -> _Comb:
+    """The comb of lines near a spindle's speed `first` [Hz]: that speed by least squares, and the share of the lines' amplitude
+    at its multiples, those that fold back at half the rate [Hz] included, chance taken off."""
+    guess = first
+    for _ in range(3):
+        order = np.arange(1, int(max(0.5 * rate, min(MULTIPLES * guess, BROADEST)) / guess) + 1)
+        fold = np.round(order * guess / rate)
+        place = order * guess - fold * rate         # negative where the line is mirrored
+        nearest = np.argmin(np.abs(np.abs(place) - lines[:, None]), axis=1)
+        close = np.abs(np.abs(place[nearest]) - lines) <= 1.5 * step
+        if not close.any():
+            break
+        weight, number = amplitude * close, order[nearest]
+        unfolded = fold[nearest] * rate + np.where(place[nearest] < 0, -lines, lines)
+        guess = float(np.sum(weight * number * unfolded) / np.sum(weight * number**2))
+    covered = np.zeros(int(0.5 * rate / step) + 2, dtype=bool)
+    for shift in (-1, 0, 1):
+        covered[np.clip(np.round(np.abs(place) / step).astype(np.intp) + shift, 0, len(covered) - 1)] = True
+    chance = min(float(covered.mean()), 0.9)
+    share = (amplitude[close].sum() / amplitude.sum() - chance) / (1 - chance)
+    return _Comb(guess, float(share), -int(close.sum()) * float(np.log(chance)))
 
 
 def _lines(power: Array) -> tuple[Array, Array, Array]:

@@ -5,7 +5,8 @@ are estimated from what the program says of the force, without a model of the en
 start and override that is a linear regression. All are tried on a coarse grid (alignment_search.py), the best ones refined with
 the lead lengths. Then each stretch of the program may slip a little against the clock (alignment_slips.py). Passes of a raster
 resemble each other, so the answer is believed only if it beats the best alignment elsewhere by far: the score is the difference
-of their log likelihoods.
+of their log likelihoods. Without another alignment to beat nothing was shown. Nor was it by a force that is merely there while
+the program runs, as in the log of any job: the program must tell of its changes what no single plateau of force tells.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compensator.forces.alignment_regression import Regression, binned
-from compensator.forces.alignment_search import candidates
+from compensator.forces.alignment_regression import Regression, binned, plateau_share
+from compensator.forces.alignment_search import FASTEST, SLOWEST, candidates
 from compensator.forces.alignment_slips import Slips, stretch_slips
 from compensator.forces.program_time import ProgramTime
 from identification.common.arrays import Array, read_only
@@ -26,6 +27,11 @@ COARSE, FINE = 1000, 3000
 # program score 26 and more, others 5 at most). Where the program stood still for longer than stretches may slip, several are
 # odd.
 LOWEST_SCORE, LOWEST_SHARE, MOST_ODD = 15.0, 0.5, 1
+# Of what a single plateau of force leaves unexplained the program explains at least this share. On the program's air moves the
+# force (RMS) is at most this share of that on its cuts, and 1 sigma of the place on its cuts at most this [m], a tool's radius:
+# over more, entries and corners are not told from what lies between them (engineering judgement; right logs have 0.8, 0.1 and
+# 5 mm or better, docs/benchmarks.md).
+BEYOND_PLATEAU, MOST_IN_AIR, MOST_SPREAD = 0.5, 0.25, 10e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +40,11 @@ class TimeAlignment:
 
     start [s]: the log's clock at the program's start; override: actual over planned speed; slip [s]: the largest departure from
     these two. score: log likelihood over that of the best other alignment; share: of the force's variance that is explained;
-    rival [s]: how far, in planned time, the best other alignment is. odd: stretches, from and to which planned time [s], whose
-    force does not follow the program. std (M,) [s]: 1 sigma of a sample's planned time.
+    rival [s]: how far, in planned time, the best other alignment is; both infinite where there is none. odd: stretches, from
+    and to which planned time [s], whose force does not follow the program. plateau: share of the force's variance that the best
+    single plateau explains, which knows nothing of the program. in_air: RMS force on the program's air moves over that on its
+    cuts, NaN where the log has none of either. std (M,) [s]: 1 sigma of a sample's planned time; spread (M,) [m]: of its place,
+    NaN outside; spread_on_cuts [m]: its median on moves that cut.
     """
 
     length: Array
@@ -46,15 +55,52 @@ class TimeAlignment:
     share: float
     rival: float
     odd: tuple[tuple[float, float], ...]
+    plateau: float
+    in_air: float
     std: Array
+    spread: Array
+    spread_on_cuts: float
 
     def __post_init__(self) -> None:
-        read_only(self.length, self.std)
+        read_only(self.length, self.std, self.spread)
+
+    @property
+    def beyond_plateau(self) -> float:
+        """Share that the program explains of what a single plateau of force leaves."""
+        return 1 - (1 - self.share) / max(1 - self.plateau, 1e-9)
 
     @property
     def believed(self) -> bool:
-        """The score and the share are high enough, and no more than one stretch is odd."""
-        return self.score >= LOWEST_SCORE and self.share >= LOWEST_SHARE and len(self.odd) <= MOST_ODD
+        """Nothing speaks against it."""
+        return not self.against
+
+    @property
+    def against(self) -> tuple[str, ...]:
+        """What speaks against it, for people."""
+        reasons = []
+        if self.share < LOWEST_SHARE:
+            reasons.append(f"{100 * self.share:.0f} % of the force follows the program, at least "
+                           f"{100 * LOWEST_SHARE:.0f} % must")
+        elif self.beyond_plateau < BEYOND_PLATEAU:
+            reasons.append(f"the force follows the program hardly better ({100 * self.share:.0f} %) than a single stretch of "
+                           f"steady force does ({100 * self.plateau:.0f} %), as in the log of any job")
+        if np.isinf(self.score):
+            reasons.append("there is no other place to compare with, so nothing shows that this one is right")
+        elif self.score < LOWEST_SCORE:
+            reasons.append(f"its score is {self.score:.1f} against the best other place {self.rival:.1f} s away, at least "
+                           f"{LOWEST_SCORE:g} is needed")
+        if not SLOWEST <= self.override <= FASTEST:
+            reasons.append(f"the override would be {100 * self.override:.0f} %, looked for are {100 * SLOWEST:.0f} to "
+                           f"{100 * FASTEST:.0f} %")
+        if self.in_air > MOST_IN_AIR:
+            reasons.append(f"the force on air moves would be {100 * self.in_air:.0f} % of that on cuts, at most "
+                           f"{100 * MOST_IN_AIR:.0f} % may be")
+        if self.spread_on_cuts > MOST_SPREAD:
+            reasons.append(f"1 sigma of the place would be {1e3 * self.spread_on_cuts:.0f} mm, at most "
+                           f"{1e3 * MOST_SPREAD:.0f} mm may be")
+        if len(self.odd) > MOST_ODD:
+            reasons.append(f"in {len(self.odd)} stretches the force does not follow the program, at most {MOST_ODD} may be so")
+        return tuple(reasons)
 
 
 def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
@@ -82,9 +128,14 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
     covariance = regression.covariance(x, slips.slip, slips.independent)
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
     std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2)
+    move = np.clip(np.searchsorted(program.time, planned), 1, len(program.time) - 1)
+    spread = np.where(inside, std * program.speed[move], np.nan)
+    on_cuts = spread[inside & ~program.air[move]]
     return TimeAlignment(
         np.where(inside, np.interp(planned, program.time, program.length), np.nan), middle - float(x[0]) / override, override,
-        float(np.max(np.abs(slips.slip), initial=0.0)), score, slips.share, rival, slips.odd, np.asarray(std))
+        float(np.max(np.abs(slips.slip), initial=0.0)), score, slips.share, rival, slips.odd,
+        plateau_share(binned(time, force, span / coarse)), regression.force_in_air(x, slips.slip), np.asarray(std),
+        np.asarray(spread), float(np.median(on_cuts)) if len(on_cuts) else np.inf)
 
 
 def _refined(regression: Regression, x: Array) -> tuple[Array, Slips]:

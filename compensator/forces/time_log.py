@@ -8,9 +8,8 @@ import numpy as np
 
 from compensator.forces.log import ForceLog
 from compensator.forces.program_time import HINT, ProgramTime, program_time
-from compensator.forces.time_alignment import LOWEST_SCORE, LOWEST_SHARE, MOST_ODD, TimeAlignment, align
+from compensator.forces.time_alignment import MOST_ODD, TimeAlignment, align
 from compensator.path.robot_path import RobotPath
-from identification.common.arrays import Array
 from identification.common.findings import Finding, Refused, counted, error
 
 # Fewer samples than this say nothing about time.
@@ -30,9 +29,8 @@ def place_by_time(log: ForceLog, path: RobotPath) -> ForceLog:
     alignment = align(program, log.place, log.force)
     if not alignment.believed:
         raise Refused(_not_believed(log, path, program, alignment))
-    spread = _spread(program, alignment)
-    findings = [_placed(log, alignment, spread), *_odd_stretch(path, program, alignment)]
-    return replace(log, key="path_mm", place=alignment.length, spread=np.nan_to_num(spread),
+    findings = [_placed(log, alignment), *_odd_stretch(path, program, alignment)]
+    return replace(log, key="path_mm", place=alignment.length, spread=np.nan_to_num(alignment.spread),
                    findings=(*log.findings, *findings))
 
 
@@ -53,32 +51,25 @@ def _check_times(log: ForceLog) -> None:
 
 
 def _not_believed(log: ForceLog, path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> Finding:
-    odd = "every stretch follows the program"
-    if alignment.odd:
+    reasons = list(alignment.against)
+    if len(alignment.odd) > MOST_ODD:
         ends = [np.searchsorted(program.time, stretch) for stretch in alignment.odd[:5]]
         targets = ", ".join(f"{low} to {high}" for low, high in ends)
-        odd = (f"in {len(alignment.odd)} of its stretches (targets {targets}{' ...' if len(alignment.odd) > 5 else ''}) the "
-               f"force does not follow the program, at most {MOST_ODD} may be so")
+        reasons[-1] += f" (targets {targets}{' ...' if len(alignment.odd) > 5 else ''})"
     return Finding(
-        "CS3061", "error", f"the log cannot be placed by time alone: {100 * alignment.share:.0f} % of the force follows the "
-        f"program, at least {100 * LOWEST_SHARE:.0f} % must; its score is {alignment.score:.1f} against {_rival(alignment)}, "
-        "at "
-        f"least {LOWEST_SCORE:g} is needed; {odd}", file=log.source,
+        "CS3061", "error", f"the log cannot be placed by time alone: {'; '.join(reasons)}", file=log.source,
         hint=f"is it the log of {path.toolpath.source}, from before its start to after its end? Passes that are alike cannot "
-        "be "
-             f"told apart: {HINT}")
+        f"be told apart: {HINT}")
 
 
-def _placed(log: ForceLog, alignment: TimeAlignment, spread: Array) -> Finding:
-    typical, largest = 1e3 * np.nanquantile(spread, [0.5, 0.95])
+def _placed(log: ForceLog, alignment: TimeAlignment) -> Finding:
+    typical, largest = 1e3 * np.nanquantile(alignment.spread, [0.5, 0.95])
     return Finding(
         "CS3064", "warning", f"placed by time alone: the program starts at {alignment.start:.2f} s of the log's clock, "
-        "override "
-        f"{100 * alignment.override:.1f} %, stretches slip by up to {alignment.slip:.2f} s; {100 * alignment.share:.0f} % of "
-        "the "
-        f"force follows the program, score {alignment.score:.0f} against {_rival(alignment)}; 1 sigma of the time "
-        f"{np.median(alignment.std):.3f} s, of the place {typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)",
-        file=log.source)
+        f"override {100 * alignment.override:.1f} %, stretches slip by up to {alignment.slip:.2f} s; "
+        f"{100 * alignment.share:.0f} % of the force follows the program, score {alignment.score:.0f} against the best other "
+        f"place {alignment.rival:.1f} s away; 1 sigma of the time {np.median(alignment.std):.3f} s, of the place "
+        f"{typical:.1f} mm (under {largest:.1f} mm for 95 % of the samples)", file=log.source)
 
 
 def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment) -> list[Finding]:
@@ -89,16 +80,3 @@ def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment
     return [Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the program: is there no "
                     "stock, or did the program stand still?", file=path.toolpath.source, line=int(path.toolpath.line[low]),
                     target=low)]
-
-
-def _rival(alignment: TimeAlignment) -> str:
-    return f"the best other place {alignment.rival:.1f} s away" if np.isfinite(alignment.rival) else "no other place"
-
-
-def _spread(program: ProgramTime, alignment: TimeAlignment) -> Array:
-    """1 sigma (M,) [m] of each sample's place: that of its time at the speed of the move it lies on; NaN outside."""
-    inside = ~np.isnan(alignment.length)
-    move = np.minimum(np.searchsorted(program.length, np.where(inside, alignment.length, 0.0)), len(program.length) - 1)
-    step, duration = np.diff(program.length, prepend=0.0), np.diff(program.time, prepend=0.0)
-    speed = step / np.maximum(duration, 1e-9) * (duration > 0)
-    return np.where(inside, alignment.std * speed[move], np.nan)

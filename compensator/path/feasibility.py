@@ -28,6 +28,9 @@ Flags = NDArray[np.bool_]
 HELD = 0.99
 # A move passes the wrist singularity between its targets where it comes nearer than this share of their distance.
 NEARER = 0.9
+# Within this distance of the wrist singularity [rad] axes 4 and 6 turn three times as fast as the tool or faster (1 / sin), and
+# turning the part helps; engineering judgement.
+WRIST_COUNTS = np.radians(20.0)
 # So many stretches are told one by one.
 MOST_TOLD = 5
 
@@ -65,6 +68,10 @@ class Feasibility:
         """How many moves of the program as given these are: one that was given further targets counts once."""
         return len(np.unique(self.path.toolpath.number[which]))
 
+    def seconds_lost(self, which: Flags | Indices) -> float:
+        """What these moves lose against length / feed [s]; none where rounded corners make up for it."""
+        return max(float(np.nansum(self.lost[which])), 0.0)
+
     def as_dict(self) -> dict[str, Any]:
         """Its figures, JSON values."""
         judged = ~np.isnan(self.ratio)
@@ -76,8 +83,8 @@ class Feasibility:
             "judged": self.moves(judged), "held_back": self.moves(self.slow),
             "held_back_with_force": self.moves(self.slow & self.cutting),
             "lowest_feed_ratio": round(lowest[0], 4), "lowest_feed_ratio_with_force": round(lowest[1], 4),
-            "lost_held_back_s": round(float(np.nansum(self.lost[self.slow])), 4),
-            "lost_ramps_s": round(float(np.nansum(self.lost[judged & ~self.slow])), 4),
+            "lost_held_back_s": round(self.seconds_lost(self.slow), 4),
+            "lost_ramps_s": round(self.seconds_lost(judged & ~self.slow), 4),
             "wrist_margin_deg": round(float(np.degrees(self.wrist.min(initial=np.pi / 2))), 4),
         }
 
@@ -168,7 +175,8 @@ def check_feed(before: Feasibility, after: Feasibility | None = None, *, strict:
     return FeedCheck(before, after, (*findings, *_configurations(before), *_assumed(before)))
 
 
-def _reason(driven: Feasibility, target: int) -> str:
+def _reason(driven: Feasibility, target: int) -> tuple[str, str]:
+    """What holds a move back, and what would help."""
     robot, joint = driven.path.cell.robot, int(driven.joint[target])
     limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if driven.by_speed[target]
              else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
@@ -183,7 +191,11 @@ def _reason(driven: Feasibility, target: int) -> str:
             words = (f", in the corner of {np.degrees(legs.corner[corner]):.0f} deg at target "
                      f"{driven.path.toolpath.number[corner]}, rounded by a zone of "
                      f"{1e3 * legs.radius[corner]:.3g} mm")
-    return f"joint {joint + 1} at its {limit}{words}"
+    helps = "lower the feed there" + (", or round the corner with a larger zone" if words else "")
+    wrist = float(driven.wrist[target])
+    if joint in (3, 5) and wrist < WRIST_COUNTS:
+        helps += f", or turn the part: axis 5 comes within {np.degrees(wrist):.1f} deg of the wrist singularity"
+    return f"joint {joint + 1} at its {limit}{words}", helps
 
 
 def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
@@ -200,10 +212,10 @@ def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
         target, run = int(worst[index]), runs[index]
         planned = float(check.before.ratio[driven.path.toolpath.number[target]])
         before = "" if check.after is None or np.isnan(planned) else f"; as planned {_percent(min(planned, 1.0))}"
+        reason, helps = _reason(driven, target)
         findings.append(driven.path.finding(
             target, code, level, f"a cut of {counted(driven.moves(run), 'target')} cannot hold {_feed(driven, target)}: "
-            f"{_percent(driven.ratio[target])}, {_reason(driven, target)}; {np.nansum(driven.lost[run]):.2f} s lost{before}",
-            "lower the feed there, round the corner with a larger zone, or turn the part away from the wrist singularity"))
+            f"{_percent(driven.ratio[target])}, {reason}; {driven.seconds_lost(run):.2f} s lost{before}", helps))
     if len(runs) > MOST_TOLD:
         rest = worst[order[MOST_TOLD:]]
         findings.append(driven.path.finding(int(rest[0]), code, level, f"{len(rest)} further cuts cannot hold their feed; the "
@@ -218,8 +230,8 @@ def _air(driven: Feasibility) -> list[Finding]:
         return []
     target = int(places[np.argmin(driven.ratio[places])])
     return [driven.path.finding(target, "CS4411", "note", f"{counted(driven.moves(places), 'move')} without force cannot hold "
-                                f"their feed, {np.nansum(driven.lost[places]):.2f} s lost; the lowest share "
-                                f"{_percent(driven.ratio[target])} of {_feed(driven, target)}: {_reason(driven, target)}")]
+                                f"their feed, {driven.seconds_lost(places):.2f} s lost; the lowest share "
+                                f"{_percent(driven.ratio[target])} of {_feed(driven, target)}: {_reason(driven, target)[0]}")]
 
 
 def _percent(ratio: float) -> str:

@@ -14,7 +14,7 @@ from compensator.rapid.scan import Scan
 from compensator.rapid.tails import Tails
 from compensator.rapid.text import Offsets, Source, locate
 from compensator.rapid.values import Values
-from compensator.toolpath import Array, ToolFrame, WorkObject
+from compensator.toolpath import Array, Move, ToolFrame, WorkObject
 from identification.common.findings import Finding, Level
 
 Mask = NDArray[np.bool_]
@@ -54,6 +54,7 @@ def report(
     findings += _shifted(scan, tails, places, displaced, block)
     findings += _frames(tails.tools, tails.tool, "tool", "CS2020", "CS2022", places)
     findings += _frames(tails.workobjects, tails.workobject, "work object", "CS2021", "CS2023", places)
+    findings += _forgotten_object(scan, tails, places)
     findings += _unknown(scan, tails, places)
     findings += _others(scan, places)
     return block, tuple(findings)
@@ -128,6 +129,19 @@ def _frames(
     return findings
 
 
+def _forgotten_object(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
+    """Moves that name no work object, in a program that declares one no move uses."""
+    without = np.array([tail.workobject is None for tail in scan.tails] or [False])[tails.tail]
+    poses = np.flatnonzero(without & (np.frombuffer(bytes(scan.move), dtype=np.uint8) != Move.ABSOLUTE))
+    used = {frame.name.lower() for frame in tails.workobjects}
+    idle = [item for item in scan.names.declarations if item.type == "wobjdata" and item.storage != "parameter"
+            and item.name not in used]
+    if not len(poses) or not idle:
+        return []
+    text = f"moves without \\WObj stand in wobj0, the world; no move uses {idle[0].name}, which the program declares"
+    return [places.targets("CS2052", "warning", text, poses.tolist(), "add \\WObj to the moves if it is meant")]
+
+
 def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
     """Speeds and zones the text does not give."""
     findings = []
@@ -157,6 +171,11 @@ def _others(scan: Scan, places: Places) -> list[Finding]:
                       "are neither counted nor corrected", at, "cut with MoveL, MoveC or MoveJ if they are to be corrected")
         for name, at in offsets.items()
     ]
+    if len(scan.modules) > 1:
+        findings.append(places.offset(
+            "CS2051", "warning", f"the file holds {len(scan.modules)} modules: their targets are counted one module after the "
+            "other, and their tools and work objects are all used", scan.modules[1:2],
+            "a controller loads one module a file: save each as a file of its own, with its own force log"))
     if scan.stray >= 0:
         findings.append(places.offset("CS2030", "warning", "the text from here to the end of the file is no RAPID statement "
                                       "and was skipped", [scan.stray], "check that the file is complete"))

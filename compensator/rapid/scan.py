@@ -39,6 +39,7 @@ class Scan:
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
+    modules: list[int] = field(default_factory=list)                # where each MODULE begins
     stray: int = -1                                                 # offset of text that is no statement
     _known_tails: dict[tuple[object, ...], int] = field(default_factory=dict)
 

@@ -19,11 +19,13 @@ from compensator.rapid.text import Source
 from compensator.toolpath import Move
 
 _WAY = {b"L": Move.LINEAR, b"l": Move.LINEAR, b"J": Move.JOINT, b"j": Move.JOINT}
+_END_OF_MODULE = re.compile(rb"(?i)\bENDMODULE\b")
 _MOTION_WORD = re.compile(rb"(?i)\bMove(?:L|J|C|AbsJ)\s")
 
 
 def scan(source: Source) -> Scan:
-    """Reads the text once. Raises CS2002 (a string or move that does not end), CS2003 (a malformed move)."""
+    """Reads the text once. Raises CS2002 (a string or move that does not end), CS2003 (a malformed move), CS2050 (a module or
+    routine that does not end)."""
     scanned = Scan(source)
     statements = Statements(scanned)
     tails: dict[bytes, int] = {}
@@ -68,6 +70,8 @@ def scan(source: Source) -> Scan:
         else:
             assert kind is not None
             statements.unit(kind[2:], match.start(kind), match.end(kind))
+    if scanned.stray < 0 or not _END_OF_MODULE.search(source.data, scanned.stray):
+        statements.module_ends()
     return scanned
 
 

@@ -11,6 +11,7 @@ from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
 from compensator.toolpath import Move
+from identification.common.findings import CompstiffError
 
 _CLASSES = ("const", "pers", "var")
 _MODES = ("var", "pers", "inout", "in")
@@ -29,21 +30,49 @@ class Statements:
         self.scan = scan
         self.module = 0
         self.routine = -1
+        self.open_module = -1           # where the module, the routine begins that has not ended yet
+        self.open_routine = -1
 
     def unit(self, kind: str, start: int, end: int) -> None:
         if kind in ("module", "endmodule"):
+            self._routine_ends()
+            if kind == "module":
+                self.module_ends()
+                self.open_module = start
+                self.scan.modules.append(start)
+            else:
+                self.open_module = -1
             self.module += 1                    # text behind ENDMODULE: a nameless module of its own
             self.scan.enter(Scope(self.module, -1))
         elif kind == "routine":
+            self._routine_ends()
             self.routine += 1
+            self.open_routine = start
             self.scan.enter(Scope(self.module, self.routine))
             self._parameters(tokens(self.scan.source, start, end))
         elif kind == "endroutine":
+            self.open_routine = -1
             self.scan.enter(Scope(self.module, -1))
         elif kind == "condition":
             self.scan.uses.reads(tokens(self.scan.source, start, end)[1:], self.scan.scope)
         elif kind == "statement":
             self._statement(tokens(self.scan.source, start, end))
+
+    def module_ends(self) -> None:
+        """Raises CS2050 for a module that another one, or the end of the file, ends in place of its ENDMODULE."""
+        if self.open_module >= 0:
+            raise self._without_end(self.open_module, "ENDMODULE")
+
+    def _routine_ends(self) -> None:
+        """Raises CS2050 for a routine of a module that another one, or the module's end, ends in place of its ENDPROC."""
+        if self.open_routine >= 0 and self.open_module >= 0:
+            raise self._without_end(self.open_routine, "ENDPROC (ENDFUNC, ENDTRAP)")
+
+    def _without_end(self, start: int, word: str) -> CompstiffError:
+        source = self.scan.source
+        line = source.text(start, start + 60).split("\n")[0].strip()
+        return source.fail("CS2050", f"'{line}' begins here and has no {word}", start,
+                           "the file may have been cut off, or is still being written; no controller loads it: write it again")
 
     def _parameters(self, words: list[Token]) -> None:
         """`PROC name(type a, \\switch b | PERS tooldata c, ...)`: every parameter is data of the routine."""

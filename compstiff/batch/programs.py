@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from compensator.correction.files import Inputs, correct_files
-from compensator.correction.record import check_not_corrected
 from compensator.correction.settings import DEFAULTS, Settings
 from compstiff.batch.pairing import ProgramFiles, no_log, programs_in
 from compstiff.outcome import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
@@ -124,13 +123,10 @@ def correct_program(
     if not files.logs:
         left = Outcome(findings=(no_log(files.program, shared.logs, "it is left alone"),))
         return ProgramResult.of(files, shared, left, "left", DONE)
-    forced = shared.session.overwrite
 
     def body() -> Outcome:
         inputs = Inputs(shared.cell, files.program, shared.stiffness, files.forces)
-        if not forced:
-            check_not_corrected(files.program, files.outputs.program.parent)
-        corrected = correct_files(inputs, files.outputs, shared.settings, overwrite=overwrite or forced,
+        corrected = correct_files(inputs, files.outputs, shared.settings, overwrite=overwrite or shared.session.overwrite,
                                   before_writing=before_writing)
         return Outcome(corrected.as_dict(), corrected.findings)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from compstiff.cli.console import READABLE, command
+from compstiff.cli.console import FOLDER, READABLE, command
 from compstiff.cli.tls import with_tls
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Instead of modbus.port; 0: any free one.")
 @click.option("--unit", type=click.IntRange(0, 255), help="Instead of modbus.unit.")
-@click.option("--state", type=click.Path(file_okay=False, path_type=Path), help="Directory that keeps the active table.")
+@click.option("--state", type=FOLDER, help="Directory that keeps the active table.")
 @with_tls
 def cell(
     session: Session, cell_file: Path, host: str, port: int | None, unit: int | None, state: Path | None, tls: TlsFiles | None

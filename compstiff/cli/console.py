@@ -12,16 +12,28 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 
 from compstiff.outcome import DONE, INTERRUPTED, USAGE, Outcome, Session, attempt, document
 
-READABLE = click.Path(exists=True, dir_okay=False, readable=True, path_type=Path)
-WRITABLE = click.Path(dir_okay=False, path_type=Path)
-EXISTING = click.Path(exists=True, readable=True, path_type=Path)       # a file or a folder
-PATH = click.Path(path_type=Path)
+
+class Named(click.Path):
+    """A path on the command line: an input, an output, or a folder to write in. either: a file to write, or for many programs a
+    folder; what writes them checks that they are several."""
+
+    def __init__(self, role: Literal["input", "output", "folder", "either"], *, path_type: type = Path, **named: Any) -> None:
+        super().__init__(path_type=path_type, **named)
+        self.role = role
+
+
+READABLE = Named("input", exists=True, dir_okay=False, readable=True)
+WRITABLE = Named("output", dir_okay=False)
+EXISTING = Named("input", exists=True, readable=True)       # a file or a folder
+PATH = Named("either")
+TEXT_PATH = Named("either", path_type=str)                  # as typed: a slash at its end says folder
+FOLDER = Named("folder", file_okay=False)
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 
@@ -76,7 +88,13 @@ def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) 
         @functools.wraps(body)
         def run(as_json: bool, quiet: bool, verbose: bool, overwrite: bool = False, **arguments: Any) -> None:
             session = Session(name, as_json, quiet, verbose, overwrite)
-            sys.exit(_show(session, *attempt(session, functools.partial(body, session, **arguments))))
+            context = click.get_current_context()
+
+            def checked() -> Outcome:
+                check_paths(context)
+                return body(session, **arguments)
+
+            sys.exit(_show(session, *attempt(session, checked)))
 
         decorated: Any = run
         if writes:
@@ -89,6 +107,24 @@ def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) 
         return headed
 
     return decorate
+
+
+def check_paths(context: click.Context) -> None:
+    """Raises CompstiffError (CS0006) where two outputs of a call are one file, or an output is one of its inputs."""
+    values = context.params
+    named = [pair for parameter in context.command.params for pair in _paths(parameter.type, values.get(parameter.name))]
+    if any(role == "output" for role, _ in named):
+        from identification.common.files import check_distinct
+
+        check_distinct([path for role, path in named if role == "input"], [path for role, path in named if role == "output"])
+
+
+def _paths(kind: click.ParamType[Any], value: Any) -> list[tuple[str, Path]]:
+    """The paths in the value of a parameter, which may be a list or a tuple of several kinds, with their role."""
+    if isinstance(value, tuple):
+        kinds = kind.types if isinstance(kind, click.Tuple) else [kind] * len(value)
+        return [pair for each, item in zip(kinds, value, strict=False) for pair in _paths(each, item)]
+    return [(kind.role, value)] if isinstance(kind, Named) and isinstance(value, Path) else []
 
 
 def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:

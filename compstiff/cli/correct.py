@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compensator.correction.settings import Settings
-from compstiff.cli.console import EXISTING, PATH, command, option
+from compstiff.cli.console import EXISTING, PATH, TEXT_PATH, command, option
 from compstiff.cli.correct_batch import correct_batch, is_batch
 from compstiff.cli.options import (
     CELL,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @STIFFNESS
 @click.option("--forces", "forces_file", type=EXISTING,
               help="The force log of this program; of several the folder of their logs.  [default: beside each]")
-@click.option("-o", "--output", required=True, type=click.Path(), help="The corrected program to write; of several a folder.")
+@click.option("-o", "--output", required=True, type=TEXT_PATH, help="The corrected program to write; of several a folder.")
 @with_settings(*LOG_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
@@ -77,7 +77,9 @@ def _log_beside(toolpath_file: Path) -> Path:
 
 def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: Settings) -> Outcome:
     from compstiff import correct_files
+    from identification.common.files import check_distinct
 
+    check_distinct([*inputs.files(), *(path for _, path in settings.files())], outputs.files())
     for path in (inputs.forces, outputs.offsets, outputs.report):
         if path and path.is_dir():
             raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from compstiff.cli.console import command
+from compstiff.cli.console import FOLDER, command
 from compstiff.outcome import Outcome, Session
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ TARE = (0, 2)
 
 
 @command("demo", writes=True)
-@click.argument("folder", metavar="[DIR]", default="compstiff-demo", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("folder", metavar="[DIR]", default="compstiff-demo", type=FOLDER)
 def demo(session: Session, folder: Path) -> Outcome:
     """Run identify and correct on the shipped samples, into DIR.
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 class Axes(click.ParamType[str]):
@@ -37,7 +37,9 @@ class Axes(click.ParamType[str]):
 @click.option("--every-axis", is_flag=True, help="At each pose load along every axis in turn.")
 @click.option("--direction", type=click.Choice(["axis", "free"]), default="axis", show_default=True,
               help="Push along base axes, or at each pose along a line of its own.")
-@click.option("--max-force", type=click.FloatRange(1, 20000), default=300.0, show_default=True, help="Largest force [N].")
+@click.option("--max-force", type=click.FloatRange(1, 20000), help="Largest force [N].  [default: 300]")
+@click.option("--dead-weight", metavar="KG[,KG...]",
+              help="Weights that are hung on and taken off, in place of a cylinder; 20,40,20+40: two weights and both.")
 @click.option("--position", "positions", type=float, nargs=3, multiple=True, metavar="X Y Z",
               help="Where the TCP stands in the base frame [mm]; several: any of them.")
 @click.option("--box", type=float, nargs=6, metavar="X Y Z X Y Z", help="Or anywhere between these corners [mm].")
@@ -57,7 +59,7 @@ class Axes(click.ParamType[str]):
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random starts.")
 def design(
     session: Session, cell_file: Path, output: Path, measurements: int | None, criterion: str | None, toolpath: Path | None,
-    forces_file: Path | None, protocol: str, axes: str, every_axis: bool, max_force: float,
+    forces_file: Path | None, protocol: str, axes: str, every_axis: bool, max_force: float | None, dead_weight: str | None,
     positions: tuple[tuple[float, float, float], ...], box: tuple[float, ...] | None, phi: float, replicates: int,
     preset: str | None, add: tuple[int, Path] | None, diagnosis: Path | None, kept: int, direction: str,
     rapid: Path | None, report: Path | None, quick: bool, seed: int,
@@ -71,11 +73,16 @@ def design(
     """
     _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
     _check_loads(axes, every_axis, direction, preset, diagnosis, add)
+    if dead_weight and (preset or every_axis or axes != "xyz" or direction == "free" or max_force):
+        raise click.UsageError("--dead-weight only pulls down, with the weights' own force; it takes no --axes, --every-axis, "
+                               "--direction, --max-force or --preset")
     import os
 
     # Matrices of six by six: threads only get into each other's way, five times as slow where the cores are shared.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+    if dead_weight:
+        _check_weights(dead_weight)
     from compstiff import Request, design_plan, milling_poses, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
     from identification.design.discrimination import read_diagnosis
@@ -87,8 +94,9 @@ def design(
     milling = milling_poses(cell, toolpath, forces_file) if toolpath else None
     plan = design_plan(cell, Request(
         measurements=more, criterion=criterion, protocol=protocol, axes=axes, every_axis=every_axis, free=direction == "free",
-        force_n=max_force, positions_mm=positions, box_mm=box, phi_deg=phi, replicates=replicates, preset=preset,
-        measured=read_measurements(measured_file, cell.robot) if measured_file else None,
+        force_n=max_force or 300.0, dead_weight=dead_weight, positions_mm=positions, box_mm=box, phi_deg=phi,
+        replicates=replicates, preset=preset,
+        measured=read_measurements(measured_file, cell) if measured_file else None,
         diagnosis=read_diagnosis(diagnosis, cell) if diagnosis else None, kept_back=kept,
     ), milling=milling, seed=seed, quick=quick, say=session.say)
     program = plan.rapid(rapid.stem) if rapid else None
@@ -102,8 +110,10 @@ def design(
     content = plan.as_dict()
     json_bytes(content)             # what JSON cannot say stops it before anything is written
     write_whole(files)
-    following = (f"append the rows to {measured_file}, then compstiff diagnose {cell_file} {measured_file} -o diagnosis.json"
-                 if measured_file else f"then compstiff identify {cell_file} {output} -o stiffness.json")
+    following = "then " + call("identify", cell_file, output, "-o", "stiffness.json")
+    if measured_file:
+        again = call("diagnose", cell_file, measured_file, "-o", "diagnosis.json")
+        following = f"append the rows to {measured_file}, then {again}"
     return Outcome(content, (*plan.findings, *(program.findings if program else ())), plan.lines(),
                    next_step=f"measure it, fill in dx_um dy_um dz_um, {following}")
 
@@ -121,6 +131,17 @@ def _check_call(
         raise click.UsageError("--preset paper has five measurements; leave --measurements out")
     if forces and not toolpath:
         raise click.UsageError("--forces belongs to --toolpath")
+
+
+def _check_weights(text: str) -> None:
+    """Raises click.UsageError for what is no list of weights."""
+    from identification.design.dead_weights import DeadWeights
+
+    try:
+        DeadWeights.of(text)
+    except ValueError as reason:
+        raise click.UsageError(f"--dead-weight takes masses in kg such as 20,40 or 20,40,20+40, not '{text}': {reason}"
+                               ) from reason
 
 
 def _check_loads(

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import DONE, REFUSED, Outcome, Session
+from compstiff.outcome import DONE, REFUSED, Outcome, Session, call
 from identification.common.findings import Finding
 
 
@@ -61,7 +61,7 @@ def diagnose(
     check_distinct(session.inputs, [output, *optional, *mended_as])
     check_writable([output, *optional, *mended_as], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    measurements = read_measurements(measurements_file, cell.robot)
+    measurements = read_measurements(measurements_file, cell)
     diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
@@ -88,8 +88,8 @@ def diagnose(
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
-    following = (f"compstiff correct {cell_file} PART.mod --stiffness {extended} --forces PART.forces.csv "
-                 "-o PART_corrected.mod") if extended in files else ""
+    following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
+                     "PART_corrected.mod") if extended in files else ""
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or _next_after(
         diagnosis.verdict, cell_file, measurements_file, output), exit_code=REFUSED if refused else DONE)
 
@@ -117,7 +117,7 @@ def _diagnose_log(
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
     return Outcome(content, diagnosis.findings, diagnosis.lines(),
-                   next_step=f"compstiff identify {cell_file} {log_file} -o stiffness.json")
+                   next_step=call("identify", cell_file, log_file, "-o", "stiffness.json"))
 
 
 def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | None) -> Outcome:
@@ -129,24 +129,24 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     session.inputs += [cell_file, plan]
     check_writable([output] if output else [], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    outlook = judge_plan(cell, read_measurements(plan, cell.robot, planned=True))
+    outlook = judge_plan(cell, read_measurements(plan, cell, planned=True))
     content = outlook.as_dict()
     if output:
         write_whole({output: json_bytes(content)})
     return Outcome(content, outlook.findings, outlook.lines(),
-                   next_step=f"measure it, then compstiff diagnose {cell_file} {plan} -o diagnosis.json")
+                   next_step=f"measure it, then {call('diagnose', cell_file, plan, '-o', 'diagnosis.json')}")
 
 
 def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: Path) -> str:
     """What a user would do after this verdict."""
     if verdict == "named":
-        return f"compstiff diagnose {cell_file} {measurements_file} -o {output} --extended stiffness.json --force"
+        return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
     if verdict == "mistake":
-        return (f"check what the lines with next: say; compstiff diagnose {cell_file} {measurements_file} -o {output} "
-                "--mend MENDED --force writes the file without the mistake, to be diagnosed again")
+        mended = call("diagnose", cell_file, measurements_file, "-o", output, "--mend", "MENDED", "--force")
+        return f"do the checks above; {mended} writes the file without the mistake, to be diagnosed again"
     if verdict == "adequate":
-        return f"compstiff identify {cell_file} {measurements_file} -o stiffness.json"
+        return call("identify", cell_file, measurements_file, "-o", "stiffness.json")
     if verdict == "ambiguous":
-        return (f"compstiff design {cell_file} --add 3 {measurements_file} --diagnosis {output} -o more.csv, which plans "
-                "loads that tell them apart; measure them, add the rows, then diagnose again")
+        more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, "-o", "more.csv")
+        return f"{more}, which plans loads that tell them apart; measure them, add the rows, then diagnose again"
     return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"

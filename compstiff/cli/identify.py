@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 if TYPE_CHECKING:
     from identification.fit.priors import PriorKind
@@ -49,7 +49,7 @@ def identify(
     session.inputs += [cell_file, measurements_file]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
     cell = read_cell(cell_file)
-    measurements = read_measurements(measurements_file, cell.robot)
+    measurements = read_measurements(measurements_file, cell)
     fit = fit_stiffness(cell, measurements, prior_kind=prior_kind, gamma=gamma, with_profiles=profile)
     files = {output: json_bytes(fit.model.as_dict())}
     if report:
@@ -58,8 +58,8 @@ def identify(
         files[report] = page_of(fit).encode()
     write_whole(files)
     return Outcome(fit.as_dict(), fit.findings, fit.lines(),
-                   next_step=f"compstiff correct {cell_file} PART.mod --stiffness {output} --forces PART.forces.csv "
-                   "-o PART_corrected.mod")
+                   next_step=call("correct", cell_file, "PART.mod", "--stiffness", output, "--forces", "PART.forces.csv", "-o",
+                                  "PART_corrected.mod"))
 
 
 def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], output: Path, report: Path | None) -> Outcome:
@@ -78,4 +78,4 @@ def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], out
         files[report] = page_of(fit).encode()
     write_whole(files)
     return Outcome(content, fit.findings, fit.lines(),
-                   next_step=f"compstiff diagnose {cell_file} {log_files[0]} -o diagnosis.json")
+                   next_step=call("diagnose", cell_file, log_files[0], "-o", "diagnosis.json"))

@@ -133,6 +133,7 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
     _correction("--keep-targets", is_flag=True, help="Add no intermediate targets."),
     _correction("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
     _correction("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
+    _correction("--correct-again", is_flag=True, help="Also correct what a record names as the output of a correction."),
     _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
     _correction("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     _correction("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "

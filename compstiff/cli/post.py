@@ -9,7 +9,7 @@ import click
 from compensator.correction.settings import Settings
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.cli.options import POSTING_OPTIONS, SPLITTING_OPTIONS, with_settings
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 @command("post", writes=True)
@@ -31,7 +31,8 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
     write_whole(posted.files)
     # The parts are not read again: the same toolpath with the same options gives the same targets.
     again = toolpath_file if posted.parts else output
+    following = call("correct", cell_file, again, "--stiffness", "stiffness.json", "--forces", f"{output.stem}.forces.csv",
+                     "-o", f"{output.stem}_corrected{output.suffix}")
     return Outcome(posted.as_dict(), posted.findings, posted.lines(),
-                   next_step=f"mill it once with the forces logged, then compstiff correct {cell_file} {again} --stiffness "
-                   f"stiffness.json --forces {output.stem}.forces.csv -o {output.stem}_corrected{output.suffix}"
+                   next_step=f"mill it once with the forces logged, then {following}"
                    + (", with the options given here" if posted.parts else ""))

@@ -9,7 +9,7 @@ import click
 from compensator.correction.settings import Settings
 from compstiff.cli.console import WRITABLE, command
 from compstiff.cli.options import CELL, FORCES, LOG_OPTIONS, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 
 @command("predict", writes=True)
@@ -32,12 +32,11 @@ def predict(
     from compensator.correction.files import predict_files
     from compensator.posting.read_toolpath import rapid_suffix
     from compstiff import Inputs, deviation_csv
-    from identification.common.files import check_distinct, check_writable, write_whole
+    from identification.common.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
     outputs = [output, *([report] if report else [])]
-    check_distinct(inputs.files(), outputs)
     check_writable(outputs, overwrite=session.overwrite)
     predicted = predict_files(inputs, settings)
     files = {output: deviation_csv(predicted)}
@@ -47,5 +46,6 @@ def predict(
         files[report] = page_of(predicted).encode()
     write_whole(files)
     return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
-                   next_step=f"compstiff correct {cell_file} {toolpath_file} --stiffness {stiffness_file} --forces "
-                   f"{forces_file}{settings.as_options()} -o {toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}")
+                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
+                                  *settings.as_options(), "-o",
+                                  f"{toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}"))

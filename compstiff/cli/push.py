@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -12,7 +11,7 @@ import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.cli.tls import with_tls
-from compstiff.outcome import Outcome, Session
+from compstiff.outcome import Outcome, Session, call
 
 if TYPE_CHECKING:
     from compensator.modbus.tls import TlsFiles
@@ -65,8 +64,8 @@ def push(
         cell, offsets, address, apply=applies, waiting=Waiting(patience, robot_wait, restart),
         receiver=Receiver(receiver, corrwrite, session.overwrite) if receiver else None,
         log=log or cell_file.parent / NAME, progress=_progress(session), say=session.say)
-    call = shlex.join(sys.argv[1:]) if session.command in sys.argv else f"push {cell_file} {offsets_file}"
-    return Outcome(result.as_dict(), result.findings, result.lines(), "" if applies else f"compstiff {call} --apply")
+    words = sys.argv[1:] if session.command in sys.argv else ["push", str(cell_file), str(offsets_file)]
+    return Outcome(result.as_dict(), result.findings, result.lines(), "" if applies else call(*words, "--apply"))
 
 
 def _progress(session: Session) -> Progress:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compensator.correction.settings import Settings
-from compstiff.cli.console import PATH, READABLE, command
+from compstiff.cli.console import PATH, READABLE, Named, command
 from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, SPLITTING_OPTIONS, with_settings
 from compstiff.cli.signals import ending_signals
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
@@ -19,11 +19,11 @@ from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 if TYPE_CHECKING:
     from compstiff.batch.programs import ProgramResult
 
-FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+WATCHED = Named("folder", exists=True, file_okay=False)
 
 
 @command("watch", writes=True)
-@click.argument("source", metavar="IN", type=FOLDER)
+@click.argument("source", metavar="IN", type=WATCHED)
 @click.argument("output", metavar="OUT", type=PATH)
 @click.option("--cell", "cell_file", required=True, type=READABLE, help="cell.yaml.")
 @click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")

@@ -48,7 +48,7 @@ def check_distinct(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
     taken = {file.resolve(): "input" for file in inputs}
     for file in outputs:
         if file.resolve() in taken:
-            raise error("CS0006", f"would overwrite an {taken[file.resolve()]} of this command", file=str(file),
+            raise error("CS0006", f"would overwrite an {taken[file.resolve()]} of this call", file=str(file),
                         hint="give the output another name")
         taken[file.resolve()] = "output"
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.findings import error
-from identification.common.table_layout import BLANKS, Layout, cells_of, decoded
-from identification.common.tables import as_numbers, holds_cells, parquet_complaints, with_decimal_points
+from identification.common.table_layout import BLANKS, Layout, cells_of
+from identification.common.tables import as_numbers, decoded, holds_cells, opened, parquet_complaints, with_decimal_points
 
 Indices = NDArray[np.intp]
 BLOCK_BYTES = 1 << 22
@@ -33,7 +33,7 @@ def text_blocks(file: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[t
     """The wanted columns and the line of each row, block by block. Raises CompstiffError: CS0201 (a row of another width, not
     text), CS0203 (not a finite number) with line and column."""
     line = layout.line
-    with open(file, "rb") as stream:
+    with opened(file) as stream:
         stream.seek(layout.start)
         rest = b""
         while True:
@@ -54,7 +54,7 @@ def text_blocks(file: Path, layout: Layout, wanted: Sequence[str]) -> Iterator[t
 
 def text_at(file: Path, layout: Layout, wanted: Sequence[str], share: float, rows: int) -> dict[str, Array]:
     """About `rows` rows from a place `share` (0 to 1) of the way through the file."""
-    with open(file, "rb") as stream:
+    with opened(file) as stream:
         size = stream.seek(0, io.SEEK_END)
         length = max((size - layout.start) // max(layout.rows, 1), 1) + 1
         stream.seek(layout.start + int(share * max(size - layout.start - rows * length, 0)))

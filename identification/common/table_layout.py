@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from identification.common.findings import error
-from identification.common.tables import check_unique, holds_cells
+from identification.common.tables import check_unique, decoded, holds_cells, opened
 
 HEAD_BYTES = 1 << 20
 MOST_LINES_ABOVE = 200
@@ -66,7 +66,7 @@ def read_layout(file: Path, columns: Sequence[str] | None = None) -> Layout:
     `columns`, or another number of them.
     """
     try:
-        with open(file, "rb") as stream:
+        with opened(file) as stream:
             head = stream.read(HEAD_BYTES)
             size = stream.seek(0, io.SEEK_END)
     except OSError as reason:
@@ -145,9 +145,3 @@ def _numeric(line: str) -> bool:
     return bool(cells) and all(NUMBER.fullmatch(cell) for cell in cells)
 
 
-def decoded(content: bytes, name: str, offset: int = 0) -> str:
-    """The text of a part of a file that begins at byte `offset`. Raises CompstiffError (CS0201)."""
-    try:
-        return content.decode()
-    except UnicodeDecodeError as reason:
-        raise error("CS0201", f"is not UTF-8 text: {reason.reason} at byte {offset + reason.start}", file=name) from reason

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import difflib
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.common.findings import CompstiffError, Finding, Level, error
+from identification.common.findings import CompstiffError, Finding, Level, counted, error
 
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
+_WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
+_SAVE_AS = "save the table as CSV (UTF-8), or write Parquet"
+# How files begin that are often given for a text table, and what they are.
+_NO_TEXT = {
+    b"PK\x03\x04": "a workbook or archive (.xlsx, .ods, .zip)", b"\xd0\xcf\x11\xe0": "an Excel workbook (.xls)",
+    b"PAR1": "a Parquet file under another name; its suffix is .parquet",
+    b"MATLAB": "a MATLAB file; `compstiff convert` reads some", b"%PDF": "a PDF file",
+}
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 MOST_COMPLAINTS = 20
 
 
@@ -49,17 +61,22 @@ class Table:
 def read_table(
     file: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), texts: Sequence[str] = (),
     may_be_empty: Sequence[str] = (), together: Sequence[Sequence[str]] = (),
+    instead: Mapping[str, Sequence[str]] | None = None,
 ) -> Table:
     """Reads the named columns, leaves the others alone and says so.
 
     required, optional: columns of finite numbers. texts: optional columns of text. may_be_empty: among the number
-    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there. Raises
+    columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there.
+    instead: for an optional column the required ones whose cells it may stand for; they may then be empty or missing. Raises
     CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
     where a number must be.
     """
     file = Path(file)
     frame, line, header_line = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
     names = [str(name) for name in frame.columns]
+    for group in [group for name, group in (instead or {}).items() if name in names]:
+        required, optional = [name for name in required if name not in group], [*optional, *group]
+        may_be_empty, together = [*may_be_empty, *group], [*together, group]
     check_columns(names, required, together, str(file), header_line)
     wanted = [*required, *(name for name in optional if name in names)]
     numbers = as_numbers(frame[wanted], str(file), names, line, may_be_empty=may_be_empty)
@@ -103,6 +120,7 @@ def as_numbers(
     (N,) of each row. Raises CompstiffError (CS0203) with every complaint."""
     numbers: dict[str, Array] = {}
     findings: list[Finding] = []
+    frame = _commas_read(frame, file, names, line)
     for name in frame.columns:
         numbers[name], bad = as_floats(frame[name], empty=name in may_be_empty)
         findings += [
@@ -114,6 +132,30 @@ def as_numbers(
     if findings:
         raise CompstiffError(*sorted(findings, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
     return numbers
+
+
+def _commas_read(frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp]) -> pd.DataFrame:
+    """The frame with decimal commas (quoted, where commas separate the cells) as points.
+
+    Raises CompstiffError (CS0203) where every one of them may as well separate thousands, or its column has points too.
+    """
+    texts = {name: frame[name].fillna("").astype(str).str.strip()
+             for name in frame.columns if frame[name].dtype.kind not in "fiu"}
+    commas = {name: held for name, text in texts.items() if (held := text.str.fullmatch(_WITH_COMMA)).any()}
+    if not commas:
+        return frame
+    cells = pd.concat([texts[name][held] for name, held in commas.items()])
+    either = bool(cells.str.fullmatch(_THOUSANDS).all())
+    points = any(texts[name].str.contains(".", regex=False).any() for name in commas)
+    if either or points:
+        name = next(iter(commas))
+        row = int(np.flatnonzero(commas[name])[0])
+        why = "may be a decimal comma or separate thousands" if either else "stands beside numbers with a point"
+        raise error("CS0203", f"column '{name}': the comma in {shown(frame[name].iloc[row])} {why} "
+                    f"({counted(len(cells), 'such cell')})", file=file, line=int(line[row]), column=list(names).index(name) + 1,
+                    hint="write decimal points; or semicolons between the cells and decimal commas in them")
+    return frame.assign(**{name: texts[name].str.replace(",", ".", regex=False).where(held, frame[name])
+                           for name, held in commas.items()})
 
 
 def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str]]:
@@ -169,6 +211,30 @@ def parquet_complaints(file: Path) -> Iterator[None]:
         raise error("CS0201", f"is not a Parquet file: {reason}", file=str(file)) from reason
 
 
+def opened(file: Path) -> IO[bytes]:
+    """A text file as bytes of UTF-8; UTF-16 with its byte-order mark, as spreadsheets write it, is held in memory.
+
+    Raises OSError, and CompstiffError (CS0201), which says what the file is where that can be told.
+    """
+    with open(file, "rb") as stream:
+        head = stream.read(8)
+        kind = next((kind for mark, kind in _NO_TEXT.items() if head.startswith(mark)), None)
+        if kind:
+            raise error("CS0201", f"is no text table but {kind}", file=str(file), hint=_SAVE_AS)
+        if head.startswith(_UTF_16):
+            return io.BytesIO(decoded(head + stream.read(), str(file), encoding="utf-16").encode())
+    return open(file, "rb")
+
+
+def decoded(content: bytes, name: str, offset: int = 0, encoding: str = "utf-8") -> str:
+    """The text of a part of a file that begins at byte `offset`. Raises CompstiffError (CS0201)."""
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as reason:
+        raise error("CS0201", f"is not {encoding.upper()} text: {reason.reason} at byte {offset + reason.start}", file=name,
+                    hint=f"is it the file that is meant, in its place on the command line? {_SAVE_AS}") from reason
+
+
 def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     import pyarrow.parquet as pq
 
@@ -181,9 +247,8 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
 def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
     try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as reason:
-        raise error("CS0201", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=str(file)) from reason
+        with opened(file) as stream:
+            text = decoded(stream.read(), str(file)).removeprefix("\ufeff")
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     plain = text.replace("\r\n", "\n").replace("\r", "\n")

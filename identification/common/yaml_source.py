@@ -57,6 +57,7 @@ Quaternion = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 # A single number stands for all six joints.
 EachJoint = Annotated[tuple[Positive, Positive, Positive, Positive, Positive, Positive], BeforeValidator(_for_each_joint)]
 Model = TypeVar("Model", bound=BaseModel)
+MEANT = "is this the YAML file that is meant? CELL, the cell.yaml, comes first on the command line"
 
 
 class _Loader(yaml.SafeLoader):
@@ -79,20 +80,21 @@ def read_yaml(file: str | Path, model: type[Model]) -> Model:
         places: dict[Key, Place] = {}
         content = None if node is None else _plain(node, (), places, name)
     except UnicodeDecodeError as reason:
-        raise error("CS0101", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=name) from reason
+        raise error("CS0101", f"is not UTF-8 text: {reason.reason} at byte {reason.start}", file=name,
+                    hint=f"{MEANT}; an editor saves it as UTF-8") from reason
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
-        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, line=line, column=column) from reason
+        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, line=line, column=column, hint=MEANT) from reason
     except yaml.YAMLError as reason:
-        raise error("CS0101", f"is not YAML: {reason}", file=name) from reason
+        raise error("CS0101", f"is not YAML: {reason}", file=name, hint=MEANT) from reason
     except RecursionError as reason:
         raise error("CS0101", "is not a file of this kind: brackets nested too deeply", file=name) from reason
     if not isinstance(content, dict):
         raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1,
-                    hint="is this the YAML file that is meant? CELL, the cell.yaml, comes first on the command line")
+                    hint=MEANT)
     try:
         return model.model_validate(content)
     except ValidationError as reason:
@@ -138,11 +140,28 @@ def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name
         near = difflib.get_close_matches(str(key[-1]), _keys(model, key[:-1]), n=1, cutoff=0.0)
         hint = f"the nearest known key is '{near[0]}'" if near else ""
     elif item["type"] == "missing":
-        message = f"key '{label}' is missing"
+        message = (f"'{'.'.join(map(str, key[:-1]))}': number {key[-1] + 1} of the list is missing; found "
+                   f"{len(item['input'])}" if isinstance(key[-1], int) else f"key '{label}' is missing")
     else:
-        what = item["msg"].removeprefix("Value error, ")
-        message = f"'{label}': {what[0].lower()}{what[1:]}; found {item['input']!r}"
+        message = f"'{label}': {_wanted(item)}; found {item['input']!r}"
     return Finding("CS0102", "error", message, file=name, line=line, column=column, hint=hint)
+
+
+def _wanted(item: Any) -> str:
+    """What was expected, in the words of somebody who writes YAML."""
+    kind = item["type"]
+    if kind in ("tuple_type", "list_type"):
+        return "must be a list in square brackets, such as [120, 0, 250]"
+    if kind in ("float_type", "float_parsing", "int_type", "int_parsing"):
+        return "must be a plain number, without a unit"
+    if kind == "too_long":
+        return f"must be a list of {item['ctx']['max_length']}"
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return "must have keys of its own, such as {key: value}"
+    if kind == "string_type":
+        return "must be text"
+    what = str(item["msg"].removeprefix("Value error, "))
+    return what[0].lower() + what[1:]
 
 
 def _keys(model: type[BaseModel], path: Key) -> list[str]:

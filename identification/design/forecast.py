@@ -130,11 +130,13 @@ def joint_forecasts(design: Design) -> tuple[JointForecast, ...]:
 
 
 def _of_length(design: Design, count: int, rng: np.random.Generator) -> tuple[float, float]:
-    """Criterion and largest std of ln k of the best of a few exchanges with `count` runs; for its own length the plan."""
+    """Criterion and largest std of the ln k that the loads can show, of the best of a few exchanges with `count` runs; for its
+    own length the plan."""
     task, information = design.task, design.information
     if count != len(task.demand):
         task = replace(task, demand=Demand(task.demand.groups, np.zeros(count, dtype=np.intp)))
         pool = Pool.of([design.pool, design.runs, design.certificate.support])
         best, _ = max((exchange(task, pool, rng) for _ in range(4)), key=lambda plan: plan[1])
         information = task.information(pool.take(best))
-    return float(task.criterion.value(information)), float(np.sqrt(np.diag(np.linalg.inv(information)).max()))
+    seen = ~np.isin(np.arange(1, 7), task.criterion.left_out)
+    return float(task.criterion.value(information)), float(np.sqrt(np.diag(np.linalg.inv(information))[seen].max()))

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.design.loads import Loads
-from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
+from identification.fit.noise import USUAL_OFFSET_M, force_error
 from identification.model.cell import Cell
 
 Array = NDArray[np.float64]
@@ -45,8 +45,7 @@ def instrument(cell: Cell, compliance: Array | None = None) -> Instrument:
     """The cell's stated noise, usual sizes where it states none; compliance: the prior's where None."""
     noise = cell.noise
     return Instrument(
-        cell, 1.0 / cell.prior.stiffness if compliance is None else compliance, noise.deflection, noise.force,
-        noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE,
+        cell, 1.0 / cell.prior.stiffness if compliance is None else compliance, noise.deflection, *force_error(noise),
         noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M))
 
 

@@ -9,10 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.design.dead_weights import EMPTY, DeadWeights, Level
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 AXES = "xyz"
-FREE = "free"
+FREE, DOWN = "free", "down"
 # Up in three steps, back to zero, two steps to the other side: both signs, more than three magnitudes, a zero reading between.
 CYCLE = (0.0, 1 / 3, 2 / 3, 1.0, 0.0, -0.5, -1.0)
 SINGLE = (0.0, 1.0)
@@ -21,11 +23,18 @@ PROTOCOLS = {"cycle": CYCLE, "single": SINGLE}
 
 @dataclass(frozen=True, eq=False)
 class Slot:
-    """name: the axes that are loaded, such as "y", or "free" for a line of its own at each pose. forces (L, 3) [N] at the TCP
-    in the base frame, in their order; of a free slot, as if that line were x."""
+    """name: the axes that are loaded, such as "y", "free" for a line of its own at each pose, or "down" for dead weights.
+    forces (L, 3) [N] at the TCP in the base frame, in their order; of a free slot, as if that line were x. hung: the weights
+    that hang at each row, empty where nothing is hung."""
 
     name: str
     forces: Array
+    hung: tuple[Level, ...] = ()
+
+    @property
+    def one_way(self) -> bool:
+        """Whether the loads cannot be turned round: weights only pull down."""
+        return bool(self.hung)
 
     @property
     def free(self) -> bool:
@@ -53,9 +62,13 @@ class Slot:
 
     @cached_property
     def peaks(self) -> Array:
-        """The largest force (A, 3) [N] along each axis that is loaded."""
-        largest = np.abs(self.forces).max(axis=0)
-        return np.asarray(np.diag(largest)[largest > 0], dtype=float)
+        """The largest force (A, 3) [N] along each line that is loaded."""
+        peaks: list[Array] = []
+        for force in self.forces[np.argsort(-np.linalg.norm(self.forces, axis=1), kind="stable")]:
+            size = np.linalg.norm(force)
+            if size > 0 and not any(abs(force @ peak) > (1 - 1e-9) * size * np.linalg.norm(peak) for peak in peaks):
+                peaks.append(force)
+        return np.array(peaks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +130,12 @@ def slot(axes: str, protocol: str, force: float) -> Slot:
     if axes == FREE:
         return Slot(FREE, np.outer(steps, np.eye(3)[0]))
     return Slot(axes, np.concatenate([np.outer(steps, np.eye(3)[AXES.index(axis)]) for axis in axes]))
+
+
+def weight_slot(weights: DeadWeights, protocol: str, fall: Array) -> Slot:
+    """Dead weights hung on and taken off ("cycle"), or the heaviest level alone ("single"); fall (3,) [m/s^2], base frame."""
+    steps = weights.steps if protocol == "cycle" else (EMPTY, weights.rising[-1], EMPTY)
+    return Slot(DOWN, weights.forces(steps, fall), steps)
 
 
 def loads_of(slot: Slot, line: Sequence[float] = (1.0, 0.0, 0.0)) -> Loads:

@@ -52,9 +52,11 @@ def _visits(sheet: Sheet) -> ReportTable:
         signs = np.where(forces @ line < 0, -1, 1) if len(sheet.axes[number]) == 1 or sheet.axes[number] == FREE else np.sign(
             forces[np.arange(len(forces)), np.abs(forces).argmax(axis=1)])
         loads = ", ".join(f"{size:g}" for size in np.round(signs * np.linalg.norm(forces, axis=1), 1) + 0.0)
+        if sheet.hung:
+            loads = ", ".join(f"{mass:g} kg" for mass in sheet.masses(number))
         table.append([label, sheet.along(number), sheet.purpose(number),
                       *(f"{angle:.3f}" for angle in theta), loads])
-    header = ["pose", "along", "purpose", *(f"q{i} [deg]" for i in range(1, 7)), "loads [N]"]
+    header = ["pose", "along", "purpose", *(f"q{i} [deg]" for i in range(1, 7)), "loads" if sheet.hung else "loads [N]"]
     return ReportTable("The plan, in the order of the runs", header, table, numbers=tuple(range(3, 9)))
 
 

@@ -15,6 +15,7 @@ from identification.design.program import RapidProgram, rapid_program
 from identification.design.request import Prepared
 from identification.design.search import Design
 from identification.design.sheet import Sheet, sheet_text
+from identification.design.unseen import Sideways
 
 CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mean variance of ln k",
             "A in raw k": "the mean variance of k, as published", "E": "the longest axis of the confidence ellipsoid of ln k",
@@ -25,7 +26,8 @@ CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mea
 class DesignPlan:
     """A plan and all that there is to say of it: the task, the design that was found for it, its rows, what they will tell.
     discrimination: which rival causes they are to tell apart, gain: over plainer loads, None where that was not asked for.
-    further: rows were measured before, and the forecast is of them together. seed: of the random starts."""
+    further: rows were measured before, and the forecast is of them together. seed: of the random starts. unseen: for each joint
+    that the loads cannot show, the load that would, and at which pose."""
 
     prepared: Prepared
     design: Design
@@ -36,6 +38,7 @@ class DesignPlan:
     further: bool
     seed: int
     findings: tuple[Finding, ...]
+    unseen: tuple[tuple[Sideways, str], ...] = ()
 
     @property
     def prediction_std_um(self) -> tuple[float, float] | None:
@@ -69,6 +72,7 @@ class DesignPlan:
             "prediction_std_um": None if prediction is None else {"before": prediction[0], "after": prediction[1]},
             "settles": None if self.discrimination is None else self.discrimination.as_dict(),
             "gain": None if self.gain is None else self.gain.as_dict(),
+            "unseen": [one.as_dict(label) for one, label in self.unseen],
             "forecast": self.forecast.as_dict(),
             "visits": self.sheet.visits_as_dicts(),
         }
@@ -84,9 +88,12 @@ class DesignPlan:
         lines = [
             f"{len(sheet.label)} poses" + (f" ({kept} of them never fitted)" if kept else "")
             + f", {len(sheet.visit)} rows, about {sheet.time[-1] / 60:.0f} min; {self.prepared.place}"]
+        if sheet.hung:
+            lines.append(f"{sheet.lifted_kg:g} kg are lifted in all to hang the weights on and take them off; every pose "
+                         "begins and ends without them")
         if self.discrimination is not None:
             lines += self.discrimination.lines()
-        lines += [f"criterion {criterion}: {CRITERIA[criterion]}", self.certified]
+        lines += [f"criterion {criterion}: {CRITERIA[criterion]}{self._about}", self.certified]
         if self.gain is not None:
             lines += self.gain.lines()
         if joints:
@@ -97,6 +104,12 @@ class DesignPlan:
                          f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
         lines += self.forecast.cause_lines(", with what was measured before," if self.further else "")
         return lines + (self.forecast.length_lines() if self.discrimination is None else [])
+
+    @property
+    def _about(self) -> str:
+        """What the criterion leaves out."""
+        names = " and ".join(f"k{one.joint}" for one, _ in self.unseen)
+        return f"; of what these loads can show, {names} left out" if names else ""
 
     def csv(self) -> bytes:
         """The measurement file, its deflection columns still empty."""
@@ -119,6 +132,13 @@ class DesignPlan:
             "with the sensors set to zero anew at each pose, and put the true times in time_s; planned ones stand there.",
             "Collisions were not checked: drive the poses in manual mode first.",
         ]
+        if self.sheet.hung:
+            lines += [
+                "mass_kg: what hangs at the tool point beyond the zero reading; put in what really hangs, hook and rope too.",
+                "On the way up take the lighter weight off before the heavier is hung on; on the way down only take off.",
+                "Let it hang still before reading. Never drive with a weight that hangs.",
+                "Leave the controller's load data as they are without weights.",
+            ]
         if self.discrimination is not None:
             lines += ["Append the rows to what was measured before, then diagnose again.", *self.discrimination.lines()]
         return lines

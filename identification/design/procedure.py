@@ -18,6 +18,7 @@ from identification.design.plan import DesignPlan
 from identification.design.request import Request, prepare
 from identification.design.search import QUICK, Design, Effort, optimal_design
 from identification.design.sheet import Sheet, sheet_of
+from identification.design.unseen import Sideways, sideways, unseen_finding
 from identification.diagnosis.discrimination import Rivals
 from identification.model.cell import Cell
 
@@ -53,8 +54,18 @@ def design_plan(
     runs = design.runs.joined(kept_back(task.domain, design.pool, design.runs, request.kept_back))
     sheet = _in_order(design, runs, request, rng)
     expected = forecast(design, sheet.of_purpose(validate=False), request.measured, rng)
+    helps, labels, unseen = _unseen(design, sheet)
     return DesignPlan(prepared, design, sheet, expected, discrimination, gain, request.measured is not None, seed,
-                      (*(milling.findings if milling is not None else ()), *prepared.findings, *findings))
+                      (*(milling.findings if milling is not None else ()), *prepared.findings, *findings, *unseen),
+                      tuple(zip(helps, labels, strict=True)))
+
+
+def _unseen(design: Design, sheet: Sheet) -> tuple[tuple[Sideways, ...], tuple[str, ...], tuple[Finding, ...]]:
+    """The loads that would show what the plan's cannot, at which poses, and what to say of it."""
+    domain = design.task.domain
+    helps = tuple(sideways(domain, design.runs, design.information, joint) for joint in design.task.criterion.left_out)
+    labels = tuple(sheet.label[int(np.flatnonzero(sheet.run == one.run)[0])] for one in helps)
+    return helps, labels, (unseen_finding(domain, helps, labels),) if helps else ()
 
 
 def _rivals(cell: Cell, request: Request) -> tuple[Rivals, tuple[Finding, ...]]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.common.shipped import shipped
+from identification.design.dead_weights import in_words
 from identification.design.domain import Domain
 from identification.design.sheet import Sheet
 from identification.model.cell import Cell
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 TEMPLATE = "design_program.mod.j2"
 # Where the robot comes from and leaves to: the TCP this far outwards and up; the first that the arm reaches.
 RETREATS_M = ((0.0, 0.15), (-0.1, 0.1), (-0.15, 0.0), (0.0, 0.05), (-0.05, 0.0))
+# Characters that the pendant shows.
+LONGEST_PROMPT = 80
 # No joint turns farther than this on the last stretch: the retreat is in the same configuration.
 LARGEST_TURN = np.radians(45.0)
 
@@ -83,13 +86,23 @@ def _visit(sheet: Sheet, number: int, behind: Array) -> dict[str, Any]:
     for row in np.flatnonzero(sheet.visit == number):
         force = sheet.force[row]
         dwell = f"{sheet.dwell[row]:g}"
-        prompts.append({"ask": f"{label}: {_load(force, 1)}. Then hold {dwell} s", "wait_s": dwell,
-                        "then": f"{label}, row {row + 1}, {_load(force, 0)}: write down dx dy dz and the time"})
+        ask, applied = f"{label}: {_load(force, 1)}. Then hold {dwell} s", _load(force, 0)
+        if sheet.hung:
+            ask, applied = _weights(sheet, label, int(row)), in_words(sheet.hung[row]) if sheet.hung[row] else "no weights"
+        prompts.append({"ask": ask, "wait_s": dwell,
+                        "then": f"{label}, row {row + 1}, {applied}: write down dx dy dz and the time"[:LONGEST_PROMPT]})
     visit: dict[str, Any] = {"label": label, "number": number + 1, "of": len(sheet.label),
                              "joints": np.degrees(sheet.theta[number]).tolist(), "prompts": prompts}
     if np.isfinite(behind).all():
         visit["approach"] = np.degrees(behind).tolist()
     return visit
+
+
+def _weights(sheet: Sheet, label: str, row: int) -> str:
+    """What the operator does with the weights, as short as a prompt must be."""
+    still = f". Still for {sheet.dwell[row]:g} s"
+    text = f"{label}: {sheet.handling(row)}{still}"
+    return text if len(text) <= LONGEST_PROMPT else f"{label}: change to {sum(sheet.hung[row]):g} kg in all{still}"
 
 
 def _load(force: Array, digits: int) -> str:

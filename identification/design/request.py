@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 from identification.common.findings import Finding, error
 from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
+from identification.design.dead_weights import DeadWeights
 from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
 from identification.design.information import Instrument, instrument
-from identification.design.loads import FREE, Slot, slot
+from identification.design.loads import FREE, Slot, slot, weight_slot
 from identification.design.milling import MillingPoses, prediction_weight
 from identification.design.task import Demand, Task, free_demand
+from identification.design.unseen import seen_by
 from identification.fit.priors import PriorModel
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects_in_force import SPRINGS
+from identification.model.gravity import fall_in_base
 from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
 
@@ -35,7 +38,8 @@ class Request:
 
     measurements: runs, poses with their loads (8). criterion: D, A, E or I (I with milling poses, else D). protocol: "cycle" or
     "single". axes: base axes the cylinder can push along, every_axis: all of them at each pose in turn; free: along a line of
-    its own at each pose. force_n: largest force. positions_mm: where the TCP may stand, or box_mm: two corners (6 numbers) it
+    its own at each pose. force_n: largest force. dead_weight: in place of all these, levels of hung mass [kg] such as
+    "20,40,20+40" (dead_weights.py). positions_mm: where the TCP may stand, or box_mm: two corners (6 numbers) it
     stays between. phi_deg: window of the tool's orientation, 180 for none. replicates: visits to each pose. preset: "paper" or
     "outlook". measured: rows after which the runs come; diagnosis: what a diagnosis of them says, whose rivals the runs shall
     tell apart. kept_back: further poses that are never fitted. Raises ValueError for what excludes each other.
@@ -51,6 +55,7 @@ class Request:
     every_axis: bool = False
     free: bool = False
     force_n: float = 300.0
+    dead_weight: str | None = None
     positions_mm: tuple[tuple[float, float, float], ...] = ()
     box_mm: tuple[float, ...] | None = None
     phi_deg: float = 80.0
@@ -61,12 +66,16 @@ class Request:
     kept_back: int = 0
 
     def __post_init__(self) -> None:
+        if self.dead_weight:
+            DeadWeights.of(self.dead_weight)
         for wrong, reason in (
             (self.positions_mm and self.box_mm is not None, "positions_mm and box_mm exclude each other"),
             (self.measured is not None and self.preset, "preset is a whole plan: it takes nothing that was measured before"),
             (self.preset == "paper" and self.measurements, "preset paper has five measurements; leave measurements out"),
             (self.free and (self.preset or self.every_axis or self.axes != "xyz"),
              "free loads each pose along a line of its own; it takes no axes, every_axis or preset"),
+            (self.dead_weight and (self.preset or self.every_axis or self.free or self.axes != "xyz"),
+             "dead_weight only pulls down; it takes no axes, every_axis, free or preset"),
             (self.diagnosis is not None and self.measured is None, "diagnosis belongs to measured: its rivals are fitted to "
              "that"),
         ):
@@ -99,14 +108,18 @@ def prepare(cell: Cell, request: Request, milling: MillingPoses | None) -> Prepa
     rig, precision, before, findings = _known(cell, request)
     weight = None if milling is None else prediction_weight(rig, milling)
     positions, box, place = _place(cell, request, milling)
-    slots, demand = _runs(request)
+    slots, demand = _runs(cell, request)
     margins = Margins(phi=None if request.phi_deg >= 180 else float(np.radians(request.phi_deg)))
     domain = Domain(rig, slots, positions, box, margins)
-    task = Task(domain, _criterion(cell, request, weight, rig), precision, demand, request.replicates)
+    criterion = _criterion(cell, request, weight, rig)
+    seen = seen_by(domain, precision, len(demand) * request.replicates, np.random.default_rng(0))
+    if seen is not None:
+        criterion = criterion.of_seen(seen)
+    task = Task(domain, criterion, precision, demand, request.replicates)
     plainer = None
     if request.free or request.preset == "outlook":
         other = replace(request, free=False, preset="paper" if request.preset else None)
-        slots, demand = _runs(other)
+        slots, demand = _runs(cell, other)
         words = "the paper's plan" if request.preset else "as many runs with loads along base axes"
         plainer = replace(task, domain=replace(domain, slots=slots), demand=demand), words
     return Prepared(task, rig, before, place, weight, findings, plainer)
@@ -176,7 +189,7 @@ def _box_words(box: Array) -> str:
     return "TCP anywhere in the box " + " to ".join("({:g}, {:g}, {:g})".format(*np.round(1e3 * c, 1)) for c in box) + " mm"
 
 
-def _runs(request: Request) -> tuple[tuple[Slot, ...], Demand]:
+def _runs(cell: Cell, request: Request) -> tuple[tuple[Slot, ...], Demand]:
     """The slots, and how many runs of which. The paper's plan: four orientations, three loads along y and two along x, so that
     one orientation is loaded along both."""
     if request.preset == "paper":
@@ -185,6 +198,9 @@ def _runs(request: Request) -> tuple[tuple[Slot, ...], Demand]:
     count = request.measurements or (4 if request.preset else DEFAULT_RUNS)
     if request.preset == "outlook":
         return (slot("xyz", "single", request.force_n),), free_demand(1, count)
+    if request.dead_weight:
+        hung = weight_slot(DeadWeights.of(request.dead_weight), request.protocol, fall_in_base(cell.world_from_base))
+        return (hung,), free_demand(1, count)
     if request.free:
         return (slot(FREE, request.protocol, request.force_n),), free_demand(1, count)
     slots = (slot(request.axes, request.protocol, request.force_n),) if request.every_axis else tuple(

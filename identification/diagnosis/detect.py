@@ -1,7 +1,7 @@
 """Is there anything wrong at all? The largest score over the dictionary and over patterns no cause is needed for, with its
 probability by parametric bootstrap under the fitted noise (docs/effects.md, steps 2 and 4).
 
-Replicates are drawn from the fitted three-part noise, its variance components drawn from their own posterior, and scored with
+Replicates are drawn from the fitted noise, its variance components drawn from their own posterior, and scored with
 the same weights; each is divided by its own residual variance, as the data's is.
 """
 
@@ -28,7 +28,7 @@ SMALLEST = -700.0
 
 @dataclass(frozen=True, eq=False)
 class FittedNoise:
-    """The noise that replicates are drawn from: its model, the variance components with the covariance (3, 3) of their ln, and
+    """The noise that replicates are drawn from: its model, the variance components with the covariance (6, 6) of their ln, and
     the rows' weights (n,)."""
 
     model: NoiseModel
@@ -38,13 +38,9 @@ class FittedNoise:
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Noise (n, 3, count) in the model's coordinates, each draw with variance components of their own."""
-        model, logs = self.model, self.components.logs
-        drawn_logs = rng.multivariate_normal(logs, self.covariance, count, method="cholesky")
-        sensor, force, offset = np.exp(np.clip(drawn_logs, logs - 2.5, logs + 1.5)).T
-        own = sensor**2 + force**2 * np.where(model.measured, model.force, 0.0)[:, :, None]
-        drawn = np.sqrt(own / self.row_weight[:, None, None]) * rng.standard_normal((*model.measured.shape, count))
-        seat = model.offset[:, None] * offset * rng.standard_normal((model.visits, 3, count))
-        return np.asarray(np.where(model.measured[:, :, None], drawn + model.rotation @ seat[model.visit], 0.0))
+        logs = self.components.logs
+        drawn = rng.multivariate_normal(logs, self.covariance, count, method="eigh")
+        return self.model.draw(np.exp(np.clip(drawn, logs - 2.5, logs + 1.5)), self.row_weight, rng)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from identification.common.arrays import rms
 from identification.diagnosis.judgement import Judgement
 from identification.fit.identifiability import grade_joints
 from identification.model.effects_in_force import EFFECTS, SPRINGS, EffectInForce
+from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 
 
@@ -34,5 +35,5 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
                "measurement_effects": [cause.label for cause in judgement.causes if not cause.effect.of_robot]}
     cell = plain.data.cell
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
-                           tuple(grade.grade for grade in grade_joints(free.of_joints())), figures, effects=tuple(inside),
-                           interval=interval)
+                           tuple(grade.grade for grade in grade_joints(free.of_joints())), figures, tuple(inside),
+                           fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre, interval=interval)

@@ -13,6 +13,7 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.swing import Swing
 from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
@@ -45,7 +46,8 @@ class Judgement:
     these rows cannot show, and why. law_differs: the causes explain nearly all of the misfit, and what is left is still more
     than noise. bad_rows: not among `rows`. thinning: how the rows of machined passes were averaged. carried: the extended model
     with the laws of its effects free within what real ones differ by, None where nothing is named: its springs are the ones to
-    use. mistakes: those of the table or the cell file: the one where the verdict is one, else rivals of the alternatives."""
+    use. swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas. mistakes: those of the
+    table or the cell file: the one where the verdict is one, else rivals of the alternatives."""
 
     verdict: Verdict
     plain: Posterior
@@ -65,6 +67,7 @@ class Judgement:
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
     carried: Posterior | None = None
+    swing: Swing | None = None
     mistakes: tuple[NamedMistake, ...] = ()
 
     @property

@@ -26,6 +26,7 @@ from identification.diagnosis.naming import (
 )
 from identification.diagnosis.scatter import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, explained
 from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
+from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, mistakes_in
@@ -63,7 +64,7 @@ def judge(
     """
     averaged, thinning = in_blocks(cell, measurements)
     procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.without_bad_rows(), thinning=thinning)
+    return replace(procedure.allowing_for_swing(procedure.without_bad_rows()), thinning=thinning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,16 @@ class Procedure:
     def rng(self) -> np.random.Generator:
         """Of all that is drawn, in the order of the procedure."""
         return np.random.default_rng(self.seed)
+
+    def allowing_for_swing(self, judgement: Judgement) -> Judgement:
+        """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
+        swing = None if judgement.verdict == "mistake" else swing_of(judgement.extended)
+        if swing is None:
+            return judgement
+        again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).without_bad_rows()
+        if again.verdict == "unknown":
+            return judgement
+        return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
     def without_bad_rows(self) -> Judgement:
         """The judgement; where single rows are bad, of the others."""

@@ -10,9 +10,10 @@ from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.model.effects import effects
-from identification.model.effects.kinds import ONLY_IN_MOTION
+from identification.model.effects.kinds import OF_THE_KIND
 
 # So many checks are told on the terminal.
 MOST_CHECKS = 4
@@ -27,7 +28,8 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "verdict": judgement.verdict,
         "misfit": {"rms_um": 1e6 * rms(judgement.plain.residual), "expected_rms_um": 1e6 * rms(judgement.expected_std),
                    "p_value": judgement.detection.p_value, "p_resolution": judgement.detection.resolution},
-        "causes": [_cause(judgement, cause) for cause in judgement.causes] + [bad.as_dict() for bad in judgement.bad_rows],
+        "causes": [*(_cause(judgement, cause) for cause in judgement.causes), *(bad.as_dict() for bad in judgement.bad_rows),
+                   *([judgement.swing.as_dict()] if judgement.swing and judgement.verdict == "named" else [])],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
         "mistakes": [mistake.as_dict() for mistake in judgement.mistakes],
         "gain": None if judgement.gain is None else judgement.gain.as_dict(),
@@ -115,7 +117,8 @@ def _verdict(judgement: Judgement) -> list[str]:
     if judgement.verdict == "adequate":
         return ["adequate: six springs explain the data to their noise"]
     if judgement.verdict == "named":
-        return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_row_line, judgement.bad_rows)]
+        return [*(_cause_line(judgement, cause) for cause in judgement.causes), *map(_bad_row_line, judgement.bad_rows),
+                *([_swing_line(judgement.swing)] if judgement.swing else [])]
     if judgement.verdict == "mistake":
         return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
@@ -143,6 +146,10 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
 def _bad_row_line(bad: BadRow) -> str:
     off = ", ".join(f"{1e6 * component:.1f}" for component in bad.off)
     return f"named: row {bad.row} (line {bad.line}) is a bad reading, off by ({off}) um; it was left out"
+
+
+def _swing_line(swing: Swing) -> str:
+    return f"named: {swing.sentence} (up to {1e6 * swing.largest:.0f} um, 1 sigma; it is scatter, and nothing is carried on)"
 
 
 def value(item: dict[str, Any]) -> str:
@@ -175,6 +182,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
                                 file=source, line=bad.line, hint="measure it again"))
+    if judgement.swing is not None:
+        findings.append(Finding("CS1511", "warning", f"{judgement.swing.sentence}; the rows were given that much more sigma",
+                                file=source, hint=EFFECT.settles))
     if judgement.thinning is not None:
         thin = judgement.thinning
         length = thin.autocorrelation_time
@@ -189,7 +199,7 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 "and soft zones of joints 2 and 3 are judged as if gravity did not load their gears",
                                 file=str(robot.source), hint="add links (mass and centre) to a robot file of your own"))
     for name, why in judgement.left_out.items():
-        if name in effects() and why != ONLY_IN_MOTION:
+        if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
     if judgement.verdict == "adequate":
         findings.append(Finding("CS1406", "note", "a wrong scale of the force sensor (force_gain) can never be seen in "

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import noise_model
 from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
-PARTS = ("sensor noise", "force error", "re-seating")
+PARTS = ("sensor noise", "force error", "absolute force error", "re-seating")
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more.
 GRANTED_AFTER_NAMING = 3.0
 GRANTED = 4.0
@@ -27,10 +27,10 @@ def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     if np.any(rows.machined_pass != ""):
         # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
         return {}
-    stated = (cell.noise.deflection_stated or not np.isnan(rows.sigma).all(), *fitted.at_map.noise.stated[1:])
+    stated = (cell.noise.deflection_stated or not np.isnan(rows.sigma).all(), *fitted.at_map.noise.stated[1:4])
     components, log_std = fitted.components, fitted.components_log_std
-    multiples = (components.sensor, components.force, components.offset)
-    return {name: multiple for name, multiple, std, known in zip(PARTS, multiples, log_std, stated, strict=True)
+    multiples = (components.sensor, components.force, components.absolute, components.offset)
+    return {name: multiple for name, multiple, std, known in zip(PARTS, multiples, log_std[:4], stated, strict=True)
             if known and np.log(multiple / granted) > ONE_SIDED_95 * std}
 
 
@@ -47,8 +47,7 @@ def explained(plain: Posterior, extended: Posterior) -> Explained:
     """How much of the plain model's misfit the extended one explains, against noise no larger than ordinary."""
     noise = noise_model(extended.data, extended.compliance)
     components = extended.components
-    weights = noise.weights(VarianceComponents(
-        components.sensor, min(components.force, ORDINARY), min(components.offset, ORDINARY)))
+    weights = noise.weights(components.at_most(ORDINARY))
 
     def chi2(model: Posterior) -> float:
         whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(model.residual))[:, :, None]

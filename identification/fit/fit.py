@@ -15,7 +15,7 @@ from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid,
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.judge import NamedMistake, common_factor_findings, mistake_finding, mistakes_in
 from identification.fit.mistakes.units import unit_mistake
-from identification.fit.noise import residual_std
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
@@ -142,9 +142,12 @@ def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
         "noise_scale": components.sensor,
         "noise": {
             "sensor_scale": components.sensor, "sensor_log_std": float(fitted.components_log_std[0]),
-            "force_relative_scale": components.force, "force_stated": noise.stated[1], "force_told_apart": noise.separable[1],
-            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[2],
-            "pose_offset_told_apart": noise.separable[2],
+            "force_stated": any(noise.stated[FORCE:OFFSET]),
+            "force_relative_scale": components.force, "force_relative_stated": noise.stated[FORCE],
+            "force_absolute_scale": components.absolute, "force_absolute_stated": noise.stated[ABSOLUTE],
+            "force_told_apart": noise.told_apart[0], "setup_relative": USUAL_SETUP * components.setup, "memory": components.rho,
+            "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[OFFSET],
+            "pose_offset_told_apart": noise.told_apart[1],
             "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
         },
         "prior": {"kind": prior.kind, "gamma": prior.gamma} if prior.kind == "gaussian" else {"kind": prior.kind},
@@ -162,7 +165,8 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_mistakes(fitted, conflicts), *_against_prior(fitted, grades), *_larger_noise(fitted), *_light_rows(fitted)]
+    findings += [*_mistakes(fitted, conflicts), *_against_prior(fitted, grades), *_larger_noise(fitted),
+                 *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -214,8 +218,9 @@ def _mistakes(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> list[Findin
         raise error("CS1018", unit.sentence.format(rows=f"all {len(fitted.data.rows)} rows"), file=source,
                     hint=f"the factor looks like a unit; check: {unit.settles}")
     return [*common_factor_findings(fitted), *(
-        Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: {named.sentence}",
-                file=source, hint="compstiff diagnose weighs it against physical causes") for named in possible)]
+        Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: "
+                f"{named.sentence}", file=source, hint="compstiff diagnose weighs it against physical causes")
+        for named in possible)]
 
 
 def _larger_noise(fitted: Posterior) -> list[Finding]:
@@ -230,6 +235,21 @@ def _larger_noise(fitted: Posterior) -> list[Finding]:
                     "intervals use the estimated noise", file=fitted.data.rows.source,
                     hint="state the noise in cell.yaml if it is known; otherwise see which pose or axis stands out in the "
                     "report")]
+
+
+def _not_independent(fitted: Posterior) -> list[Finding]:
+    """What the rows of a visit share beyond its re-seating (CS1040, CS1041)."""
+    source, components, active = fitted.data.rows.source, fitted.components, fitted.at_map.noise.active
+    findings = []
+    if active[MEMORY]:
+        findings.append(Finding("CS1040", "note", "neighbouring readings of a visit are alike beyond what they share "
+                                f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
+                                file=source, hint="wait longer between readings, or take more poses"))
+    if active[SETUP]:
+        findings.append(Finding("CS1041", "note", "the forces of one visit are stretched and turned against those of the next, "
+                                f"by {100 * USUAL_SETUP * components.setup:.2g} % of the load", file=source,
+                                hint="align the loading device anew at each pose with a level or a square"))
+    return findings
 
 
 def _light_rows(fitted: Posterior) -> list[Finding]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.fit.posterior import Posterior
 from identification.model.compliance import regressor
+from identification.model.effects.kinds import nothing_hangs
 
 Array = NDArray[np.float64]
 
@@ -18,6 +19,8 @@ RELIABLE_LOG_STD = 0.2
 UNSEEN_SHRINKAGE = 2.0 / 3.0
 # A joint whose largest contribution to any reading stays under this many of that reading's sigmas was never loaded.
 UNLOADED_SIGMAS = 1.0
+# A load turns a joint where its lever is longer than this [m].
+UNTURNED = 1e-3
 # Correlation from which two stiffnesses are said to trade off.
 TRADE_OFF = 0.7
 CANDIDATES = 1500
@@ -64,7 +67,9 @@ def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
     std = np.sqrt(np.diag(posterior.covariance))
     correlation = posterior.covariance / np.outer(std, std)
     signal = np.max(np.abs(posterior.at_map.design), axis=(0, 1)) / posterior.components.sensor
-    grades = []
+    state, grades = posterior.load_state, []
+    plumb = not nothing_hangs(state)
+    turned = np.abs(state.torque).max(axis=0) / max(float(np.linalg.norm(state.wrench[:, :3], axis=1).max()), 1e-9)
     for i in range(6):
         shrinkage = float(std[i] / posterior.prior.log_std[i])
         grade = "reliable" if std[i] <= RELIABLE_LOG_STD else "tentative"
@@ -74,7 +79,8 @@ def grade_joints(posterior: Posterior) -> tuple[JointGrade, ...]:
         partner = int(np.argmax(others))
         trades = others[partner] >= TRADE_OFF
         if signal[i] < UNLOADED_SIGMAS:
-            reason = f"joint {i + 1} was never loaded: its largest share of a reading is {signal[i]:.2g} of the sensor's sigma"
+            reason = (f"joint {i + 1} was never loaded: its largest share of a reading is {signal[i]:.2g} of the sensor's sigma"
+                      + (", and no load turns it: all point straight down" if plumb and turned[i] < UNTURNED else ""))
         elif trades:
             reason = f"k{i + 1} and k{partner + 1} trade off (correlation {correlation[i, partner]:+.2f})"
         else:

@@ -32,7 +32,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
 from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model, student_weights
 from identification.fit.priors import PriorModel
-from identification.fit.variance_components import ComponentPosterior, likeliest, log_covariance, trial_components
+from identification.fit.variance_components import ComponentPosterior, asked_for, likeliest, log_covariance, trial_components
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
 from identification.model.load_state import LoadState
@@ -50,7 +50,7 @@ class Posterior:
     """mean (6 + P,) and covariance of x = (ln c, parameters of terms), those of the draws; laplace: inverse curvature at the
     MAP.
 
-    data: what it was fitted to. components: estimated variance components; components_covariance (3, 3): of their ln.
+    data: what it was fitted to. components: estimated variance components; components_covariance (6, 6): of their ln.
     weights: Sigma^-1 with them and the row weights; information (6 + P, 6 + P): the data's on x at the MAP. chi2: against the
     stated noise. readings: measured components of deflections. at_map: the model linearised at the MAP, its prior with the
     terms' parameters.
@@ -105,7 +105,7 @@ class Posterior:
 
     @property
     def components_log_std(self) -> Array:
-        """How well the data tell the variance components: standard deviations (3,) of their ln."""
+        """How well the data tell the variance components: standard deviations (6,) of their ln."""
         return np.sqrt(np.diag(self.components_covariance))
 
     @cached_property
@@ -149,22 +149,29 @@ def posterior(data: LoadTest, terms: Sequence[Term] = (), start: Array | None = 
     start = _start(data, model.readings) if start is None else start
     x = np.concatenate([start, *(term.start for term in terms)])
     components, row_weight = VarianceComponents(), np.ones(len(rows))
-    for _ in range(MAX_ROUNDS):
+    further: tuple[int, ...] = ()
+    for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
-        noise = noise_model(data, np.exp(x[SPRINGS]))
+        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
+        if number == 1:
+            # Near enough to the MAP to see whether the rows ask for more than they usually do.
+            further = asked_for(at, components)
+            noise = noise.with_parts(*further)
+            at = replace(at, noise=noise)
+            components = likeliest(ComponentPosterior(at), components) if further else components
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)
         at = _maximise(model, replace(at, row_weight=row_weight), weights)
         x = at.x
         # Components within five percent and weights within a twentieth are far inside their own uncertainty.
-        if np.max(np.abs(components.logs - before.logs)) < 0.05 and np.max(np.abs(row_weight - last_weight)) < 0.05:
+        if number and np.max(np.abs(components.logs - before.logs)) < 0.05 and np.max(np.abs(row_weight - last_weight)) < 0.05:
             break
     information = weights.inner(at.design, at.design)
     column = at.residual[:, :, None]
-    stated = noise.weights(VarianceComponents(1.0, float(noise.stated[1]), float(noise.stated[2])))
+    stated = noise.weights(VarianceComponents(*(float(known) for known in (True, *noise.stated[1:]))))
     laplace = np.asarray(np.linalg.inv(shrunk(information, components.degrees) + at.prior.precision(x)), dtype=float)
     of_components = ComponentPosterior(at)
     covariance = log_covariance(of_components, components)

@@ -5,21 +5,26 @@ They enter as logarithms of their square roots, as multiples of what is stated (
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import NoiseModel, VarianceComponents
+from identification.fit.noise import LARGEST_LOG, MEMORY, PARTS, REMEMBERED, SETUP, NoiseModel, VarianceComponents
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]
 
 # The components are estimated from at most so many rows, taken as whole pose visits evenly over the file.
 NOISE_ROWS = 6000
-LARGEST_LOG = 7.0
+# ln likelihood that a part of which no file says anything must bring.
+WORTH_A_PART = 2.0
+# Sizes of such a part that are tried, as multiples of the usual one.
+SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
+# Newton steps of the search, and their ends.
+MAX_STEPS, LONGEST, ENOUGH = 12, 1.5, 2e-3
 # Components that are tried for the posterior: so many, fewer where each costs many rows.
 TRIALS, FEWEST_TRIALS, TRIAL_ROWS = 512, 64, 200_000
 # Wider than the curvature says, and with heavier tails: trials must cover what is there.
@@ -28,7 +33,7 @@ TRIAL_STRETCH, TRIAL_DEGREES = 1.3, 4.0
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Components as likely as their weight (S,) says: logs (S, 3); gram (S, q, q) of the rows with these components, None where
+    """Components as likely as their weight (S,) says: logs (S, 6); gram (S, q, q) of the rows with these components, None where
     they were told from a part of the rows."""
 
     logs: Array
@@ -37,23 +42,29 @@ class Trials:
 
 
 class ComponentPosterior:
-    """ln posterior of the logarithms of the components, the parameters x integrated out (Laplace). All three are free:
+    """ln posterior of the logarithms of the components, the parameters x integrated out (Laplace). All active ones are free:
     where the rows cannot tell two parts apart, their priors share the residual out."""
 
     def __init__(self, at: Linearised) -> None:
         noise, rows = at.noise, _subset(at.noise)
         self.whole = bool(rows.all())
-        _, visit = np.unique(noise.visit[rows], return_inverse=True)
-        self._noise = noise if self.whole else NoiseModel(
-            noise.rotation[rows], noise.force[rows], noise.measured[rows], visit.astype(np.intp), noise.offset, noise.stated)
-        self._gram = NoiseGram(self._noise, at.row_weight[rows], at.design[rows], at.residual[rows])
+        self.noise = noise if self.whole else noise.of_rows(rows)
+        self._gram = NoiseGram(self.noise, at.row_weight[rows], at.design[rows], at.residual[rows])
         # The prior on the step counts as often as the rows are thinned.
         self._precision = rows.mean() * at.prior.precision(at.x)
         self._pull = rows.mean() * -at.prior.gradient(at.x)
         self.rows = int(rows.sum())
 
     def __call__(self, logs: Array) -> tuple[Array, Array]:
-        """ln posterior (S,) of logs (S, 3), and the gram (S, q, q) of the rows."""
+        """ln posterior (S,) of logs (S, 6), and the gram (S, q, q) of the rows."""
+        value, gram = self._likelihood(logs)
+        return value + log_prior(self.noise, np.clip(logs, -LARGEST_LOG, LARGEST_LOG)), gram
+
+    def likelihood(self, logs: Array) -> Array:
+        """ln likelihood (S,) of logs (S, 6)."""
+        return self._likelihood(logs)[0]
+
+    def _likelihood(self, logs: Array) -> tuple[Array, Array]:
         logs = np.clip(logs, -LARGEST_LOG, LARGEST_LOG)
         gram, log_determinant = self._gram(logs)
         information = gram[:, :-1, :-1] + self._precision
@@ -61,60 +72,102 @@ class ComponentPosterior:
         step = np.linalg.solve(information, pull[:, :, None])[:, :, 0]
         _, log_volume = np.linalg.slogdet(information)
         gained = np.einsum("sp,sp->s", pull, step) - gram[:, -1, -1]
-        return 0.5 * (gained - log_determinant - log_volume) + log_prior(self._noise, logs), gram
+        return 0.5 * (gained - log_determinant - log_volume), gram
 
 
 def _subset(noise: NoiseModel) -> NDArray[np.bool_]:
-    """Rows from which the components are estimated: all, or whole visits evenly over a long file."""
+    """Rows from which the components are estimated: all, or whole visits evenly over a long file, or stretches of long ones."""
     count = len(noise.visit)
     if count <= NOISE_ROWS:
         return np.ones(count, dtype=bool)
     every = int(np.ceil(count / NOISE_ROWS))
-    number = noise.visit if noise.visits >= 2 * every else np.arange(count)
+    number = noise.visit if noise.visits >= 2 * every else np.arange(count) // (4 * REMEMBERED)
     return np.asarray(number % every == 0)
 
 
 def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> VarianceComponents:
-    """The likeliest components, searched from those given."""
-    from scipy.optimize import minimize
+    """The likeliest components, by Newton steps from those given; parts that are not active stay as they are."""
+    free = np.flatnonzero(posterior.noise.active)
+    logs = components.logs
+    logs[free] = np.maximum(logs[free], -3.0)
+    value = float(posterior(logs[None])[0][0])
+    for _ in range(MAX_STEPS):
+        gradient, hessian = _slopes(posterior, logs, free)
+        eigenvalues, vectors = np.linalg.eigh(hessian)
+        step = vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(eigenvalues), 0.3))
+        step *= min(1.0, LONGEST / max(float(np.linalg.norm(step)), 1e-300))
+        trials = np.repeat(logs[None], 5, axis=0)
+        trials[:, free] += np.multiply.outer([2.0, 1.0, 0.5, 0.2, 0.05], step)
+        trials = np.clip(trials, -LARGEST_LOG, LARGEST_LOG)
+        tried = posterior(trials)[0]
+        best = int(np.argmax(tried))
+        if tried[best] < value + ENOUGH:
+            break
+        logs, value = trials[best], float(tried[best])
+    fitted = components.with_logs(logs)
+    return replace(fitted, **{PARTS[part]: getattr(components, PARTS[part]) for part in np.flatnonzero(~np.array(
+        posterior.noise.active))})
 
-    def objective(logs: Array) -> float:
-        return -float(posterior(logs[None])[0][0])
 
-    start = components.logs
-    minimum = minimize(objective, start, method="Nelder-Mead", options={
-        "initial_simplex": np.concatenate([start[None], start + 0.4 * np.eye(3)]), "xatol": 5e-3, "fatol": 5e-3, "maxfev": 200})
-    return components.with_logs(np.clip(minimum.x, -LARGEST_LOG, LARGEST_LOG))
+def asked_for(at: Linearised, components: VarianceComponents) -> tuple[int, ...]:
+    """The parts that the rows ask for beyond the usual ones: set-ups, where visits have several loaded rows, and a memory,
+    where visits have several rows."""
+    noise = at.noise
+    loaded = np.bincount(noise.visit, np.any(noise.setups != 0, axis=(1, 2)))
+    rows = np.bincount(noise.visit)
+    possible = [part for part, company in ((SETUP, loaded), (MEMORY, rows)) if np.sum(company > 2) > 1]
+    plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
+    asked = []
+    for part in possible:
+        logs = np.repeat(components.logs[None], len(SIZES), axis=0)
+        logs[:, part] = np.log(SIZES)
+        with_part = ComponentPosterior(replace(at, noise=noise.with_parts(part)))
+        if float(with_part.likelihood(logs).max()) > plain + WORTH_A_PART:
+            asked.append(part)
+    return tuple(asked)
+
+
+def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Gradient (f,) of ln posterior by the free logarithms, and the negative Hessian (f, f), by differences."""
+    step, unit = 0.1, np.eye(len(logs))[free]
+    pairs = [(i, j) for i in range(len(free)) for j in range(i)]
+    moves = [np.zeros(len(logs)), *unit, *-unit, *(a * unit[i] + b * unit[j] for i, j in pairs for a, b in (
+        (1, 1), (1, -1), (-1, 1), (-1, -1)))]
+    value, count = posterior(logs + step * np.array(moves))[0], len(free)
+    ahead, behind = value[1: 1 + count], value[1 + count: 1 + 2 * count]
+    hessian = np.diag(2 * value[0] - ahead - behind) / step**2
+    for number, (i, j) in enumerate(pairs):
+        both, first, second, neither = value[1 + 2 * count + 4 * number: 5 + 2 * count + 4 * number]
+        hessian[i, j] = hessian[j, i] = -(both - first - second + neither) / (4 * step**2)
+    return (ahead - behind) / (2 * step), hessian
 
 
 def log_covariance(posterior: ComponentPosterior, components: VarianceComponents) -> Array:
-    """Covariance (3, 3) of the logarithms of the components, from the curvature of their posterior."""
-    step, unit = 0.1, np.eye(3)
-    pairs = [(i, j) for i in range(3) for j in range(i)]
-    moves = [np.zeros(3), *unit, *-unit, *(a * unit[i] + b * unit[j] for i, j in pairs for a, b in (
-        (1, 1), (1, -1), (-1, 1), (-1, -1)))]
-    value = -posterior(components.logs + step * np.array(moves))[0]
-    hessian = np.diag(value[1:4] - 2 * value[0] + value[4:7]) / step**2
-    for number, (i, j) in enumerate(pairs):
-        both, first, second, neither = value[7 + 4 * number: 11 + 4 * number]
-        hessian[i, j] = hessian[j, i] = (both - first - second + neither) / (4 * step**2)
-    eigenvalues, vectors = np.linalg.eigh(hessian)
+    """Covariance (6, 6) of the logarithms of the components, from the curvature of their posterior; nothing for those that are
+    not active."""
+    free = np.flatnonzero(posterior.noise.active)
+    eigenvalues, vectors = np.linalg.eigh(_slopes(posterior, components.logs, free)[1])
+    covariance = np.zeros((len(components.logs),) * 2)
     # A component that the data leave open is known to a factor e at best.
-    return np.asarray((vectors / np.maximum(eigenvalues, 1.0)) @ vectors.T)
+    covariance[np.ix_(free, free)] = (vectors / np.maximum(eigenvalues, 1.0)) @ vectors.T
+    return covariance
 
 
 def trial_components(posterior: ComponentPosterior, components: VarianceComponents, covariance: Array) -> Trials:
-    """Components spread over their posterior about the likeliest, with importance weights; covariance (3, 3) of their ln."""
+    """Components spread over their posterior about the likeliest, with importance weights; covariance (6, 6) of their ln."""
     from scipy.special import gammaincinv, ndtri
 
-    count = int(np.clip(TRIAL_ROWS // posterior.rows, FEWEST_TRIALS, TRIALS))
-    uniform = _even(count, 4)
-    normal = ndtri(uniform[:, :3])
-    stretch = np.sqrt(0.5 * TRIAL_DEGREES / gammaincinv(0.5 * TRIAL_DEGREES, uniform[:, 3]))
+    count = int(np.clip(TRIAL_ROWS // (posterior.rows * posterior.noise.blocks.shape[1]), FEWEST_TRIALS, TRIALS))
+    free = np.flatnonzero(posterior.noise.active)
+    uniform = _even(count, len(free) + 1)
+    normal = ndtri(uniform[:, :-1])
+    stretch = np.sqrt(0.5 * TRIAL_DEGREES / gammaincinv(0.5 * TRIAL_DEGREES, uniform[:, -1]))
     moved = TRIAL_STRETCH * stretch[:, None] * normal
-    logs = np.clip(components.logs + moved @ np.linalg.cholesky(covariance).T, -LARGEST_LOG, LARGEST_LOG)
+    logs = np.repeat(components.logs[None], count, axis=0)
+    logs[:, free] += moved @ np.linalg.cholesky(covariance[np.ix_(free, free)]).T
+    logs = np.clip(logs, -LARGEST_LOG, LARGEST_LOG)
     value, gram = posterior(logs)
-    proposal = -0.5 * (TRIAL_DEGREES + 3) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / TRIAL_DEGREES)
+    proposal = -0.5 * (TRIAL_DEGREES + len(free)) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / TRIAL_DEGREES)
     weight = np.exp(value - proposal - np.max(value - proposal))
     return Trials(logs, weight / weight.sum(), gram if posterior.whole else None)
 

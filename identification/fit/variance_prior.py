@@ -23,13 +23,15 @@ LOG_DEGREES = 4.0
 
 
 def log_prior(model: NoiseModel, logs: Array) -> Array:
-    """ln prior (S,) of the logarithms (S, 3) of the components (sensor, force, offset), each without its constant.
+    """ln prior (S,) of the logarithms (S, 6) of the components (noise.PARTS), each without its constant.
 
     Stated, or the sensor: about 1 in the logarithm, normal below and Student above. Force error and re-seating that are not
     stated: exponential in the size, with a mean of twice the usual one.
     """
     total = np.zeros(len(logs))
     for part, stated in enumerate(model.stated):
+        if not model.active[part]:
+            continue
         log = logs[:, part]
         if stated or part == 0:
             squared = (log / (STATED_LOG_SCALE if stated else UNSTATED_LOG_SCALE)) ** 2

@@ -131,8 +131,8 @@ class Noise:
     """What the cell states of the measurement noise, 1 sigma, base x y z.
 
     deflection (3,) [m] of one reading; force (3,) [N] plus force_relative (of each component); pose_offset (3,) [m],
-    one draw a pose. deflection_stated, force_stated, offset_stated: the file names that part, so that a zero means none
-    and not unknown.
+    one draw a pose. deflection_stated, force_stated, force_relative_stated, offset_stated: the file names that part, so that a
+    zero means none and not unknown; a force error of which one part is zero and the other left out is none.
     """
 
     deflection: Array
@@ -141,6 +141,7 @@ class Noise:
     pose_offset: Array
     deflection_stated: bool
     force_stated: bool
+    force_relative_stated: bool
     offset_stated: bool
 
 
@@ -165,7 +166,10 @@ class ForceLogFrame:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object."""
+    """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object.
+
+    object_stated: whether the file states its work object; else that is the world.
+    """
 
     source: Path
     robot: RobotModel
@@ -180,6 +184,7 @@ class Cell:
     modbus: ModbusFile
     tool_mass: float | None
     tool_centre: Array | None
+    object_stated: bool = True
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -204,7 +209,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     stiffness, relative_std = described.prior.stiffness_nm_per_rad, described.prior.relative_std
     prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
                   robot.prior.relative_std if relative_std is None else np.array(relative_std))
-    measurement = described.measurement
+    measurement, stated = described.measurement, described.measurement.model_fields_set
     centre = described.tool.centre_of_mass_mm
     return Cell(
         source=file,
@@ -217,9 +222,11 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
             force=np.array(measurement.force_std_n),
             force_relative=measurement.force_relative_std,
             pose_offset=1e-6 * np.array(measurement.pose_offset_std_um),
-            deflection_stated="deflection_std_um" in measurement.model_fields_set,
-            force_stated=bool({"force_std_n", "force_relative_std"} & measurement.model_fields_set),
-            offset_stated="pose_offset_std_um" in measurement.model_fields_set,
+            deflection_stated="deflection_std_um" in stated,
+            force_stated="force_std_n" in stated or ("force_relative_std" in stated and measurement.force_relative_std == 0),
+            force_relative_stated="force_relative_std" in stated or (
+                "force_std_n" in stated and not any(measurement.force_std_n)),
+            offset_stated="pose_offset_std_um" in stated,
         ),
         prior=prior,
         force_log=_force_log(log, sensor, described.tool),
@@ -228,6 +235,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         modbus=described.modbus,
         tool_mass=described.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
+        object_stated="workobject" in described.model_fields_set,
     )
 
 

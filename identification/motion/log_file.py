@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import Finding, error
-from identification.common.tables import read_table
+from identification.common.findings import CompstiffError, Finding, error
+from identification.common.tables import opened, read_table
 from identification.model.joint_log import JointLog
 
 Array = NDArray[np.float64]
@@ -59,9 +60,10 @@ def is_motion_log(file: str | Path) -> bool:
             return False
         return any(COLUMN.match(name) for name in names)
     try:
-        with open(file, encoding="utf-8-sig", errors="replace") as stream:
-            header = next((line for line in stream if line.strip() and not line.lstrip().startswith("#")), "")
-    except OSError:
+        with opened(file) as stream:
+            text = io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
+            header = next((line for line in text if line.strip() and not line.lstrip().startswith("#")), "")
+    except (OSError, CompstiffError):
         return False
     return any(COLUMN.match(name.strip().strip('"')) for name in re.split(r"[,;\t]", header))
 

@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
 from identification.measurements import read_measurements
-from tests.support import robot
+from identification.model.cell import read_cell
+from tests.support import CELL, robot, write_cell
 
 HEADER = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,dx_um,dy_um,dz_um"
 ROW = "10,5,20,30,60,40,0,100,0,1.5,210.25,-3"
@@ -118,3 +119,53 @@ def test_not_text(tmp_path) -> None:
     (tmp_path / "m.parquet").write_bytes(b"not parquet")
     with pytest.raises(CompstiffError, match="CS0201.*Parquet"):
         read_measurements(tmp_path / "m.parquet", robot())
+
+
+HUNG = HEADER.replace("fx_n,fy_n,fz_n", "mass_kg")
+HUNG_ROW = "10,5,20,30,60,40,25,1.5,210.25,-3"
+
+
+def cell_on_a_wall(folder: Path):
+    """Base z level, base x up: weights pull along base -x."""
+    return read_cell(write_cell(folder, CELL + "base_frame: {quaternion: [0.70710678, 0, -0.70710678, 0]}\n"))
+
+
+def test_hung_masses_pull_down_whatever_way_the_base_stands(tmp_path) -> None:
+    path = tmp_path / "measurements.csv"
+    path.write_text("\n".join([HUNG, HUNG_ROW, HUNG_ROW.replace(",25,", ",-10,"), HUNG_ROW.replace(",25,", ",0,")]) + "\n")
+    upright = read_measurements(path, read_cell(write_cell(tmp_path)))
+    assert_allclose(upright.wrench[:, :3], np.outer([25, -10, 0], [0, 0, -9.80665]), atol=1e-12)
+    on_a_wall = read_measurements(path, cell_on_a_wall(tmp_path))
+    assert_allclose(on_a_wall.wrench[:, :3], np.outer([25, -10, 0], [-9.80665, 0, 0]), atol=1e-6)
+    assert_allclose(upright.wrench[:, 3:], 0)
+
+
+def test_masses_and_forces_in_one_file(tmp_path) -> None:
+    path = tmp_path / "measurements.csv"
+    path.write_text(f"{HEADER},mass_kg\n{ROW},\n{ROW.replace('0,100,0', ',,')},20\n")
+    rows = read_measurements(path, read_cell(write_cell(tmp_path)))
+    assert_allclose(rows.wrench[:, :3], [[0, 100, 0], [0, 0, -196.133]])
+
+
+@pytest.mark.parametrize(("lines", "code", "line", "words"), [
+    ([HEADER + ",mass_kg", ROW + ",20"], "CS1508", 2, "which of them"),
+    ([HEADER + ",mass_kg", ROW + ",", ROW.replace("0,100,0", ",100,0") + ","], "CS1508", 3, "neither a mass nor"),
+    ([HUNG, HUNG_ROW, HUNG_ROW.replace(",25,", ",,")], "CS1508", 3, "neither a mass nor"),
+    ([HUNG, HUNG_ROW.replace(",25,", ",25000,")], "CS1510", 2, "25000 kg"),
+    ([HUNG, HUNG_ROW.replace(",25,", ",heavy,")], "CS0203", 2, "'heavy'"),
+    ([HUNG, HUNG_ROW.replace(",25,", ",0,")], "CS1005", None, "none of the 1 rows"),
+    ([HEADER.replace(",fz_n", ",mass_kg"), ROW], "CS0202", None, "without fz_n"),
+])
+def test_complaints_about_masses(tmp_path, lines, code, line, words) -> None:
+    path = tmp_path / "measurements.csv"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(CompstiffError) as caught:
+        read_measurements(path, read_cell(write_cell(tmp_path)))
+    finding = caught.value.findings[0]
+    assert finding.code == code
+    assert words in finding.message
+    assert line is None or finding.line == line
+
+
+def test_masses_without_a_cell_are_refused(tmp_path) -> None:
+    assert complaint(tmp_path, HUNG, HUNG_ROW).code == "CS1509"

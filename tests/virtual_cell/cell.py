@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 # The effect modules register what they hold.
-from tests.virtual_cell import effects_measurement, effects_outside, effects_robot, files
+from tests.virtual_cell import effects_hung, effects_measurement, effects_outside, effects_robot, files
 from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import DESIGNS, Design
 from tests.virtual_cell.hidden import EFFECTS, Hidden, install
@@ -28,13 +28,16 @@ from tests.virtual_cell.plant import Plant
 __all__ = ["DICTIONARY", "OUTSIDE", "Case", "Hidden", "draw", "simulate"]
 
 # The dictionary (docs/effects.md) but for the three of logs taken in motion; and the effects that are in no dictionary.
-DICTIONARY = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ != effects_outside.__name__)
+DICTIONARY = tuple(name for name, entry in EFFECTS.items()
+                   if entry.build.__module__ not in (effects_outside.__name__, effects_hung.__name__))
+# What dead weights bring, and only they can show.
+HUNG = tuple(name for name, entry in EFFECTS.items() if entry.build.__module__ == effects_hung.__name__)
 OUTSIDE = tuple(name for name, entry in EFFECTS.items()
                 if entry.build.__module__ == effects_outside.__name__ and entry.known_as == name)
 # Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques.
-NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE)
+NEAR = tuple(name for name in EFFECTS if name not in DICTIONARY and name not in OUTSIDE and name not in HUNG)
 assert {entry.build.__module__ for entry in EFFECTS.values()} == {
-    module.__name__ for module in (effects_robot, effects_measurement, effects_outside)}
+    module.__name__ for module in (effects_robot, effects_measurement, effects_outside, effects_hung)}
 LOG_STD = 0.5       # of the true stiffnesses about the prior's medians
 
 
@@ -114,18 +117,19 @@ class Case:
 
 
 def simulate(
-    seed: int, design: str = "ladder12", hidden: Sequence[Hidden] = (), noise: str | Noise = "realistic", *,
+    seed: int, design: str | Design = "ladder12", hidden: Sequence[Hidden] = (), noise: str | Noise = "realistic", *,
     validation: int = 0, tool: Tool | None = None, gravity: bool = True, stiffness: np.ndarray | None = None
 ) -> Case:
     """A case, the same for the same arguments.
 
-    design: paper5, poses20 or ladder12. hidden: what to hide, in any number. noise: realistic, white, none or a Noise.
-    validation: so many further poses with three single loads of 300 N each, marked `validate`. stiffness (6,) [N m/rad]:
+    design: paper5, poses20, ladder12, hung12, or rows of one's own. hidden: what to hide, in any number.
+    noise: realistic, white, none or a Noise.
+    validation: so many further poses with loads of their own, marked `validate`. stiffness (6,) [N m/rad]:
     drawn log-normally about the prior's medians when not given. Poses, stiffness and noise do not depend on what is hidden.
     """
     streams = [np.random.default_rng([seed, i]) for i in range(5)]
     tool = tool or Tool()
-    plan = DESIGNS[design](streams[0], tool, validation)
+    plan = design if isinstance(design, Design) else DESIGNS[design](streams[0], tool, validation)
     drawn = np.array(files.PRIOR) * np.exp(LOG_STD * streams[1].standard_normal(6))
     true = drawn if stiffness is None else np.asarray(stiffness, dtype=float)
     plant = Plant(true, tool, gravity)
@@ -133,7 +137,7 @@ def simulate(
     errors = draw_noise(noise, streams[3]) if isinstance(noise, str) else noise
     quiet = errors.force_n == 0 and errors.force_relative == 0
     seen = plant.displacement(plan, None if quiet else force_errors(errors, plan, streams[4]))[1]
-    return Case(seed, design, tuple(hidden), errors, tool, gravity, true, truth, plan,
+    return Case(seed, design if isinstance(design, str) else "own", tuple(hidden), errors, tool, gravity, true, truth, plan,
                 readings(errors, plan, 1e6 * seen, streams[4]), plant)
 
 

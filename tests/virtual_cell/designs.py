@@ -6,7 +6,7 @@ wrist's singularity, and spread over all joints by farthest-point choice among r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -131,4 +131,16 @@ def ladder12(rng: np.random.Generator, tool: Tool, validation: int = 0) -> Desig
     return _assemble(rng, tool, theta[rng.permutation(12)], [steps] * 12, (5.0, 30.0), validation)
 
 
-DESIGNS = {"paper5": paper5, "poses20": poses20, "ladder12": ladder12}
+def hung12(rng: np.random.Generator, tool: Tool, validation: int = 0) -> Design:
+    """Twelve poses as ladder12 has them, at each 0, 20, 40, 20 and 0 kg hung at the tool: 60 rows."""
+    theta = ladder12(rng, tool).theta[::21]
+    steps = np.outer([0.0, 20.0, 40.0, 20.0, 0.0], [0.0, 0.0, -9.80665])
+    held = _assemble(rng, tool, theta, [steps] * 12, (20.0, 60.0), 0)
+    if not validation:
+        return held
+    every = _assemble(rng, tool, np.concatenate([theta, _anywhere(rng, validation, tool)]), [steps] * (12 + validation),
+                      (20.0, 60.0), 0)
+    return replace(every, validate=every.pose > 12)
+
+
+DESIGNS = {"paper5": paper5, "poses20": poses20, "ladder12": ladder12, "hung12": hung12}

@@ -40,13 +40,14 @@ def cell_yaml(case: Case) -> str:
     """The cell with its nominal noise."""
     tool, noise = case.tool, case.noise
     three = "[{0:g}, {0:g}, {0:g}]"
+    stated = [f"  {key}: {form.format(value)}" for key, form, value in (
+        ("deflection_std_um", three, noise.stated_sensor_um), ("force_std_n", three, noise.stated_force_n),
+        ("force_relative_std", "{0:g}", noise.stated_force_relative),
+        ("pose_offset_std_um", three, noise.stated_pose_offset_um)) if value is not None]
     return "\n".join([
         "# A virtual cell (tests/virtual_cell): simulated, all values made up for tests.", "robot: robot.yaml", "tool:",
         f"  position_mm: {_numbers(1e3 * np.array(tool.tcp))}", "  quaternion: [1, 0, 0, 0]", f"  mass_kg: {tool.mass:g}",
-        f"  centre_of_mass_mm: {_numbers(1e3 * np.array(tool.centre))}", "measurement:",
-        f"  deflection_std_um: {three.format(noise.stated_sensor_um)}", f"  force_std_n: {three.format(noise.stated_force_n)}",
-        f"  force_relative_std: {noise.stated_force_relative:g}",
-        f"  pose_offset_std_um: {three.format(noise.stated_pose_offset_um)}"]) + "\n"
+        f"  centre_of_mass_mm: {_numbers(1e3 * np.array(tool.centre))}", *(["measurement:", *stated] if stated else [])]) + "\n"
 
 
 def measurements_csv(case: Case) -> str:

@@ -20,8 +20,9 @@ ReadingFault = Callable[[np.ndarray, Row, np.ndarray], np.ndarray]
 class Plant:
     """One cell. Effects (effects_*.py) change it in place.
 
-    stiffness (6,) [N m/rad] of the gears; compliance (e, e) of the elastic joints; laws: what they give beyond it; rod_ratio
-    and offset [m, flange axes] as in `Statics.solve`. force_faults turn the force cell's force (3,) [N] into the real one;
+    stiffness (6,) [N m/rad] of the gears; compliance (e, e) of the elastic joints; laws: what they give beyond it; rod_ratio,
+    offset [m, flange axes] and beside [m, base axes] as in `Statics.solve`. force_faults turn the force cell's force (3,) [N]
+    into the real one;
     reading_faults turn the TCP's real displacement (3,) [m] (with row and real force) into what the lasers see, in order of
     their rank.
     """
@@ -31,6 +32,7 @@ class Plant:
     gravity: bool = True
     rod_ratio: float = 1.0
     offset: np.ndarray | None = None
+    beside: np.ndarray | None = None
     laws: list[Law] = field(default_factory=list)
     force_faults: list[ForceFault] = field(default_factory=list)
     reading_faults: list[tuple[int, ReadingFault]] = field(default_factory=list)
@@ -65,7 +67,7 @@ class Plant:
     def at_rest(self, row: Row, force: np.ndarray, rest: np.ndarray | None, start: State | None = None) -> State:
         """Where the arm comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state itself."""
         return self.solver.solve(row.q, self._springs(row, rest), force, offset=None if rest is None else self.offset,
-                                 rod_ratio=self.rod_ratio, start=start)
+                                 beside=None if rest is None else self.beside, rod_ratio=self.rod_ratio, start=start)
 
     def displacement(self, design: Design, force_error: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """TCP displacement (N, 3) [m], loaded minus unloaded in the same pose, base frame, and what the lasers see of it.

@@ -93,24 +93,25 @@ class Statics:
 
     def solve(
         self, q: np.ndarray, springs: Callable[[np.ndarray], np.ndarray], force: np.ndarray, *,
-        offset: np.ndarray | None = None, rod_ratio: float = 1.0, start: State | None = None
+        offset: np.ndarray | None = None, beside: np.ndarray | None = None, rod_ratio: float = 1.0, start: State | None = None
     ) -> State:
         """The arm at rest, commanded to q (6,) [rad].
 
         force (3,) [N] in the base frame acts on the tool at the displaced TCP, or beside it by offset (3,) [m] in flange
-        axes; springs: torques (e,) -> what the elastic joints give (e,); start: a
+        axes and beside (3,) [m] in base axes; springs: torques (e,) -> what the elastic joints give (e,); start: a
         state of the same pose to start from.
         """
         commanded = self.place(q)
         z = commanded.copy() if start is None else start.z.copy()
-        beside = None if offset is None else ZERO_FLANGE @ offset
+        in_tool = np.zeros(3) if offset is None else ZERO_FLANGE @ offset
+        in_base = np.zeros(3) if beside is None else beside
         e, p, data, model = self.e, self.p, self.data, self.model
         for _ in range(MAX_ROUNDS):
             data.qpos[:] = z
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             tcp = data.site_xpos[self._tcp]
-            point = tcp if beside is None else tcp + data.xmat[self._tool].reshape(3, 3) @ beside
+            point = tcp + data.xmat[self._tool].reshape(3, 3) @ in_tool + in_base
             mujoco.mj_jac(model, data, self._force_jacobian, None, point, self._tool)
             mujoco.mj_rne(model, data, 0, self._bias)
             load = force @ self._force_jacobian - self._bias

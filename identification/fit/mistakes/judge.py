@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from identification.common.findings import Finding, Level
 from identification.fit.held_out import left_out, poses
 from identification.fit.mistakes.search import Candidate, Search, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import VarianceComponents
 from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
@@ -165,10 +165,10 @@ def _explained(plain: Posterior, candidate: Candidate) -> float:
     before = after = 0.0
     count = 0
     for model in candidate.models:
-        stated, components = model.at_map.noise.stated, model.components
-        ordinary = VarianceComponents(
-            min(components.sensor, ORDINARY) if stated[0] else components.sensor, min(components.force, ORDINARY),
-            min(components.offset, ORDINARY), components.degrees)
+        components = model.components
+        ordinary = components.at_most(ORDINARY)
+        if model.at_map.noise.stated[0]:
+            ordinary = replace(ordinary, sensor=min(components.sensor, ORDINARY))
         # A Student distribution's variance is more than its scale squared.
         heavier = 1.0 if np.isinf(components.degrees) else min(components.degrees / (components.degrees - 2.0), ORDINARY)
         before += _chi2(plain, model, ordinary) / heavier
@@ -182,7 +182,7 @@ def _explained(plain: Posterior, candidate: Candidate) -> float:
 
 def _chi2(fitted: Posterior, mended: Posterior, components: VarianceComponents) -> float:
     """Chi-squared of a fit's residual in the rows of the mended one, with its noise."""
-    noise = noise_model(mended.data, mended.compliance)
+    noise = mended.at_map.noise
     data = mended.data if fitted is mended else fitted.data
     residual = np.nan_to_num(fitted.residual_of(data))
     own = np.isin(data.rows.row, mended.data.rows.row)

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter, Signature
@@ -13,6 +14,26 @@ from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
 ONLY_IN_MOTION = "it shows only in logs taken in motion"
+ONLY_AS_SCATTER = "it is scatter, which is looked for by itself"
+NOTHING_HANGS = "the loads are not those of hung weights"
+# Reasons that need no word: they lie in the kind of the data.
+OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS)
+# A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
+PLUMB = 1e-3
+MOST_HANG = 0.75
+
+
+def hanging(rows: LoadState) -> NDArray[np.bool_]:
+    """Loaded rows (n,) whose force is plumb, or straight up where weights were taken off."""
+    force, down = rows.wrench[:, :3], rows.fall / np.linalg.norm(rows.fall)
+    size = np.linalg.norm(force, axis=1)
+    return np.asarray((size > 0) & (np.linalg.norm(np.cross(force, down), axis=1) <= PLUMB * size))
+
+
+def nothing_hangs(rows: LoadState) -> str:
+    """Why effects of hung weights cannot show, "" where most loads hang."""
+    loaded = int(np.any(rows.wrench[:, :3] != 0, axis=1).sum())
+    return "" if loaded and hanging(rows).sum() >= MOST_HANG * loaded else NOTHING_HANGS
 
 
 class AtJoint(Effect):

@@ -19,7 +19,7 @@ from compensator.correction.forward import loaded_tool, resting_angles, state_ch
 from compensator.correction.offsets import deviation_csv, offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.rapid import read_rapid
-from identification.common.findings import CompstiffError
+from identification.common.findings import CompstiffError, Refused
 from identification.model.rotations import Frame
 from tests.compensator.correction.virtual_job import (
     AIR,
@@ -125,8 +125,8 @@ def test_no_force_no_correction(tmp_path: Path) -> None:
     predicted = predict_files(job(tmp_path, there_and_back(), [BACKLASH, HYSTERESIS, SPINDLE]))
     still = replace(predicted.forces, forced=np.zeros_like(predicted.forces.forced), wrench=0 * predicted.forces.wrench)
     nowhere = replace(predicted.loaded, forces=still, targets=np.zeros(0, dtype=np.intp))
-    unmoved = correct(replace(predicted, loaded=nowhere, prediction=predict_path(nowhere)))
-    assert unmoved.content == predicted.program.text.source.data
+    with pytest.raises(Refused, match="CS3086"):
+        correct(replace(predicted, loaded=nowhere, prediction=predict_path(nowhere)))
     unforced = replace(predicted.forces, wrench=0 * predicted.forces.wrench)
     offset = correct_path(replace(predicted.loaded, forces=unforced)).offset
     assert_allclose(offset, 0, atol=1e-12)

@@ -8,7 +8,11 @@ from numpy.testing import assert_allclose
 
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
+from compensator.forces.log_path import on_path
 from compensator.forces.placement import TargetForces, place_forces, read_force_log
+from compensator.forces.target_rows import TargetRows
+from compensator.forces.zero import zero_of
+from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError
@@ -167,6 +171,79 @@ def test_tare_over_a_cut_or_beyond_the_program(tmp_path) -> None:
         place(tmp_path, text, tare=(0, 3))
     with pytest.raises(CompstiffError, match="CS3006.*beyond the program, which has 5 targets"):
         place(tmp_path, text, tare=(0, 5))
+
+
+def test_a_tare_inside_a_cut_of_the_sample_is_refused(sample_inputs: Inputs) -> None:
+    """All stretches of three targets: where the log shows a cut none is taken, where it shows air all are.
+
+    The truth is the log itself against its rest at either end; 5 N is what a tare may be off.
+    """
+    cell = read_cell(sample_inputs.cell)
+    path = robot_path(read_rapid(sample_inputs.toolpath.read_bytes(), "insert.mod").toolpath, cell)
+    log = on_path(read_force_log(sample_inputs.forces, cell.force_log.form), path)
+    fifth = slice(None, None, 5)
+    target = nearest_target(path.length, log.place[fifth])
+    loads, rows = log.plain[fifth], TargetRows(len(path.toolpath), target, log.weight[fifth])
+    mean = rows.mean(loads)[:, :3]
+    force = np.linalg.norm(mean - mean[:3].mean(axis=0), axis=1)
+    smallest, largest = (np.array([pick(force[k:k + 3]) for k in range(len(force) - 2)]) for pick in (min, max))
+    cuts, airs = np.flatnonzero(smallest > 5), np.flatnonzero(largest < 1)
+    assert len(cuts) > 2000
+    assert len(airs) > 400
+    for first in cuts[::60]:
+        with pytest.raises(CompstiffError, match="CS3039"):
+            zero_of(log, path, cell, loads, rows, [(int(first), int(first) + 2)])
+    for first in airs[::25]:
+        assert zero_of(log, path, cell, loads, rows, [(int(first), int(first) + 2)]).bias is not None
+
+
+def milled_and_back(rng: np.random.Generator, drift: float, inertia: float, cut: float) -> tuple[str, str]:
+    """A program of 12 cuts of four targets, each between air moves, and its log: noise of 2 N, a cutting force that swings by
+    half of itself, a zero that drifts by so much [N] over the program, an inertia [N] that comes and goes in air."""
+    moves, rows = [], []
+    fast = np.tile([True, True, True, False, False, False, False, True, True], 12)
+    for k, air in enumerate(fast):
+        moves.append(f"Move{'L' if k else 'J'} [[{1000 + 2 * k},0,700],[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],"
+                     f"[9E9,9E9,9E9,9E9,9E9,9E9]],{'v200' if air else 'v20'},fine,tSpindle;")
+        # At the border of a cut half of the samples lie in the move behind.
+        cuts = not air and (k + 1 == len(fast) or not fast[k + 1])
+        force = np.outer(cuts * cut * (1 + 0.5 * np.sin(np.arange(40) + k)), [0.8, -0.6, 0.0])
+        shown = force + drift * k / len(fast) * np.array([0.0, 0.6, 0.8]) + rng.normal(0, 2, (40, 3))
+        shown += air * inertia * rng.normal(0, 1, 3)
+        rows += [[k, *row] for row in shown]
+    program = "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+    return program, log_text("target,fx_n,fy_n,fz_n", np.array(rows))
+
+
+@pytest.mark.parametrize(("drift", "inertia"), [(0.0, 0.0), (12.0, 0.0), (-40.0, 0.0), (0.0, 8.0), (15.0, 5.0)])
+def test_drift_and_inertia_do_not_make_a_cut_of_air(tmp_path: Path, drift: float, inertia: float) -> None:
+    """The first or the last air moves, cold or warm, are a tare; a cut of 120 N is none, whichever."""
+    rng = np.random.default_rng(11)
+    program, log = milled_and_back(rng, drift, inertia, 120.0)
+    (tmp_path / "cell.yaml").write_text(CELL)
+    (tmp_path / "forces.csv").write_text(log)
+    path = robot_path(read_rapid(program.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+    logged = read_force_log(tmp_path / "forces.csv")
+    for tare in ((0, 2), (52, 55), (106, 107)):
+        assert place_forces(logged, path, path.cell, tare=tare).tare is not None
+    for first in range(3, 108, 9):
+        with pytest.raises(CompstiffError, match="CS3039.*are not in air.*at the air feed"):
+            place_forces(logged, path, path.cell, tare=(first, first + 2))
+
+
+def test_where_nothing_tells_air_the_tare_is_taken_and_it_is_said(tmp_path: Path) -> None:
+    """One feed throughout; and moves at the air feed that cut, beside which the tare is quiet."""
+    rows = np.column_stack([np.repeat(np.arange(5), 20), np.random.default_rng(4).normal(0, 2, (100, 3))])
+    alone = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", rows), tare=(0, 2))
+    assert "CS3066" in {finding.code for finding in alone.findings}
+    program, log = milled_and_back(np.random.default_rng(5), 0.0, 0.0, 120.0)
+    swapped = program.replace("v200", "v2").replace("v20,", "v200,").replace("v2,", "v20,")
+    (tmp_path / "forces.csv").write_text(log)
+    path = robot_path(read_rapid(swapped.encode(), "m.mod").toolpath, read_cell(tmp_path / "cell.yaml"))
+    fast = place_forces(read_force_log(tmp_path / "forces.csv"), path, path.cell, tare=(0, 2))
+    assert fast.tare is not None
+    [said] = [finding for finding in fast.findings if finding.code == "CS3041"]
+    assert "the bias that was taken off is not theirs" in said.message
 
 
 def test_the_log_of_another_program_is_refused(tmp_path) -> None:

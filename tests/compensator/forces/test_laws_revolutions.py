@@ -12,6 +12,7 @@ from compensator.forces import log as force_log
 from compensator.forces import revolutions
 from compensator.forces.log import ForceLog, read_force_log
 from identification.model.cell import ForceLogFile
+from tests.virtual_cell.endmill import EndMill
 
 RATE = 25600.0
 
@@ -148,6 +149,43 @@ def test_a_wrong_stated_speed_is_said_and_a_slip_is_taken_up(tmp_path) -> None:
     wrong = read_force_log(path, spindle_rpm=7700)
     assert wrong.revolution == pytest.approx(60 / 7700)
     assert "CS3035" in codes(wrong)
+
+
+def milled(rpm: float, count: int, rate: float, teeth: int = 3, runout: float = 0.012) -> np.ndarray:
+    """Force (count, 3) [N] of the virtual cell's end mill on a wall, samples without a filter, with noise."""
+    mill = EndMill(spindle_rpm=rpm, teeth=teeth, runout_mm=(runout, *(teeth - 1) * (0.0,)))
+    wall = mill.coverage(-mill.rim_mm[:, 1] - (mill.radius_mm - 1.5))
+    force = mill.force(wall, 4.0, 2 * np.pi * rpm / 60 * np.arange(count) / rate)
+    return force + np.random.default_rng(1).normal(0, 0.5, force.shape)
+
+
+@pytest.mark.parametrize(("teeth", "runout", "rate"), [(4, 0.0, 1000.0), (4, 0.0, 500.0), (3, 0.012, 1000.0)])
+def test_a_folded_speed_is_ambiguous_unless_stated(tmp_path, teeth: int, runout: float, rate: float) -> None:
+    """9000 rpm. Tooth passing at 600 Hz shows at 400 and 100 Hz, as that of 24 000 and 6 000 rpm. Plain means then, and what
+    that costs, against the means over 0.1 s that keep most."""
+    count = int(6 * rate)
+    force = milled(9000, count, rate, teeth, runout)
+    path = written(tmp_path / "a.parquet", force, rate)
+    log = read_force_log(path)
+    assert log.revolution is None
+    assert np.array_equal(log.force, force)
+    [said] = [finding for finding in log.findings if finding.code == "CS3067"]
+    assert said.level == "warning"
+    kept = float(said.message.split("keeps up to ")[1].split(" N")[0])
+    size = int(0.1 * rate) - 1              # not a whole number of periods
+    means = force[:count // size * size].reshape(-1, size, 3).mean(axis=1) - force.mean(axis=0)
+    assert 0.4 < np.linalg.norm(means, axis=1).max() / kept < 1.5
+    if runout:
+        stated = read_force_log(path, spindle_rpm=1.005 * 9000)
+        assert stated.revolution == pytest.approx(60 / 9000, rel=1e-3)
+        assert "CS3035" not in codes(stated)
+
+
+@pytest.mark.parametrize(("rpm", "rate"), [(9000, 4000.0), (8743, 2000.0), (8743, 1000.0)])
+def test_folded_lines_do_not_make_a_slow_spindle(tmp_path, rpm: float, rate: float) -> None:
+    """Harmonics of tooth passing above half the rate fall between the others, at multiples of 50 Hz or less."""
+    log = read_force_log(written(tmp_path / "a.parquet", milled(rpm, int(6 * rate), rate), rate))
+    assert log.revolution == pytest.approx(60 / rpm, rel=1e-3)
 
 
 def test_a_stated_speed_without_a_rate_is_not_used_and_said(tmp_path) -> None:

@@ -14,13 +14,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from benchmarks.foreign_logs import foreign, played
 from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
 from benchmarks.time_placement import sample as sample_log
 from compensator.correction.correct import Corrected
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
+from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import air_moves, program_time
-from compensator.forces.time_alignment import align
+from compensator.forces.time_alignment import TimeAlignment, align
 from tests.support import compstiff
 
 
@@ -51,6 +53,61 @@ def test_another_programs_log_is_not_believed() -> None:
     program = program_time(plan)
     logged = clock(plan, place, 0.9, 10.0, 0.5)
     assert not align(other_lengths(program, np.random.default_rng(5)), logged, force).believed
+
+
+def test_one_long_cut_of_another_job_has_no_rival_and_is_refused() -> None:
+    """A stretched turning log: air, 820 N in one direction for 264 s, air. It explains four fifths of its own variance and is
+    alone in its place, so that nothing was compared; the program's air moves would lie under 820 N."""
+    plan, _, _ = sample_log()
+    rng = np.random.default_rng((77, 13))
+    time, force = played([(50.0, np.zeros(3)), (264.0, np.array([[0.6, 0.0, 0.8], [0.66, 0.0, 0.88]])), (48.0, np.zeros(3))])
+    alignment = align(program_time(plan), time, 820 * force + rng.normal(0, 5, force.shape))
+    assert alignment.share > 0.5
+    assert alignment.plateau > 0.97
+    assert alignment.in_air > 0.9
+    assert alignment.spread_on_cuts > 20e-3
+    assert not alignment.believed
+    said = "; ".join(alignment.against)
+    assert "hardly better" in said
+    assert "force on air moves" in said
+    assert "1 sigma of the place" in said
+
+
+@pytest.mark.parametrize(("score", "share", "plateau", "in_air", "spread", "override", "words"), [
+    (np.inf, 0.9, 0.1, 0.05, 3e-3, 1.0, "no other place"), (40.0, 0.9, 0.85, 0.05, 3e-3, 1.0, "hardly better"),
+    (40.0, 0.9, 0.1, 0.6, 3e-3, 1.0, "60 % of that on cuts"), (40.0, 0.9, 0.1, 0.05, 32e-3, 1.0, "32 mm"),
+    (40.0, 0.9, 0.1, 0.05, 3e-3, 0.38, "38 %"), (40.0, 0.9, 0.1, np.nan, 3e-3, 1.0, "")])
+def test_each_doubt_alone_refuses(score: float, share: float, plateau: float, in_air: float, spread: float, override: float,
+                                  words: str) -> None:
+    """A log without air moves in it has no force there to speak against it."""
+    alignment = TimeAlignment(np.zeros(1), 0.0, override, 0.0, score, share, 5.0, (), plateau, in_air, np.zeros(1), np.zeros(1),
+                              spread)
+    assert alignment.believed is not bool(words)
+    assert words in "; ".join(alignment.against)
+    assert len(alignment.against) == bool(words)
+
+
+def test_the_best_plateau_is_the_best_of_all() -> None:
+    """Against least squares for every pair of edges."""
+    rng = np.random.default_rng(0)
+    force = rng.standard_normal((30, 3))
+    force[7:19] += [2, 0, -1]
+    bins = binned(np.arange(30.0), force, 1.0)
+    energy, best = np.sum((force - force.mean(axis=0)) ** 2), 0.0
+    for first in range(30):
+        for last in range(first + 1, 31):
+            inside = (np.arange(30) >= first) & (np.arange(30) < last)
+            design = np.column_stack([np.ones(30), inside])
+            left = force - design @ np.linalg.lstsq(design, force, rcond=None)[0]
+            best = max(best, 1 - np.sum(left**2) / energy)
+    assert plateau_share(bins) == pytest.approx(best)
+
+
+@pytest.mark.parametrize(("job", "seed"), [("turning", 21), ("one cut", 22), ("pocketing", 23), ("drilling", 24)])
+def test_logs_of_other_jobs_are_refused(job: str, seed: int) -> None:
+    """Stretched, cut, scaled; the benchmark has the figures over many."""
+    program = raster()
+    assert not align(program, *foreign(job, program.duration, np.random.default_rng(seed))).believed
 
 
 def test_a_program_that_stood_still_is_noticed() -> None:

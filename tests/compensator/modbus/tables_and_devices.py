@@ -118,9 +118,11 @@ class DeviceProcess:
             stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         assert self.process.stderr
         line = self.process.stderr.readline()
-        while not self.options and not line.startswith("listening"):
+        while not self.options and line and not line.startswith("listening"):
             line = self.process.stderr.readline()
-        assert line.startswith("listening on 127.0.0.1:"), line
+        if not line.startswith("listening on 127.0.0.1:"):
+            self.kill()
+            raise AssertionError(line)
         self.port = int(line.split(":")[1].split()[0])
 
     def kill(self) -> None:

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from compensator.modbus.server import Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
-from tests.support import compstiff
+from tests.support import compstiff, started
 
 LIMITS = "limits: {max_offset_mm: 2.0}"
 
@@ -217,12 +217,12 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
 
     described = cell_yaml(tmp_path, 1)
     for sent, code in ((signal.SIGINT, 130), (signal.SIGTERM, 0)):
-        process = subprocess.Popen([sys.executable, "-m", "compstiff", "cell", str(described), "--port", "0", "--json"],
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert process.stderr
-        assert process.stderr.readline().startswith("listening on 127.0.0.1:")
-        process.send_signal(sent)
-        stdout, _ = process.communicate(timeout=20)
+        with started(sys.executable, "-m", "compstiff", "cell", described, "--port", "0", "--json", stdout=subprocess.PIPE,
+                     stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr
+            assert process.stderr.readline().startswith("listening on 127.0.0.1:")
+            process.send_signal(sent)
+            stdout, _ = process.communicate(timeout=60)
         document = json.loads(stdout)
         assert (process.returncode, document["exit_code"]) == (code, code)
         assert [finding["code"] for finding in document["findings"]] == ["CS5106"]
@@ -243,13 +243,13 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
     with Loopback(device) as server:
         device.write(96, [1, *kit.random_table(3).header.registers()])
         described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.random_table(2)))
-        process = subprocess.Popen([sys.executable, "-m", "compstiff", "push", str(described), str(file), "--apply",
-                                    "--patience", "60"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        until = time.monotonic() + 20
-        while device.result != 7 and time.monotonic() < until:
-            time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=20)
+        with started(sys.executable, "-m", "compstiff", "push", described, file, "--apply", "--patience", "60",
+                     stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            until = time.monotonic() + 60
+            while device.result != 7 and time.monotonic() < until:
+                time.sleep(0.02)
+            process.send_signal(signal.SIGINT)
+            _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "CS5018: interrupted; old table active (read back)" in stderr
     assert json.loads((tmp_path / "push-log.jsonl").read_text().splitlines()[-1])["result"] == "interrupted"

@@ -235,3 +235,28 @@ def test_as_planned_is_the_program_as_given(tmp_path: Path) -> None:
     job = slow_job(tmp_path, "z20")
     feed = job.correct("--json", "--check-feed", "--tighten-zones").json["result"]["feed_check"]
     assert feed["corrected"]["time_s"] > 1.02 * feed["planned"]["time_s"]
+
+
+def zigzag(folder: Path, degrees: list[float], leg: float, zone: str, speed: str) -> FeedCheck:
+    """The feed check of a zigzag of legs [m] from a pose."""
+    middle = pose(degrees)
+    corners = [Frame(middle.p + np.array([leg * i, leg * (i % 2), 0.0]), middle.r) for i in range(12)]
+    texts = [kit.robtarget(corner, kit.confdata(np.radians(degrees)), digits=12) for corner in corners]
+    path = program(folder, [f"Move{'L' if i else 'J'} {text},{speed},{zone},tSpindle;" for i, text in enumerate(texts)])
+    return check_feed(judge(path, np.ones(len(texts), dtype=bool)), strict=False)
+
+
+def test_no_time_is_won_where_the_feed_cannot_be_held(tmp_path: Path) -> None:
+    """Rounded corners are shorter than the legs: what they win is no negative loss."""
+    check = zigzag(tmp_path, [10, 20, 20, 30, 60, -40], 0.01, "z5", "v200")
+    assert np.nansum(check.before.lost[check.before.slow]) < 0, "the case is none"
+    assert check.as_dict()["planned"]["lost_held_back_s"] == 0
+    (found, *_) = told(check, "CS4401")
+    assert "; 0.00 s lost" in found.message
+
+
+@pytest.mark.parametrize(("wrist", "named"), [(60, False), (8, True)])
+def test_the_wrist_is_blamed_where_it_is_near(tmp_path: Path, wrist: float, named: bool) -> None:
+    (found, *_) = told(zigzag(tmp_path, [10, 20, 20, 30, wrist, -40], 2e-3, "z1", "v600"), "CS4401")
+    assert ("wrist singularity" in found.hint) == named
+    assert found.hint.startswith("lower the feed there")

@@ -83,7 +83,7 @@ def test_the_many_joint_moves_of_a_long_program_are_quick(tmp_path) -> None:
     import time
 
     moves = [joint([10.0, 20, 30, 40, 50, 60 + 0.01 * i]) for i in range(50)] * 80
-    start = time.perf_counter()
+    start = time.process_time()
     plan = planned(tmp_path, *moves)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
     assert plan.reached.all()

@@ -181,7 +181,7 @@ def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     (tmp_path / "two_001.mod").write_bytes((tmp_path / "one.mod").read_bytes())
     inside_out = Inputs(inputs.cell, tmp_path / "two_001.mod", inputs.stiffness, inputs.forces)
     with pytest.raises(CompstiffError, match="CS0006"):
-        correct_files(inside_out, Outputs(tmp_path / "two.mod"), Settings.of(split=25, tare=()), overwrite=True)
+        correct_files(inside_out, Outputs(tmp_path / "two.mod"), Settings.of(split=25, correct_again=True), overwrite=True)
     # The next step names the parts of this split, not one that an earlier split left behind.
     (tmp_path / "next_009.mod").write_bytes(parts[0].read_bytes())
     done = compstiff("correct", inputs.cell, inputs.toolpath, "--stiffness", inputs.stiffness, "--forces", inputs.forces, "-o",

@@ -82,3 +82,28 @@ def test_hostile_nesting():
         read_rapid(b"MoveL " + b"[" * 100_000 + b";", "bad.mod")
     with pytest.raises(CompstiffError, match="nested"):
         read_rapid(b"MoveL " + b"-" * 100_000 + b";", "bad.mod")
+
+
+@pytest.mark.parametrize(("text", "line", "message"), [
+    ("! cut\nMODULE Part\nPROC main()\nMoveL *,v1,z1,tool0;\nENDPROC\n", 2, "'MODULE Part' begins here and has no ENDMODULE"),
+    ("MODULE Part\nPROC main()\nMoveL *,v1,z1,tool0;\n", 1, "has no ENDMODULE"),
+    ("MODULE Part\nPROC main()\nMoveL *,v1,z1,tool0;\nENDMODULE\n", 2, "'PROC main()' begins here and has no ENDPROC"),
+    ("MODULE Part\nPROC a()\nPROC main()\nENDPROC\nENDMODULE\n", 2, "'PROC a()' begins here and has no ENDPROC"),
+    ("MODULE A\nENDMODULE\nMODULE B\nMODULE C\nENDMODULE\n", 3, "'MODULE B' begins here and has no ENDMODULE"),
+    ("MODULE Part\n! ENDMODULE\n", 1, "has no ENDMODULE"),
+    ("MODULE Part\nCONST string a:=\"ENDMODULE\";\n", 1, "has no ENDMODULE"),
+])
+def test_a_module_that_does_not_end_is_not_read(text: str, line: int, message: str) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        read_rapid(text.encode(), "part.mod")
+    (finding,) = stopped.value.findings
+    assert (finding.code, finding.line) == ("CS2050", line)
+    assert message in finding.message
+
+
+@pytest.mark.parametrize("text", [
+    "PROC main()\nMoveL *,v1,z1,tool0;\n", "MODULE m ENDMODULE\x1a",
+    "MODULE m\nFUNC num f()\nRETURN 1;\nENDFUNC\nENDMODULE rest",
+])
+def test_what_has_its_end_or_no_module_is_read(text: str) -> None:
+    read_rapid(text.encode(), "part.mod")

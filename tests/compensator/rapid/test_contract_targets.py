@@ -38,7 +38,7 @@ def test_a_local_target_is_invisible_in_another_module():
     assert millimetres(toolpath)[0] == [1, 0, 0]
     assert np.isnan(toolpath.position[1]).all()
     assert "not declared in this file" in toolpath.block[1]
-    assert [finding.code for finding in toolpath.findings] == ["CS2011"]
+    assert [finding.code for finding in toolpath.findings] == ["CS2011", "CS2051"]
 
 
 def test_a_global_target_is_visible_in_another_module_unless_hidden():

@@ -33,7 +33,7 @@ def test_encodings_and_line_ends(encoding, end):
 
 def test_mixed_line_ends_in_one_file():
     data = f"MODULE m\r\nPROC a()\rMoveL {target(1)},v5,fine,tool0;\r\r\n\r\nMoveL {target(2)},v5,fine,tool0;\nMoveL *".encode()
-    data += b",v5,z1,tool0;\r\rMoveL *,v5,z1,tool0;"
+    data += b",v5,z1,tool0;\r\rMoveL *,v5,z1,tool0;ENDPROC\rENDMODULE"
     assert read(data).line.tolist() == [3, 5, 6, 8]
 
 

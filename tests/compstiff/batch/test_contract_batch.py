@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.compstiff.batch.programs import HARMLESS, Shop, shop
+from tests.support import started
 
 
 @pytest.fixture
@@ -111,15 +112,14 @@ def test_ctrl_c_finishes_what_is_under_way(place: Shop, processes: int) -> None:
     words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs",
              processes]
     # A process group of its own, as a terminal gives: Ctrl-C reaches the workers too.
-    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True)
-    assert running.stdout is not None
-    assert running.stderr is not None
-    first = running.stdout.readline()
-    os.killpg(running.pid, signal.SIGINT)
-    stdout = running.stdout.read()
-    assert running.stderr.read() == ""
-    with running:
+    with started(sys.executable, "-m", "compstiff", *words, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                 text=True) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        first = running.stdout.readline()
+        os.killpg(running.pid, signal.SIGINT)
+        stdout = running.stdout.read()
+        assert running.stderr.read() == ""
         assert running.wait(timeout=60) == 130
     reported = [json.loads(line) for line in [first, *stdout.splitlines()]]
     assert {line["status"] for line in reported} == {"ok"}
@@ -135,14 +135,14 @@ def test_a_lost_process_does_not_stop_the_others(place: Shop) -> None:
     place.put(*names)
     out = place.folder / "out"
     words = ["correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/", "--json", "--jobs", 2]
-    running = subprocess.Popen([sys.executable, "-m", "compstiff", *map(str, words)], stdout=subprocess.PIPE, text=True)
-    assert running.stdout is not None
-    first = running.stdout.readline()
-    children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
-    workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
-    os.kill(workers[0], signal.SIGKILL)
-    with running:
+    with started(sys.executable, "-m", "compstiff", *words, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        first = running.stdout.readline()
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+        workers = [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+        os.kill(workers[0], signal.SIGKILL)
         stdout = running.stdout.read()
+        running.wait(timeout=60)
     lines = [json.loads(line) for line in [first, *stdout.splitlines()]]
     lost = [line for line in lines if line["status"] == "defect"]
     assert len(lost) <= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
@@ -27,6 +28,7 @@ from compstiff.cli.main import compstiff
 from compstiff.outcome import Session
 from identification.common.findings import CompstiffError
 from tests.compstiff.batch.programs import Shop, shop
+from tests.support import started
 
 
 @pytest.fixture
@@ -232,9 +234,9 @@ def test_calls_that_are_refused(place: Shop) -> None:
     assert once(place, place.folder / "out", "--cell", place.folder / "none.yaml").exit_code == 2
 
 
-def start(place: Shop, out: Path) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "compstiff", *arguments(place, out, "--settle", 0.1, "--interval", 0.05, "--json")]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def start(place: Shop, out: Path) -> contextlib.AbstractContextManager[subprocess.Popen[str]]:
+    return started(sys.executable, "-m", "compstiff", *arguments(place, out, "--settle", 0.1, "--interval", 0.05, "--json"),
+                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_half(place: Shop) -> None:
@@ -244,14 +246,14 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_half(place: Shop) -
     alone = place.alone()
     rng = np.random.default_rng(2)
     for _ in range(5):
-        running = start(place, out)
-        deadline = time.monotonic() + 30
-        known = len((out / NAME).read_bytes()) if out.exists() else 0
-        while not ((out / NAME).exists() and len((out / NAME).read_bytes()) > known) and time.monotonic() < deadline:
-            time.sleep(0.005)
-        time.sleep(rng.uniform(0, 0.25))
-        running.kill()
-        running.communicate(timeout=20)
+        with start(place, out) as running:
+            deadline = time.monotonic() + 60
+            known = len((out / NAME).read_bytes()) if out.exists() else 0
+            while not ((out / NAME).exists() and len((out / NAME).read_bytes()) > known) and time.monotonic() < deadline:
+                time.sleep(0.005)
+            time.sleep(rng.uniform(0, 0.25))
+            running.kill()
+            running.communicate(timeout=20)
         assert all(path.read_bytes() == alone for path in out.glob("p*.mod"))
         assert all(json.loads(path.read_text()) for path in out.glob("p*.json"))
     assert once(place, out).exit_code == 0
@@ -264,9 +266,9 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_half(place: Shop) -
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_it_ends_cleanly_when_asked(place: Shop, number: int, code: int) -> None:
     place.put("a")
-    running = start(place, place.folder / "out")
-    assert running.stdout is not None
-    assert json.loads(running.stdout.readline())["status"] == "ok"
-    running.send_signal(number)
-    stdout, stderr = running.communicate(timeout=20)
+    with start(place, place.folder / "out") as running:
+        assert running.stdout is not None
+        assert json.loads(running.stdout.readline())["status"] == "ok"
+        running.send_signal(number)
+        stdout, stderr = running.communicate(timeout=60)
     assert (running.returncode, stdout, stderr) == (code, "", "")

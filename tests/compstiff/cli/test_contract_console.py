@@ -18,7 +18,7 @@ from compstiff.outcome import Outcome, Session
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, Refused, error, fold
-from tests.support import compstiff
+from tests.support import compstiff, started
 
 ROOT = Path(__file__).parents[3]
 
@@ -113,12 +113,12 @@ def test_ctrl_c_exits_130(tmp_path) -> None:
     code = ("import sys, time\nfrom compstiff.cli import console\n"
             "def body(session):\n    print('ready', flush=True)\n    time.sleep(30)\n"
             "console.command('wait')(body)(standalone_mode=False)")
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE)
-    assert process.stdout
-    process.stdout.readline()
-    time.sleep(0.2)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=20)
+    with started(sys.executable, "-c", code, stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE) as process:
+        assert process.stdout
+        process.stdout.readline()
+        time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in stderr
 

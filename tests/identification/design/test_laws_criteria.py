@@ -20,10 +20,16 @@ STIFFNESS = np.array([2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6])
 WEIGHT = np.diag([1.0, 2, 3, 4, 5, 6]) + 0.5
 
 
-@pytest.fixture(params=["D", "A", "raw", "E", "I"])
+# What loads may show: five directions of six, askew.
+SEEN = np.linalg.qr(np.random.default_rng(8).normal(size=(6, 5)))[0]
+
+
+@pytest.fixture(params=["D", "A", "raw", "E", "I", "D of a part", "A of a part", "E of a part", "I of a part"])
 def criterion(request):
-    return {"D": d_criterion(), "A": a_criterion(), "raw": a_criterion(STIFFNESS), "E": e_criterion(),
-            "I": i_criterion(WEIGHT)}[request.param]
+    kind, _, part = request.param.partition(" ")
+    whole = {"D": d_criterion(), "A": a_criterion(), "raw": a_criterion(STIFFNESS), "E": e_criterion(),
+             "I": i_criterion(WEIGHT)}[kind]
+    return whole.of_seen(SEEN) if part else whole
 
 
 def positive(rng, count):

@@ -72,9 +72,10 @@ def test_the_map_is_the_minimum(tmp_path) -> None:
         unit[range(3), range(3)] = 1.0
         matrix = np.column_stack([regressor(cell.robot, rows.theta[i:i + 1], cell.flange_from_tcp, w[None])[0, :3] @ c
                                   for w in unit])
-        force = cell.noise.force**2 + (cell.noise.force_relative * rows.wrench[i, :3])**2
+        force = ((found.components.absolute * cell.noise.force)**2
+                 + (found.components.force * cell.noise.force_relative * rows.wrench[i, :3])**2)
         own = slice(3 * i, 3 * i + 3)
-        covariance[own, own] += (found.components.force**2 * matrix @ np.diag(force) @ matrix.T
+        covariance[own, own] += (matrix @ np.diag(force) @ matrix.T
                                  + found.components.sensor**2 * np.diag(cell.noise.deflection**2))
         for j in np.flatnonzero(rows.visit == rows.visit[i]):
             covariance[own, 3 * j:3 * j + 3] += found.components.offset**2 * np.diag(cell.noise.pose_offset**2)
@@ -192,7 +193,7 @@ def test_a_few_rows_and_many_rows_are_quick(tmp_path) -> None:
     import time
 
     cell, rows = simulate(tmp_path, np.random.default_rng(9), poses=2000, loads=10)
-    start = time.perf_counter()
+    start = time.process_time()
     fit = fit_stiffness(cell, rows)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from identification.fit.gram import NoiseGram
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import NoiseModel
+from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import _FittedModel, posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
@@ -19,34 +19,53 @@ from tests.support import measurement_text, random_poses, write_cell
 
 CELL = "robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\nmeasurement: {deflection_std_um: [2, 2, 2], "
 WHITE = CELL + "force_relative_std: 0, pose_offset_std_um: [0, 0, 0]}\n"
-FULL = CELL + "force_relative_std: 0.01, pose_offset_std_um: [5, 5, 5]}\n"
+FULL = CELL + "force_relative_std: 0.01, force_std_n: [0, 0, 0], pose_offset_std_um: [5, 5, 5]}\n"
 BARE = CELL[:-2] + "}\n"
 
 
-def test_the_gram_is_that_of_dense_matrices() -> None:
-    """Seven rows on three visits, a component missing, an axis without re-seating, row weights, three components at once."""
+@pytest.mark.parametrize("remembers", [False, True])
+def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
+    """Seven rows on three visits, a component missing, an axis without re-seating, row weights, three components at once; the
+    same for `Weights`, and noise that is drawn has that covariance."""
     rng = np.random.default_rng(0)
     measured = np.ones((7, 3), dtype=bool)
     measured[2, 1] = False
-    rotation = np.where(measured[:, :, None], rng.standard_normal((7, 3, 3)), 0.0)
-    force, visit, offset = rng.uniform(0, 4, (7, 3)), np.array([0, 2, 1, 0, 2, 2, 1]), np.array([0.7, 0.0, 1.9])
-    design = np.where(measured[:, :, None], rng.standard_normal((7, 3, 4)), 0.0)
-    residual = np.where(measured, rng.standard_normal((7, 3)), 0.0)
+
+    def seen(values: np.ndarray) -> np.ndarray:
+        return np.where(measured[:, :, None], values, 0.0)
+
+    rotation, force, absolute, setups = (seen(rng.standard_normal((7, 3, columns))) for columns in (3, 3, 3, 9))
+    visit, offset = np.array([0, 2, 1, 0, 2, 2, 1]), np.array([0.7, 0.0, 1.9])
+    design, residual = seen(rng.standard_normal((7, 3, 4))), np.where(measured, rng.standard_normal((7, 3)), 0.0)
     weight = rng.uniform(0.2, 1.3, 7)
-    model = NoiseModel(rotation, force, measured, visit, offset, (True, True, True))
-    logs = rng.normal(0, 0.6, (3, 3))
+    model = NoiseModel(rotation, force, absolute, setups, measured, visit, offset, (True,) * 6, (*[True] * 5, remembers))
+    logs = rng.normal(0, 0.6, (3, 6)) + np.array([0, 0, 0, 0, 0, 2])
     gram, log_determinant = NoiseGram(model, weight, design, residual)(logs)
     columns = np.concatenate([design, residual[:, :, None]], axis=2)
     kept = measured.ravel()
-    for (sensor, scale, seat), found, determinant in zip(np.exp(logs), gram, log_determinant, strict=True):
-        sigma = np.diag(((sensor**2 + scale**2 * force) / weight[:, None]).ravel())
+    for (sensor, relative, floor, seat, turned, multiple), found, determinant in zip(
+            np.exp(logs), gram, log_determinant, strict=True):
+        rho = 0.1 * multiple / (1 + 0.1 * multiple) if remembers else 0.0
+        sigma = np.zeros((21, 21))
         for i in range(7):
-            for j in range(7):
-                if visit[i] == visit[j]:
-                    sigma[3 * i: 3 * i + 3, 3 * j: 3 * j + 3] += rotation[i] @ np.diag((seat * offset) ** 2) @ rotation[j].T
-        sigma, flat = sigma[np.ix_(kept, kept)], columns.reshape(21, 5)[kept]
-        assert_allclose(found, flat.T @ np.linalg.solve(sigma, flat), rtol=1e-9, atol=1e-9)
-        assert_allclose(determinant, np.linalg.slogdet(sigma)[1], rtol=1e-9)
+            for j in np.flatnonzero(visit == visit[i]):
+                apart = abs(int(np.sum(visit[:i] == visit[i])) - int(np.sum(visit[:j] == visit[j])))
+                block = sensor**2 * rho**apart / np.sqrt(weight[i] * weight[j]) * np.eye(3)
+                block += rotation[i] @ np.diag((seat * offset) ** 2) @ rotation[j].T + turned**2 * setups[i] @ setups[j].T
+                if i == j:
+                    block += (relative**2 * force[i] @ force[i].T + floor**2 * absolute[i] @ absolute[i].T) / weight[i]
+                sigma[3 * i: 3 * i + 3, 3 * j: 3 * j + 3] = block
+        inside, flat = sigma[np.ix_(kept, kept)], columns.reshape(21, 5)[kept]
+        assert_allclose(found, flat.T @ np.linalg.solve(inside, flat), rtol=1e-9, atol=1e-9)
+        assert_allclose(determinant, np.linalg.slogdet(inside)[1], rtol=1e-9)
+    components = VarianceComponents().with_logs(logs[-1])
+    weights = model.weights(components, weight)
+    assert_allclose(weights.inner(columns, columns), gram[-1], rtol=1e-9)
+    assert_allclose(weights.apply(columns).reshape(21, 5)[kept], np.linalg.solve(inside, flat), rtol=1e-8, atol=1e-10)
+    assert weights.log_determinant == pytest.approx(log_determinant[-1])
+    drawn = model.draw(np.repeat(components.values[None], 40_000, axis=0), weight, rng).reshape(21, -1)[kept]
+    size = np.sqrt(np.diag(inside))
+    assert np.max(np.abs((drawn @ drawn.T / 40_000 - inside) / np.outer(size, size))) < 0.04
 
 
 def five_loads(folder: Path, text: str, seed: int, noise: tuple[float, float, float]) -> tuple[Cell, Measurements]:
@@ -66,7 +85,7 @@ def five_loads(folder: Path, text: str, seed: int, noise: tuple[float, float, fl
 
 def random_walk(cell: Cell, rows: Measurements, start: np.ndarray, stated: bool | None) -> np.ndarray:
     """Draws (D, 6) of ln c by walkers that stretch towards each other (Goodman and Weare 2010), the prior and the noise written
-    out: stated True for the three parts of FULL, None for WHITE, False for BARE."""
+    out: stated True for the parts of FULL, None for WHITE, False for BARE."""
     columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3]
     here = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, np.exp(start)).position
     softness = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, np.exp(start))[:, :3, :3]

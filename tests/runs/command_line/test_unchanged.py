@@ -18,6 +18,7 @@ import pytest
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import F0, Path3, line
 from tests.runs.command_line.user_files import Job
+from tests.support import cpu_seconds, started
 
 
 def by_target(forces: dict[int, np.ndarray]) -> str:
@@ -94,29 +95,41 @@ def test_only_numbers_change(tmp_path: Path, encoding: str, ends: str) -> None:
     assert re.sub(r"[-+0-9.eE]", "", before) == re.sub(r"[-+0-9.eE]", "", after), "blanks and line breaks stay too"
 
 
-@pytest.mark.parametrize("forces", ["target,fx_n,fy_n,fz_n\n0,0,0,0\n", "target,fx_n,fy_n,fz_n\n2,0,0,0\n1,0,0,0\n"])
-def test_a_program_without_force_byte_for_byte(tmp_path: Path, forces: str) -> None:
-    """Unusual in every way the contract names, and nothing to correct: same bytes, exit 0."""
+@pytest.mark.parametrize("without", ["0,0,0,0\n", "2,0,0,0\n1,0,0,0\n"])
+def test_moves_without_force_byte_for_byte(tmp_path: Path, without: str) -> None:
+    """Unusual in every way the contract names, and no force on them: same bytes around the one move that is corrected."""
     moves = [
         "MoveL [[1,2,3],[0.9,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tMill\\WObj:=wPart;",
         "MoveL CRobT(),v50,z1,tMill;",
         "MoveL p100,v50,z1,tUnknown\\WObj:=wElsewhere;",
         "MoveL [[1e5,2,3],[1,0,0,0],[0,0,0,0],[12.5,9E9,9E9,9E9,9E9,9E9]],v50,z1,tMill\\Corr;",
+        kit.move(line(3, 10).text[1]).replace("tMill", "tGood").replace("wPart", "wGood"),
     ]
+    good = [kit.tooldata().replace("tMill", "tGood"), kit.wobjdata().replace("wPart", "wGood")]
     raw = (
-        kit.module(moves, [kit.tooldata(held="FALSE"), kit.wobjdata(held="TRUE", fixed="FALSE", unit="STN1")])
+        kit.module(moves, [kit.tooldata(held="FALSE"), kit.wobjdata(held="TRUE", fixed="FALSE", unit="STN1"), *good])
         .replace("\n", "\r\n")
         .encode()
     )
-    job = Job(tmp_path, program=raw, forces=forces)
+    job = Job(tmp_path, program=raw, forces=f"target,fx_n,fy_n,fz_n\n{without}4,60,90,-120\n")
     result = job.correct("--json")
     assert result.code == 0, result
-    assert job.out.read_bytes() == raw
+    before, after = raw.split(b"\r\n"), job.out.read_bytes().split(b"\r\n")
+    assert [a == b for a, b in zip(before, after, strict=True)] == [True] * 10 + [False] + [True] * 3
     assert result.json["findings"]
     rows = job.offsets()
-    assert len(rows) == 4
+    assert len(rows) == 5
     offsets = kit.column(rows, "ox_mm", "oy_mm", "oz_mm", "orx_deg", "ory_deg", "orz_deg")
-    assert not np.any(np.nan_to_num(offsets))
+    assert not np.any(np.nan_to_num(offsets[:4]))
+    assert np.any(offsets[4])
+
+
+def test_a_program_without_force_is_not_written(tmp_path: Path) -> None:
+    """It would be the planned one under another name."""
+    job = Job(tmp_path, program=line(3, 10).program(), forces=by_target({0: F0 * 0, 1: F0 * 0, 2: F0 * 0}))
+    result = job.correct("--json")
+    assert (result.code, result.json["findings"][0]["code"]) == (3, "CS3086")
+    job.nothing_written()
 
 
 def test_record(tmp_path: Path) -> None:
@@ -160,7 +173,15 @@ def test_nothing_is_corrected_twice(tmp_path: Path) -> None:
     # renamed, it is still the same bytes
     (tmp_path / "renamed.mod").write_bytes(job.out.read_bytes())
     assert kit.run(*[tmp_path / "renamed.mod" if a == tmp_path / "out.mod" else a for a in again]).code == 3
-    assert kit.run(*again, "--force").code == 0
+    # --force is for files that exist: it says nothing of the program
+    assert kit.run(*again, "--force").code == 3
+    assert not (tmp_path / "twice.mod").exists()
+    # nor does another folder help, where the record lies in the one that is written to
+    (tmp_path / "elsewhere").mkdir()
+    moved = tmp_path / "elsewhere" / "renamed.mod"
+    (tmp_path / "renamed.mod").rename(moved)
+    assert kit.run(*[moved if a == tmp_path / "out.mod" else a for a in again]).code == 3
+    assert kit.run(*again, "--correct-again").code == 0
 
 
 def test_a_corrected_program_edited_by_hand_is_still_corrected(tmp_path: Path) -> None:
@@ -181,19 +202,6 @@ def test_a_corrected_program_edited_by_hand_is_still_corrected(tmp_path: Path) -
         tmp_path / "twice.mod",
     )
     assert result.code == 3, result
-
-
-def test_an_uncorrected_copy_is_not_locked_out(tmp_path: Path) -> None:
-    """A program that needed no correction comes out byte for byte; its log measured anew must not be refused for ever."""
-    path = line(3, 10)
-    job = Job(tmp_path, program=path.program(), forces=by_target({1: F0 * 0}))
-    assert job.correct().code == 0
-    assert job.out.read_bytes() == (tmp_path / "part.mod").read_bytes()
-    job.forces = by_target({1: F0})
-    job.write()
-    arguments = [tmp_path / "new.mod" if a == job.out else a for a in job.arguments("--force") if a != "--force"]
-    arguments = [tmp_path / "new.csv" if a == job.offsets_file else a for a in arguments]
-    assert kit.run(*arguments).code == 0
 
 
 def test_files_are_not_overwritten_without_force(tmp_path: Path) -> None:
@@ -265,37 +273,31 @@ def big(tmp_path: Path, count: int = 6000) -> Job:
 
 def test_killed_while_it_runs(tmp_path: Path) -> None:
     job = big(tmp_path)
-    started = time.monotonic()
+    began = time.monotonic()
     whole = kit.spawn(*job.arguments())
-    took = time.monotonic() - started
+    took = time.monotonic() - began
     assert whole.code == 0, whole
     good = {name: (tmp_path / name).read_bytes() for name in ("out.mod", "offsets.csv", "out.mod.json")}
     for share in (0.7, 0.85, 0.95):
         for name in good:
             (tmp_path / name).write_bytes(b"old")
-        process = subprocess.Popen(
-            [sys.executable, "-m", "compstiff", *map(str, job.arguments("--force"))],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        time.sleep(share * took)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        with started(sys.executable, "-m", "compstiff", *job.arguments("--force"), stdout=subprocess.DEVNULL,
+                     stderr=subprocess.DEVNULL) as process:
+            time.sleep(share * took)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
         for name, text in good.items():
             assert (tmp_path / name).read_bytes() in (b"old", text), name
 
 
 def test_ctrl_c(tmp_path: Path) -> None:
     job = big(tmp_path)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "compstiff", *map(str, job.arguments())],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-    time.sleep(0.8)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    with started(sys.executable, "-m", "compstiff", *job.arguments(), stdout=subprocess.PIPE,
+                 stderr=subprocess.PIPE) as process:
+        while process.poll() is None and cpu_seconds(process) < 0.8:
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
     if process.returncode != 0:
         assert process.returncode == 130
         assert b"Traceback" not in err

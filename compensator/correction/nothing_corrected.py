@@ -1,0 +1,32 @@
+"""Why a correction left the program as it was planned: no force, no target that may change, or too little to write."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from compensator.correction.correction import Correction
+from compensator.correction.predict import Predicted
+from identification.common.findings import Finding, counted
+
+
+def nothing_corrected(predicted: Predicted, correction: Correction) -> Finding:
+    """CS3086, with the reason that holds for most targets."""
+    path, forces, log = predicted.path, predicted.forces, predicted.forces.log.source
+    forced = np.flatnonzero(forces.forced)
+    if not len(forced):
+        return Finding("CS3086", "error", "nothing is corrected: by this log no move has force", file=log,
+                       hint="is it the log of the pass that cut, with its forces in newtons? A program that does not cut is "
+                            "loaded as it is")
+    if not len(correction.targets):
+        reason, _ = Counter(path.toolpath.block[forced].tolist()).most_common(1)[0]
+        return path.finding(int(forced[0]), "CS3086", "error",
+                            f"nothing is corrected: {counted(len(forced), 'move')} with force, and none can be corrected: "
+                            f"{reason or 'they go to joint angles (MoveAbsJ)'}",
+                            "the warnings name the moves and what to do")
+    size = 1e6 * np.linalg.norm(predicted.prediction.position, axis=1).max()
+    return Finding("CS3086", "error", f"nothing is corrected: the largest predicted deviation is {size:.2g} um, and every "
+                   "correction is too small against its uncertainty, or for the digits of the program", file=log,
+                   hint="are forces in newtons and stiffnesses right? Else load the planned program as it is; --confidence 0.5 "
+                        "makes uncertain corrections too")

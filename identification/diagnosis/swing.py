@@ -1,0 +1,173 @@
+"""A swinging weight: scatter across the load and in proportion to it, told from every other scatter by its own likelihood.
+
+Within a pose visit the residuals R (m, 3) of its rows are freed of an offset and of whatever goes with the load in the same way
+in every row (Q (m, m - 2), orthogonal to 1 and to the load: what a wrong spring, frame or lever does at one pose). What is left
+has the covariance
+
+    cov(Q^T R) = s^2 1 x S + a^2 (Q^T L Q) x G G^T + r^2 (Q^T F^2 Q) x G d d^T G^T + alpha^2 (Q^T F^2 Q) x G (1 - d d^T) G^T
+
+with the sensors' stated variances S, the loaded rows L, the loads' sizes F, gravity's direction d and the first-order
+compliance G. The likelihood ratio of alpha against none, s free and a and r about what cell.yaml states, is half chi-squared
+with one degree of freedom and half nothing where there is no swing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.arrays import Array
+from identification.fit.load_test import LoadTest
+from identification.fit.posterior import Posterior
+from identification.model.compliance import compliance_matrix
+from identification.model.effects.kinds import hanging, nothing_hangs
+from identification.model.effects.swinging_weight import SwingingWeight
+
+EFFECT = SwingingWeight()
+# Probability by chance under which scatter is called a swing: rare on purpose, tails heavier than normal raise it.
+ALARM = 1e-3
+# The force error is known to a factor of two before the rows: 1 sigma of its ln about what is stated.
+FORCE_LOG_STD = 0.7
+# Force errors where cell.yaml states none: hook and rope that nobody weighed, and the mass on the weight's face.
+USUAL_FORCE_N, USUAL_FORCE_RELATIVE = 0.5, 0.005
+# Sizes are sought from e^-6 times where they start.
+SMALLEST_LOG = -6.0
+
+
+@dataclass(frozen=True)
+class Swing:
+    """angle [rad]: 1 sigma of the load's direction in each of the two directions across; log_std: of its ln. p_value: of so
+    much by chance. largest [m]: 1 sigma of the tool's displacement it makes under the largest load."""
+
+    angle: float
+    log_std: float
+    p_value: float
+    largest: float
+
+    @property
+    def sentence(self) -> str:
+        """In plain words."""
+        return f"{EFFECT.sentence}: readings scatter as side forces of {100 * self.angle:.2g} % of the load make them"
+
+    def as_dict(self) -> dict[str, Any]:
+        """A cause of diagnosis.json."""
+        parameter = EFFECT.parameters[0]
+        return {"effect": EFFECT.name, "joint": None, "probability": 1.0 - self.p_value, "family": EFFECT.family,
+                "of_robot": False, "sentence": self.sentence, "parameters": {parameter.name: {
+                    "estimate": self.angle, "std": self.angle * self.log_std, "unit": parameter.unit}},
+                "largest_um": 1e6 * self.largest}
+
+
+@dataclass(frozen=True, eq=False)
+class _Visits:
+    """What is left of the residuals of v visits with equally many rows: values (v, p), and the parts of their covariance
+    (v, 4, p, p): sensor, absolute, along the load, across it."""
+
+    values: Array
+    parts: Array
+
+    def log_likelihood(self, squared: Array) -> float:
+        """For squared sizes (4,), without its constant."""
+        root = np.linalg.cholesky(np.einsum("k,vkij->vij", squared, self.parts))
+        white = np.linalg.solve(root, self.values[:, :, None])
+        return -float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum() + 0.5 * np.sum(white**2))
+
+
+def swing_of(fitted: Posterior) -> Swing | None:
+    """The swing in the residuals of a fitted model, None where they show none or cannot."""
+    from scipy.optimize import minimize
+    from scipy.stats import chi2
+
+    state = fitted.load_state
+    if nothing_hangs(state):
+        return None
+    groups = _groups(fitted)
+    if not groups:
+        return None
+    noise = fitted.data.cell.noise
+    start = np.log([1.0, max(float(noise.force.max()), USUAL_FORCE_N), noise.force_relative or USUAL_FORCE_RELATIVE,
+                    EFFECT.parameters[0].typical])
+
+    def cost(logs: Array) -> float:
+        squared = np.zeros(4)
+        squared[: len(logs)] = np.exp(2 * np.clip(logs, start[: len(logs)] + SMALLEST_LOG, start[: len(logs)] - SMALLEST_LOG))
+        believed = 0.5 * float(np.sum(((logs[1:3] - start[1:3]) / FORCE_LOG_STD) ** 2))
+        return believed - sum(group.log_likelihood(squared) for group in groups)
+
+    def least(count: int, begin: Array) -> tuple[Array, float]:
+        simplex = np.concatenate([begin[None], begin + np.eye(count)])
+        found = minimize(cost, begin, method="Nelder-Mead",
+                         options={"initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-3, "maxfev": 600})
+        return np.asarray(found.x), float(found.fun)
+
+    without, worse = least(3, start[:3])
+    best, better = min((least(4, begin) for begin in (np.append(without, start[3]), start)), key=lambda found: found[1])
+    p_value = 0.5 * float(chi2.sf(2 * max(worse - better, 0.0), 1))
+    if p_value > ALARM:
+        return None
+    step = 0.1
+    curvature = (cost(best + step * np.eye(4)[3]) - 2 * better + cost(best - step * np.eye(4)[3])) / step**2
+    angle = float(np.exp(best[3]))
+    across = _across(fitted.data, fitted.compliance, state.fall)
+    largest = angle * np.sqrt(np.trace(across, axis1=1, axis2=2))
+    return Swing(angle, float(1 / np.sqrt(max(curvature, 1.0))), p_value, float(largest.max()))
+
+
+def allowed_for(data: LoadTest, swing: Swing, fitted: Posterior) -> LoadTest:
+    """The same rows with the swing in their own sigmas."""
+    rows, sensor = data.rows, data.cell.noise.deflection
+    across = _across(data, fitted.compliance, fitted.load_state.fall)
+    own = np.where(np.isnan(rows.sigma), sensor, rows.sigma)
+    widened = np.sqrt(own**2 + swing.angle**2 * np.diagonal(across, axis1=1, axis2=2))
+    return data.with_rows(replace(rows, sigma=widened))
+
+
+def _across(data: LoadTest, compliance: Array, fall: Array) -> Array:
+    """Covariance (n, 3, 3) [m^2] that a direction uncertain by 1 rad across gravity makes in each row."""
+    force = data.rows.wrench[:, :3]
+    down = fall / np.linalg.norm(fall)
+    carried = _carried(data, compliance) @ (np.eye(3) - np.outer(down, down))
+    return np.asarray((carried @ np.swapaxes(carried, 1, 2)) * np.sum(force**2, axis=1)[:, None, None])
+
+
+def _carried(data: LoadTest, compliance: Array) -> Array:
+    """First-order compliance (n, 3, 3) [m/N]."""
+    cell = data.cell
+    return np.asarray(compliance_matrix(cell.robot, data.rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3])
+
+
+def _groups(fitted: Posterior) -> list[_Visits]:
+    """The visits that tell, those with equally many rows together."""
+    data, state = fitted.data, fitted.load_state
+    residual = fitted.residual
+    usable = ~np.isnan(residual).any(axis=1) & (hanging(state) | ~np.any(state.wrench != 0, axis=1))
+    sigma = np.where(np.isnan(data.rows.sigma), data.cell.noise.deflection, data.rows.sigma)
+    carried = _carried(data, fitted.compliance)
+    down = state.fall / np.linalg.norm(state.fall)
+    load = state.wrench[:, :3] @ down
+    found: dict[int, list[tuple[Array, Array]]] = {}
+    for visit in np.unique(state.visit[usable]):
+        rows = np.flatnonzero(usable & (state.visit == visit))
+        if len(rows) < 3 or not load[rows].any():
+            continue
+        visited = _visit(residual[rows], sigma[rows].mean(axis=0), carried[rows].mean(axis=0), load[rows], down)
+        found.setdefault(len(visited[0]), []).append(visited)
+    return [_Visits(np.stack([values for values, _ in members]), np.stack([parts for _, parts in members]))
+            for members in found.values()]
+
+
+def _visit(residual: Array, sigma: Array, carried: Array, load: Array, down: Array) -> tuple[Array, Array]:
+    """Values (p,) and covariance parts (4, p, p) of one visit in units of the sensors' sigmas; residual (m, 3) [m]."""
+    common = np.column_stack([np.ones(len(load)), load])
+    left = np.linalg.qr(common, mode="complete")[0][:, np.linalg.matrix_rank(common):]
+    values = (left.T @ (residual / sigma)).ravel()
+    scaled = carried / sigma[:, None]
+    along = np.outer(scaled @ down, scaled @ down)
+    every = scaled @ scaled.T
+    loaded: NDArray[np.float64] = (load != 0).astype(float)
+    return values, np.stack([
+        np.eye(len(values)), np.kron((left.T * loaded) @ left, every), np.kron((left.T * load**2) @ left, along),
+        np.kron((left.T * load**2) @ left, every - along)])

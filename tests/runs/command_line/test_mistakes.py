@@ -1,0 +1,237 @@
+"""Ordinary mistakes of a newcomer, each made on purpose in a sound job, on two robots: none passes without a word.
+
+A mistake is a changed file, or a call; what answers it is an exit code and a finding. Where the job is done all the same, the
+finding is a warning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.workshop import COLUMNS, Workshop, workshop
+
+ROBOTS = ("irb6660-205-1.90", "irb6700-200-2.60")
+CORRECT = ("correct", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o", "@out.mod")
+ALONG = tuple("@along.csv" if word == "@forces.csv" else word for word in CORRECT)
+IDENTIFY = ("identify", "@cell.yaml", "@measurements.csv", "-o", "@found.json")
+Change = Callable[[str], str | bytes]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """name: what was done. file, change: the file that is spoilt, and how. words: the call.
+
+    code: of the finding that answers it, "" where several do: an error, or a warning where exit_code is 0 (then a refusal is an
+    answer too).
+    """
+
+    name: str
+    file: str
+    change: Change
+    words: tuple[str, ...]
+    exit_code: int
+    code: str
+
+
+def swap(old: str, new: str) -> Change:
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new)
+
+    return change
+
+
+def rewrite(pattern: str, new: str | Callable[[re.Match[str]], str], count: int = 0) -> Change:
+    def change(text: str) -> str:
+        changed, times = re.subn(pattern, new, text, count=count, flags=re.M)
+        assert times
+        return changed
+
+    return change
+
+
+def columns(names: list[str], factor: float | Callable[[np.ndarray], np.ndarray]) -> Change:
+    """The named columns of a table times a factor, or through a function of their values (n, k)."""
+    def change(text: str) -> str:
+        header, *lines = text.splitlines()
+        place = [header.split(",").index(name) for name in names]
+        table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+        table[:, place] = factor(table[:, place]) if callable(factor) else factor * table[:, place]
+        return "\n".join([header, *(",".join(f"{value:.9g}" for value in row) for row in table)]) + "\n"
+
+    return change
+
+
+def lines(function: Callable[[list[str]], list[str]]) -> Change:
+    return lambda text: "\n".join(function(text.splitlines())) + "\n"
+
+
+def same(text: str) -> str:
+    return text
+
+
+def call(*words: str) -> tuple[str, ...]:
+    return (*CORRECT, *words)
+
+
+def instead(old: str, new: str, words: tuple[str, ...] = CORRECT) -> tuple[str, ...]:
+    assert old in words
+    return tuple(new if word == old else word for word in words)
+
+
+FORCES, READINGS, ANGLES = ["fx_n", "fy_n", "fz_n"], ["dx_um", "dy_um", "dz_um"], COLUMNS[:6]
+PLACES = ["x_mm", "y_mm", "z_mm"]
+M = Mistake
+CELL = [
+    M("robot's name misspelt", "cell.yaml", rewrite(r"^robot: irb", "robot: IRB-"), CORRECT, 1, "CS0104"),
+    M("position as text", "cell.yaml", rewrite(r"position_mm: \[([^\]]*)\]", r"position_mm: '\1'"), CORRECT, 1, "CS0102"),
+    M("position of two numbers", "cell.yaml", rewrite(r"position_mm: \[([^,]*),", "position_mm: ["), CORRECT, 1, "CS0102"),
+    M("decimal comma in the cell", "cell.yaml", rewrite(r"\[(\d+)\.(\d+),", r"[\1,\2,"), CORRECT, 1, "CS0102"),
+    M("tool in metres", "cell.yaml", rewrite(r"position_mm: \[.*?\]", "position_mm: [0.110, -0.020, 0.260]"), IDENTIFY, 0, ""),
+    M("Euler angles for a quaternion", "cell.yaml", rewrite(r"quaternion: \[.*?\]", "quaternion: [0, 90, 0]"), CORRECT, 1,
+      "CS0102"),
+    M("a quaternion that is none", "cell.yaml", rewrite(r"quaternion: \[.*?\]", "quaternion: [1, 1, 0, 0]"), CORRECT, 1,
+      "CS0102"),
+    M("a key misspelt", "cell.yaml", swap("measurement:", "mesurement:"), CORRECT, 1, "CS0102"),
+    M("a key twice", "cell.yaml", lambda text: text + "force_log: {frame: tool}\n", CORRECT, 1, "CS0102"),
+    M("the tool forgotten", "cell.yaml", rewrite(r"^tool:.*\n", ""), CORRECT, 1, "CS0102"),
+    M("tabs in YAML", "cell.yaml", swap("tool: {", "tool:\n\t{"), CORRECT, 1, "CS0101"),
+    M("the cell file in UTF-16", "cell.yaml", lambda text: text.encode("utf-16"), CORRECT, 1, "CS0101"),
+    M("an empty cell file", "cell.yaml", lambda text: "", CORRECT, 1, "CS0102"),
+    M("an unknown frame of the log", "cell.yaml", swap("frame: base", "frame: wobj"), CORRECT, 1, "CS0102"),
+    M("a sensor without its place", "cell.yaml", swap("frame: base", "frame: sensor"), CORRECT, 1, "CS0102"),
+    M("a unit behind a number", "cell.yaml", swap("[2, 2, 2]", "[2 um, 2 um, 2 um]"), CORRECT, 1, "CS0102"),
+    M("a negative sigma", "cell.yaml", swap("[2, 2, 2]", "[2, -2, 2]"), CORRECT, 1, "CS0102"),
+    M("a limit of zero", "cell.yaml", lambda text: text + "limits: {max_offset_mm: 0}\n", CORRECT, 1, "CS0102"),
+    M("another robot in the cell", "cell.yaml", rewrite("^robot: .*", "robot: irb4400-60"), CORRECT, 1, "CS1202"),
+]
+TABLE = [
+    M("a column missing", "measurements.csv", swap("fz_n", "fz"), IDENTIFY, 1, "CS0202"),
+    M("a column twice", "measurements.csv", swap("fz_n", "fy_n"), IDENTIFY, 1, "CS0202"),
+    M("no header", "measurements.csv", lines(lambda rows: rows[1:]), IDENTIFY, 1, "CS0202"),
+    M("a header in the middle", "measurements.csv", lines(lambda rows: [*rows, rows[0]]), IDENTIFY, 1, "CS0203"),
+    M("a header alone", "measurements.csv", lines(lambda rows: rows[:1]), IDENTIFY, 1, "CS1005"),
+    M("an empty table", "measurements.csv", lambda text: "", IDENTIFY, 1, "CS0201"),
+    M("text in a cell", "measurements.csv", rewrite(r"250\.0000", "250 N", 1), IDENTIFY, 1, "CS0203"),
+    M("an empty cell", "measurements.csv", rewrite(r"250\.0000", "", 1), IDENTIFY, 1, "CS0203"),
+    M("a cell too few", "measurements.csv", rewrite(r",[^,\n]*$", "", 3), IDENTIFY, 1, "CS0201"),
+    M("a workbook", "measurements.csv", lambda text: b"PK\x03\x04" + text.encode(), IDENTIFY, 1, "CS0201"),
+    M("Latin-1", "measurements.csv", lambda text: ("# µm\n" + text).encode("latin-1"), IDENTIFY, 1, "CS0201"),
+    M("angles in radians", "measurements.csv", columns(ANGLES, np.pi / 180), IDENTIFY, 0, ""),
+    M("angles outside the limits", "measurements.csv", columns(["q2_deg"], lambda q: q + 180), IDENTIFY, 1, "CS1002"),
+    M("deflections in millimetres", "measurements.csv", columns(READINGS, 1e-3), IDENTIFY, 1, ""),
+    M("deflections in metres", "measurements.csv", columns(READINGS, 1e-6), IDENTIFY, 0, ""),
+    M("forces in kilonewtons", "measurements.csv", columns(FORCES, 1e-3), IDENTIFY, 1, ""),
+    M("deflections with the wrong sign", "measurements.csv", columns(READINGS, -1), IDENTIFY, 1, "CS1010"),
+    M("x and y of the forces swapped", "measurements.csv", columns(["fx_n", "fy_n"], lambda f: f[:, ::-1]), IDENTIFY, 0, ""),
+    M("the sign of z wrong", "measurements.csv", columns(["dz_um"], -1), IDENTIFY, 0, "CS1013"),
+    M("one reading ten times", "measurements.csv", columns(READINGS, lambda d: d * np.where(np.arange(len(d)) == 7, 10,
+      1)[:, None]),
+      IDENTIFY, 0, "CS1013"),
+    M("every row twice", "measurements.csv", lines(lambda rows: [*rows, *rows[1:]]), IDENTIFY, 0, "CS0012"),
+    M("no row with a load", "measurements.csv", columns(FORCES, 0), IDENTIFY, 1, "CS1005"),
+    M("the tool's length wrong", "cell.yaml", rewrite(r"260\.0*", "360.0"), IDENTIFY, 0, "CS1013"),
+    M("a misspelt purpose", "measurements.csv", lines(lambda rows: [rows[0] + ",purpose",
+      *(row + ",validat" for row in rows[1:])]),
+      IDENTIFY, 1, "CS1001"),
+]
+PROGRAM = [
+    M("no ENDMODULE", "part.mod", swap("ENDMODULE", ""), CORRECT, 1, "CS2050"),
+    M("no ENDPROC", "part.mod", swap("ENDPROC", ""), CORRECT, 1, "CS2050"),
+    M("two modules", "part.mod", lambda text: text + "MODULE Other\nENDMODULE\n", CORRECT, 0, "CS2051"),
+    M("a program in UTF-16", "part.mod", lambda text: text.encode("utf-16"), CORRECT, 1, "CS2001"),
+    M("an empty program", "part.mod", lambda text: "", CORRECT, 1, "CS4202"),
+    M("a semicolon forgotten", "part.mod", rewrite(r"wPart;\n", "wPart\n", 1), CORRECT, 1, "CS2003"),
+    M("the end cut off", "part.mod", lambda text: text[:-60], CORRECT, 1, "CS2002"),
+    M("a quaternion cut short", "part.mod", rewrite(r"(MoveL .*?\],\[)-?\d\.\d+", r"\g<1>0.9"), CORRECT, 1, "CS4103"),
+    M("targets in metres", "part.mod", rewrite(r"(MoveL \[\[)([^\]]*)\]", lambda m: m[1] + ",".join(
+        f"{float(x) / 1e3:.6f}" for x in m[2].split(",")) + "]"), CORRECT, 3, "CS4105"),
+    M("a work object declared nowhere", "part.mod", swap("\\WObj:=wPart", "\\WObj:=wOther"), CORRECT, 3, "CS4104"),
+    M("no work object at the moves", "part.mod", swap("\\WObj:=wPart", ""), CORRECT, 0, "CS2052"),
+    M("a stationary tool", "part.mod", swap("tMill:=[TRUE", "tMill:=[FALSE"), CORRECT, 3, "CS4104"),
+    M("all cuts displaced", "part.mod", swap("PROC main()", "PROC main()\nPDispOn p1,tMill;"), CORRECT, 3, "CS3086"),
+    M("an external axis", "part.mod", swap("[9E9,9E9,", "[100,9E9,"), CORRECT, 3, "CS4104"),
+    M("moves of other kinds", "part.mod", swap("MoveL", "MoveLDO"), CORRECT, 1, "CS4202"),
+    M("the suffix of a text", "part.txt", lambda text: "MODULE a\nENDMODULE\n", instead("@part.mod", "@part.txt"), 1, "CS4201"),
+    M("another program", "part.mod", lines(lambda rows: [row for i, row in enumerate(rows) if i not in (4, 5, 6)]),
+      CORRECT, 1, "CS3004"),
+]
+LOG = [
+    M("all forces zero", "forces.csv", columns(FORCES, 0), CORRECT, 3, "CS3086"),
+    M("forces of a program in kilonewtons", "forces.csv", columns(FORCES, 1e-3), CORRECT, 0, "CS4125"),
+    M("forces in grams", "forces.csv", columns(FORCES, 102), CORRECT, 3, "CS4107"),
+    M("targets counted from one", "forces.csv", columns(["target"], lambda n: n + 1), CORRECT, 1, "CS3004"),
+    M("the target is no whole number", "forces.csv", columns(["target"], 1.001), CORRECT, 1, "CS3004"),
+    M("no column that places", "forces.csv", swap("target,", "number,"), CORRECT, 1, "CS3001"),
+    M("a force missing", "forces.csv", swap("fz_n", "fz"), CORRECT, 1, "CS0202"),
+    M("not a number", "forces.csv", rewrite(r",(-?\d+\.\d+)$", ",nan", 1), CORRECT, 1, "CS0203"),
+    M("an empty log", "forces.csv", lambda text: "", CORRECT, 1, "CS0201"),
+    M("a log with a header alone", "forces.csv", lines(lambda rows: rows[:1]), CORRECT, 1, "CS3002"),
+    M("a log in UTF-16 without mark", "forces.csv", lambda text: text.encode("utf-16-le"), CORRECT, 1, "CS0202"),
+    M("a workbook as log", "forces.csv", lambda text: b"PK\x03\x04", CORRECT, 1, "CS0201"),
+    M("places in metres", "along.csv", columns(PLACES, 1e-3), ALONG, 1, "CS3005"),
+    M("places in another work object", "along.csv", columns(PLACES, lambda p: p + np.array([300, 0, 0])), ALONG, 1, "CS3005"),
+    M("places with x and y swapped", "along.csv", columns(["x_mm", "y_mm"], lambda p: p[:, ::-1]), ALONG, 1, "CS3005"),
+    M("half of the log lost", "forces.csv", lines(lambda rows: rows[:30]), CORRECT, 0, "CS3012"),
+    M("a bias that nobody took off", "forces.csv", columns(FORCES, lambda f: f + np.array([300, -150, 80])), CORRECT, 0,
+      "CS3087"),
+    M("the tare behind the program", "forces.csv", same, call("--tare", "90:95"), 1, "CS3006"),
+]
+CALL = [
+    M("cell and program swapped", "part.mod", same, ("correct", "@part.mod", "@cell.yaml", *CORRECT[3:]), 1, "CS0102"),
+    M("cell and measurements swapped", "part.mod", same, ("identify", "@measurements.csv", "@cell.yaml", "-o",
+      "@found.json"), 1, "CS0102"),
+    M("program and log swapped", "part.mod", same, ("correct", "@cell.yaml", "@forces.csv", "--stiffness", "@stiffness.json",
+                                                    "--forces", "@part.mod", "-o", "@out.mod"), 1, "CS0202"),
+    M("the cell for the stiffness", "part.mod", same, instead("@stiffness.json", "@cell.yaml"), 1, "CS1201"),
+    M("the stiffness of another robot", "stiffness.json", rewrite(r'"robot": "[^"]*"', '"robot": "irb4400-60"'), CORRECT,
+      1, "CS1202"),
+    M("the program over itself", "part.mod", same, (*instead("@out.mod", "@part.mod"), "--force"), 1, "CS0006"),
+    M("report over the program", "part.mod", same, (*call("--report", "@out.mod"), "--force"), 1, "CS0006"),
+    M("report over the stiffness", "part.mod", same, (*IDENTIFY, "--report", "@found.json", "--force"), 1, "CS0006"),
+    M("an output that exists", "out.mod", lambda text: "mine", CORRECT, 1, "CS0003"),
+    M("a folder that does not exist", "part.mod", same, instead("@out.mod", "@none/out.mod"), 1, "CS0004"),
+    M("a file that does not exist", "part.mod", same, instead("@forces.csv", "@forces.txt"), 2, "CS0002"),
+    M("an option misspelt", "part.mod", same, call("--tares", "0:1"), 2, "CS0002"),
+    M("a tare that is no range", "part.mod", same, call("--tare", "0-1"), 2, "CS0002"),
+    M("no stiffness", "part.mod", same, tuple(word for word in CORRECT if "stiffness" not in word), 2, "CS0002"),
+    M("a split without its size", "part.mod", same, call("--split-load"), 1, "CS4310"),
+    M("a place to design at in metres", "part.mod", same, ("design", "@cell.yaml", "-o", "@plan.csv", "--quick",
+      "--position", "1.1",
+                                                        "0", "0.9"), 1, "CS1601"),
+    M("watched into the watched folder", "part.mod", same, ("watch", "@.", "@out", "--cell", "@cell.yaml", "--stiffness",
+                                                         "@stiffness.json", "--once"), 1, "CS6006"),
+]
+MISTAKES = [*CELL, *TABLE, *PROGRAM, *LOG, *CALL]
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("words", [CORRECT, ALONG, IDENTIFY])
+def test_the_sound_job_is_done_without_a_word(tmp_path: Path, robot: str, words: tuple[str, ...]) -> None:
+    result = workshop(robot).run(tmp_path, {}, *words)
+    assert result.code == 0, result
+    assert {finding["level"] for finding in result.json["findings"]} <= {"note"}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.name)
+def test_no_mistake_is_silent(tmp_path: Path, mistake: Mistake, robot: str) -> None:
+    shop: Workshop = workshop(robot)
+    result = shop.run(tmp_path, {mistake.file: mistake.change(shop.files.get(mistake.file, ""))}, *mistake.words)
+    findings = [finding for finding in result.json["findings"] if finding["level"] != "note"]
+    assert findings, "silent"
+    assert mistake.code in ("", *(finding["code"] for finding in findings)), result
+    assert result.code == mistake.exit_code or (mistake.exit_code == 0 and result.code in (1, 3)), result
+    if result.code:
+        assert findings[0]["level"] == "error"
+        assert sum(finding["level"] == "error" for finding in findings) <= 20
+        out = tmp_path / "out.mod"
+        assert not out.exists() or out.read_text() == "mine"
+    assert kit.run("explain", findings[0]["code"]).code == 0

@@ -1,0 +1,65 @@
+"""Load tests as they are carried out: which poses, which loads in which order, at what time. All of it is this cell's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.second_cell.robots import Robot
+
+CYCLE_N = (130.0, 260.0, 390.0, 200.0, 0.0, -190.0, -380.0, -90.0)     # up, down, through zero, the other side
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Rows in the order taken: q (n, 6) [rad], load (n, 3) [N] as reported, time (n,) and dwell (n,) [s], visit (n,) from 0.
+    Every visit has the same number of rows."""
+
+    q: np.ndarray
+    load: np.ndarray
+    time: np.ndarray
+    dwell: np.ndarray
+    visit: np.ndarray
+
+    @property
+    def visits(self) -> int:
+        return int(self.visit[-1]) + 1
+
+
+def _plan(poses: np.ndarray, loads: np.ndarray, rng: np.random.Generator) -> Plan:
+    """loads (visits, rows, 3) [N]."""
+    visits, rows = loads.shape[:2]
+    dwell = np.resize([6.0, 25.0, 12.0], visits * rows)
+    gaps = np.tile([rng.uniform(60, 200)] + [4.0] * (rows - 1), visits)
+    return Plan(np.repeat(poses, rows, axis=0), np.round(loads.reshape(-1, 3), 1), np.cumsum(gaps + dwell), dwell,
+                np.repeat(np.arange(visits), rows))
+
+
+def cycles(robot: Robot, tool: np.ndarray, rng: np.random.Generator) -> Plan:
+    """Ten poses, a load cycle along each of three axes: 240 rows."""
+    cycle = np.concatenate([np.outer(CYCLE_N, axis) for axis in np.eye(3)])
+    return _plan(robot.poses(10, tool, rng), np.repeat(cycle[None], 10, axis=0), rng)
+
+
+def five(robot: Robot, tool: np.ndarray, rng: np.random.Generator) -> Plan:
+    """Fourteen poses, five single loads each in random directions, 150 to 350 N: 70 rows."""
+    direction = rng.standard_normal((14, 5, 3))
+    direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+    return _plan(robot.poses(14, tool, rng), rng.uniform(150, 350, (14, 5, 1)) * direction, rng)
+
+
+def single(robot: Robot, tool: np.ndarray, rng: np.random.Generator) -> Plan:
+    """Twenty-four poses with one load each along one axis, 320 N of either sign."""
+    axes = np.eye(3)[rng.permutation(24) % 3] * rng.choice([-320.0, 320.0], 24)[:, None]
+    return _plan(robot.poses(24, tool, rng), axes[:, None], rng)
+
+
+def fresh(robot: Robot, tool: np.ndarray, rng: np.random.Generator, count: int = 30) -> Plan:
+    """Poses that no model was fitted to, one load in any direction each."""
+    direction = rng.standard_normal((count, 1, 3))
+    direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+    return _plan(robot.poses(count, tool, rng), rng.uniform(120, 380, (count, 1, 1)) * direction, rng)
+
+
+PLANS = {"cycles": cycles, "five": five, "single": single}

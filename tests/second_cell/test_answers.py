@@ -1,0 +1,64 @@
+"""`diagnose` on load tests of the second cell: the fast guard of benchmarks/independent_twin.py, drawn beforehand, none left
+out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.independent_twin import at_fresh_poses, diagnosed
+from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.stiffness_file import read_stiffness
+from tests.runs.hidden_effects.judge import answer, judge, truth_names
+from tests.second_cell.cell import Case, Hidden, simulate
+from tests.second_cell.detectable import CLEAR, signal
+
+CLEARLY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", 0, 2.0), Hidden("drift", 0, 1.5), Hidden("backlash", 1, 2.0),
+           Hidden("deflection_sensor_rotation", 0, 2.0), Hidden("spindle_compliance", 0, 2.0))
+
+
+@pytest.fixture(scope="module")
+def found() -> list[tuple[Case, Diagnosis]]:
+    cases = [simulate(7700 + k, "cycles", "near", (hidden,), weight="unknown") for k, hidden in enumerate(CLEARLY)]
+    return [(case, diagnosed(case)) for case in cases]
+
+
+def test_clear_causes_are_named_and_none_wrongly(found: list[tuple[Case, Diagnosis]]) -> None:
+    assert all(signal(case) > CLEAR for case, _ in found)
+    outcomes = [judge(truth_names([case.hidden[0].truth]), answer(one.as_dict())) for case, one in found]
+    assert "wrong" not in outcomes
+    assert sum(outcome in ("right", "ambiguous in") for outcome in outcomes) >= len(outcomes) - 1, outcomes
+
+
+def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
+    """The extended model is nearer to the true motion than the plain springs, over all cases with a name."""
+    fresh = [at_fresh_poses(case, one) for case, one in found if one.judgement.verdict == "named"]
+    assert fresh
+    assert sum(one.named**2 for one in fresh) < 0.5 * sum(one.plain**2 for one in fresh)
+
+
+@pytest.mark.parametrize(("seed", "plan", "stratum"), [(7710, "cycles", "near"), (7711, "five", "worse"),
+                                                       (7712, "single", "tails")])
+def test_noise_alone_gets_no_name(seed: int, plan: str, stratum: str) -> None:
+    assert diagnosed(simulate(seed, plan, stratum, weight="unknown")).judgement.verdict != "named"
+
+
+def test_the_model_in_memory_is_the_one_of_the_file(tmp_path: Path) -> None:
+    """A script that goes on with the diagnosis' model meets the weight that the file's reader takes from the cell: gaps in
+    force lie where gravity leaves them."""
+    case = simulate(7713, "single", "sheet", weight="known")
+    cell_file, table = case.write(tmp_path)
+    cell = read_cell(cell_file)
+    model = diagnose(cell, read_measurements(table, cell.robot)).extended()
+    written = tmp_path / "extended.json"
+    written.write_text(json.dumps(model.as_dict()), encoding="utf-8")
+    read = read_stiffness(written, cell)
+    assert model.tool_mass == read.tool_mass == 70.0
+    assert model.tool_centre is not None
+    np.testing.assert_allclose(model.tool_centre, [0, 0, case.tool[2] / 2], atol=1e-6)
+    np.testing.assert_array_equal(model.fall, read.fall)
