@@ -29,7 +29,7 @@ from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
-from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, mistakes_in
+from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
 from identification.fit.mistakes.search import Search
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
@@ -112,7 +112,7 @@ class Procedure:
 
     def judged(self) -> Judgement:
         """Fit, detect, and where something is wrong, name it."""
-        plain = posterior(self.data.with_rows(self.data.rows.select(~self.data.rows.validate)))
+        plain = fitted_or_mistaken(self.data.with_rows(self.data.rows.select(~self.data.rows.validate)))
         missing = {effect.name: effect.missing(plain.load_state) for effect in self.catalogue.values()}
         detection = goodness_of_fit(plain, self.catalogue, self.rng, self.replicates)
         judgement = Judgement("adequate", plain, plain, detection, scatter=beyond_stated(plain, GRANTED),

@@ -13,10 +13,16 @@ from identification.common.findings import CompstiffError, Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import Ellipsoid, JointGrade, ellipsoid, grade_joints, information_spectrum
 from identification.fit.load_test import LoadTest
-from identification.fit.mistakes.judge import NamedMistake, common_factor_findings, mistake_finding, mistakes_in
+from identification.fit.mistakes.judge import (
+    NamedMistake,
+    common_factor_findings,
+    fitted_or_mistaken,
+    mistake_finding,
+    mistakes_in,
+)
 from identification.fit.mistakes.units import unit_mistake
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
 from identification.fit.subsets import Conflict, subset_conflicts
@@ -115,7 +121,7 @@ def fit_stiffness(
     """
     identify = ~measurements.validate
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
-    fitted = posterior(every.with_rows(measurements.select(identify)))
+    fitted = fitted_or_mistaken(every.with_rows(measurements.select(identify)))
     grades, conflicts = grade_joints(fitted), subset_conflicts(fitted)
     residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import rms
-from identification.common.findings import Finding, Level
+from identification.common.findings import CompstiffError, Finding, Level
 from identification.fit.held_out import left_out, poses
-from identification.fit.mistakes.search import Candidate, Search, search
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
 from identification.fit.noise import VarianceComponents
-from identification.fit.posterior import Posterior
+from identification.fit.posterior import Posterior, posterior
 
 Array = NDArray[np.float64]
 # Chi-squared a reading under the stated noise from which a misfit is gross: three times the stated noise.
@@ -110,6 +111,21 @@ class Mistakes:
     @staticmethod
     def _log_posterior(named: NamedMistake) -> float:
         return named.candidate.log_posterior
+
+
+def fitted_or_mistaken(data: LoadTest) -> Posterior:
+    """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
+    mistake does that, where one is clear."""
+    try:
+        return posterior(data)
+    except CompstiffError as refused:
+        finding = refused.findings[0]
+        mistake = likeliest_at_a_glance(data) if finding.code == "CS1010" else None
+        if mistake is None:
+            raise
+        sentence = mistake.sentence.format(rows=f"all {len(data.rows)} rows")
+        said = replace(finding, message=f"{finding.message}; {sentence}", hint=f"check: {mistake.settles}")
+        raise CompstiffError(said) from None
 
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:

@@ -78,13 +78,26 @@ def search(plain: Posterior) -> Search:
 
 def _portion(plain: Posterior) -> Posterior:
     """The fit itself, or where there are many rows that of whole visits, or of rows, evenly over them."""
-    rows = plain.data.rows
+    part = _thinned(plain.data)
+    return plain if part is plain.data else posterior(part)
+
+
+def _thinned(data: LoadTest) -> LoadTest:
+    rows = data.rows
     every = int(np.ceil(len(rows) / MOST_ROWS))
     if every == 1:
-        return plain
+        return data
     number = np.unique(rows.visit, return_inverse=True)[1]
     kept = number if number.max() >= 4 * every else np.arange(len(rows))
-    return posterior(plain.data.with_rows(rows.select(kept % every == 0)))
+    return data.with_rows(rows.select(kept % every == 0))
+
+
+def likeliest_at_a_glance(data: LoadTest) -> Mistake | None:
+    """The mistake that the quick look finds clearly likelier than any other, for rows that have no plain fit."""
+    found = [guess for guess in _Look(_thinned(data)).guesses()
+             if guess.size is None and not guess.split and guess.rows is None]
+    clear = found and (len(found) == 1 or found[0].score > found[1].score + WORTH)
+    return found[0].mistake if clear else None
 
 
 @dataclass(frozen=True, eq=False)
