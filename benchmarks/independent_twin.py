@@ -192,7 +192,7 @@ def nulls_report(design: str, stratum: str, results: Iterable[Null]) -> None:
     alarms = [one for one in results if one.outcome != "quiet"]
     named = sum(one.outcome == "wrong" for one in alarms)
     print(f"{design}, {stratum}: alarms {share(len(alarms), len(results))}, named {share(named, len(results))}; 95 "
-          f" % ellipsoid {share(sum(one.rank <= 0.95 for one in results), len(results))}, single intervals "
+          f"% ellipsoid {share(sum(one.rank <= 0.95 for one in results), len(results))}, single intervals "
           f"{share(sum(one.inside for one in results), 6 * len(results))}; {np.nanmean([r.seconds for r in results]):.2f} s")
     for one in alarms:
         print(f"    seed {one.seed} {one.robot}: {one.answer.verdict} p {one.p_value:.3f} {', '.join(sorted(one.answer.names))}"
