@@ -31,8 +31,8 @@ def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
     assert content["fit"]["model_check"]["rejected"] is True
     assert all(parameter["grade"] != "reliable" for parameter in content["parameters"])
 
-    job = (cell, SAMPLES / "insert.mod", "--stiffness", stiffness, "--forces", SAMPLES / "insert.forces.parquet",
-           "--tare", "0:2")
+    job = (cell, SAMPLES / "insert.mod", "--stiffness", stiffness, "--tare", "0:2",
+           "--forces", SAMPLES / "insert.forces.parquet")
     refused = compstiff("predict", *job, "-o", tmp_path / "deviation.csv")
     assert refused.returncode == 3
     assert "CS1022" in refused.stderr
