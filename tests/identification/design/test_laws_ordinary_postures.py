@@ -1,4 +1,4 @@
-"""Ordinary postures: the tool pose with the wrist turned least, poses in front where they cost little, windows of cell.yaml."""
+"""Ordinary postures: the tool pose with the wrist turned least, poses in front where they cost little, cell.yaml's windows."""
 
 from __future__ import annotations
 
