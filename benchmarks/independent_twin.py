@@ -192,7 +192,7 @@ def nulls_report(design: str, stratum: str, results: Iterable[Null]) -> None:
     alarms = [one for one in results if one.outcome != "quiet"]
     named = sum(one.outcome == "wrong" for one in alarms)
     print(f"{design}, {stratum}: alarms {share(len(alarms), len(results))}, named {share(named, len(results))}; 95 "
-          f" % ellipsoid {share(sum(one.rank <= 0.95 for one in results), len(results))}, single intervals "
+          f"% ellipsoid {share(sum(one.rank <= 0.95 for one in results), len(results))}, single intervals "
           f"{share(sum(one.inside for one in results), 6 * len(results))}; {np.nanmean([r.seconds for r in results]):.2f} s")
     for one in alarms:
         print(f"    seed {one.seed} {one.robot}: {one.answer.verdict} p {one.p_value:.3f} {', '.join(sorted(one.answer.names))}"
@@ -239,9 +239,9 @@ def fresh_report(named: Sequence[Result]) -> None:
         return
     of_plain, of_named = (100 * np.mean([[one.components[k], one.points[k]] for one in tried], axis=0) for k in (0, 1))
     gain = np.array([one.named / one.plain for one in tried])
-    told = np.array([one.named / one.told for one in tried])
+    told = [one.named / one.told for one in tried if one.told > 0] or [np.nan]
     print(f"  fresh poses, {len(tried)} named: error relative to the plain model's {np.median(gain):.2f} in the median, worst "
-          f"{gain.max():.2f}, worse than plain {np.sum(gain > 1)}; relative to the told law's {np.nanmedian(told):.2f}")
+          f"{gain.max():.2f}, worse than plain {np.sum(gain > 1)}; relative to the told law's {np.median(told):.2f}")
     print(f"  inside the stated 95 %: components {of_named[0]:.0f} % (plain {of_plain[0]:.0f} %), points {of_named[1]:.0f} % "
           f"(plain {of_plain[1]:.0f} %)")
     for r in named:

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.motion.axis import axis_of
 from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis
+from identification.motion.band import BAND
+from identification.motion.lines import Line, fitted, session
 from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.prediction import held_out
 from identification.motion.procedure import diagnose_axes
-from identification.motion.remainder import angle_columns
 from identification.motion.stiffness import DISAGREE, AxisStiffness, axis_stiffness
+from identification.motion.transmission import ODDS, Transmission
 from samples.pictures import Panel, Series, svg
 
 HERE = Path(__file__).resolve().parent
@@ -27,6 +29,10 @@ BEFORE, AFTER = "#c0392b", "#2b6ca3"
 # Model stiffness of axes 1-3 in the authors' own controller model (`para.c_rad_ff`) [N m/rad], and their gear ratios.
 AUTHORS = {1: 4.5778e6, 2: 7.5189e6, 3: 4.0999e6}
 RATIO = {1: 256.857, 2: 267.429, 3: 252.333}
+# By how much the tested record's link encoder is turned, to see what that does; lines of A and B nearer than this are one.
+MOVED_DEG, SAME_CYCLES = 0.14, 4.0
+# The other record, by source.
+OTHERS: dict[str, MotionLog] = {}
 
 
 def main() -> None:
@@ -36,8 +42,9 @@ def main() -> None:
     parser.add_argument("--docs", type=Path, default=DOCS, help="where real-data.md goes")
     chosen = parser.parse_args()
     a, b = (read_motion_log(next(iter(sorted(chosen.folder.rglob(f"data_{name}.mat"))))) for name in "AB")
+    OTHERS.update({a.source: b, b.source: a})
     found = {"A": diagnose_axes([a], b, replicates=199), "B": diagnose_axes([b], a, replicates=199)}
-    both = [axis_stiffness(joint, [a, b]) for joint in sorted(a.joints)]
+    both = diagnose_axes([a, b], replicates=199)
     pictures = chosen.docs / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
     for name, panels in (("real-torque", [_torque(one) for one in found["A"]]),
@@ -46,8 +53,9 @@ def main() -> None:
                          ("real-spectrum", [_spectrum(one) for one in found["A"]])):
         (pictures / f"{name}.svg").write_text(svg(panels), encoding="utf-8")
     text = (HERE / "real_data.md.in").read_text(encoding="utf-8")
-    tables = {"PLAIN": _plain(a, b), "NAMED": _named(found), "GAIN": _gain(found), "STIFFNESS": _stiffness(found, both),
-              "AGREE": _agree(both), "LEFT": _left(found), "ANGLE": _angle(found, a, b), "MOTOR": _motor(found)}
+    tables = {"PLAIN": _plain(a, b), "NAMED": _named(found), "GAIN": _gain(found), "ZEROS": _zeros(found),
+              "LINES": _lines(found, a, b), "SMOOTH": _smooth(found), "STIFFNESS": _stiffness(found, both, a, b),
+              "AGREE": _agree([one.stiffness for one in both]), "LEFT": _left(found), "CLAIMS": _claims(found, both, a, b)}
     for name, table in tables.items():
         text = text.replace(f"<!-- {name} -->", table)
     (chosen.docs / "real-data.md").write_text(text, encoding="utf-8")
@@ -131,19 +139,110 @@ def _named(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
 
 
 def _gain(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
-    rows = ["| axis | fitted on | there: RMS plain → extended [µrad] | variance explained | tested on | there: RMS plain → "
-            "extended [µrad] | variance explained | ratio (95 %) |", "|---|---|---|---|---|---|---|---|"]
+    rows = ["| axis | fitted on | there: RMS plain → extended [µrad] | tested on | there: RMS plain → extended [µrad] | "
+            "variance explained | ratio (95 %) | without the transmission error |", "|---|---|---|---|---|---|---|---|"]
     for name, axes in found.items():
         for one in axes:
-            total, rms = float(np.var(one.deflection)), np.std(one.residuals, axis=0)
-            shares = 100 * (1 - rms**2 / total)
-            line = (f"| {one.joint} | {name} | {MICRO * rms[0]:.0f} → {MICRO * rms[1]:.0f} | {shares[0]:.1f} → "
-                    f"{shares[1]:.1f} % | {'B' if name == 'A' else 'A'} | ")
+            rms = np.std(one.residuals, axis=0)
+            line = (f"| {one.joint} | {name} | {MICRO * rms[0]:.0f} → {MICRO * rms[1]:.0f} | {'B' if name == 'A' else 'A'} | ")
             gain = one.gain
-            rows.append(line + ("- | - | - |" if gain is None else (
+            assert gain is not None
+            without = held_out(one.joint, BAND, one.named, Transmission(one.joint), list(one.records), _other(one))[0]
+            rows.append(line + (
                 f"{MICRO * gain.before:.0f} → {MICRO * gain.after:.0f} | {100 * gain.explained[0]:.1f} → "
-                f"{100 * gain.explained[1]:.1f} % | {gain.ratio:.1f} ({gain.interval[0]:.1f} ... {gain.interval[1]:.1f}) |")))
+                f"{100 * gain.explained[1]:.1f} % | {gain.ratio:.1f} ({gain.interval[0]:.1f} ... {gain.interval[1]:.1f}) | "
+                f"{without.ratio:.1f} |"))
     return "\n".join(rows)
+
+
+def _zeros(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
+    """The ratio with each record's own zero, with the fitted record's, and both once the other record's zero is moved."""
+    rows = ["| axis | fitted on, tested on | zero, A to B [µrad] (95 %) | ratio, own zero | ratio, zero of the fitted record | "
+            f"own zero, link encoder moved by {MOVED_DEG:g}° | zero of the fitted record, moved |",
+            "|---|---|---|---|---|---|---|"]
+    for name, axes in found.items():
+        for one in axes:
+            gain, other = one.gain, _other(one)
+            assert gain is not None
+            away = other.less(one.joint, np.full(len(other.time), np.radians(MOVED_DEG)))
+            moved = held_out(one.joint, BAND, one.named, one.transmission, list(one.records), away)[0]
+            zero = one.zeros[0]
+            sign = 1 if name == "A" else -1
+            shift, half = sign * MICRO * zero.shift, 1.96 * MICRO * zero.std
+            rows.append(f"| {one.joint} | {name}, {'B' if name == 'A' else 'A'} | {shift:.0f} ({shift - half:.0f} ... "
+                        f"{shift + half:.0f}) | {gain.ratio:.1f} | {gain.with_zero[0] / gain.with_zero[1]:.1f} | "
+                        f"{moved.ratio:.1f} | {moved.with_zero[0] / moved.with_zero[1]:.1f} |")
+    return "\n".join(rows)
+
+
+def _pairs(found: dict[str, tuple[AxisDiagnosis, ...]], k: int) -> list[tuple[Line | None, Line | None]]:
+    """Lines searched in A and in B that are the same."""
+    of_a, of_b = (list(found[name][k].transmission.lines) for name in "AB")
+    pairs: list[tuple[Line | None, Line | None]] = []
+    for line in of_a:
+        near = min(of_b, key=lambda other: abs(other.cycles - line.cycles), default=None)
+        same = near if near is not None and abs(near.cycles - line.cycles) < SAME_CYCLES else None
+        if same is not None:
+            of_b.remove(same)
+        pairs.append((line, same))
+    pairs += [(None, line) for line in of_b]
+    return sorted(pairs, key=lambda pair: next(line.cycles for line in pair if line))
+
+
+def _lines(found: dict[str, tuple[AxisDiagnosis, ...]], a: MotionLog, b: MotionLog) -> str:
+    rows = ["| axis | found in A: a turn | found in B | turns of the motor | amplitude in A, B [µrad] | phase in A, B [rad] | "
+            "found again: A's in B, B's in A |", "|---|---|---|---|---|---|---|"]
+    for k, joint in enumerate(a.joints):
+        pairs = _pairs(found, k)
+        cycles = np.array([np.mean([line.cycles for line in pair if line]) for pair in pairs])
+        sizes = [fitted(session(joint, [log]), cycles).amplitudes for log in (a, b)]
+        for pair, each, of_a, of_b in zip(pairs, cycles, *sizes, strict=True):
+            told = [f"{line.cycles:.1f} ± {line.std:.1f}" if line else "-" for line in pair]
+            again = [("yes" if line.confirmed else "no") if line else "-" for line in pair]
+            rows.append(f"| {joint} | {told[0]} | {told[1]} | {each / RATIO[joint]:.3f} | {MICRO * abs(of_a):.1f}, "
+                        f"{MICRO * abs(of_b):.1f} | {np.angle(of_a):.1f}, {np.angle(of_b):.1f} | {', '.join(again)} |")
+    return "\n".join(rows)
+
+
+def _smooth(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
+    rows = ["| axis | fitted on | evidence there (ln) | tested on, under 6 Hz: RMS without → with [µrad] | ratio (95 %) | "
+            "named |", "|---|---|---|---|---|---|"]
+    for name, axes in found.items():
+        for one in axes:
+            test = one.transmission.smooth_test
+            if test is None:
+                rows.append(f"| {one.joint} | {name} | under {np.log(ODDS):.0f} | - | - | no |")
+                continue
+            tested = "B" if name == "A" else "A"
+            rows.append(f"| {one.joint} | {name} | {test.log_odds:.0f} | {tested}: {MICRO * test.before:.0f} → "
+                        f"{MICRO * test.after:.0f} | {test.before / test.after:.2f} ({test.interval[0]:.2f} ... "
+                        f"{test.interval[1]:.2f}) | {'yes' if test.confirmed else 'no'} |")
+    return "\n".join(rows)
+
+
+def _claims(found: dict[str, tuple[AxisDiagnosis, ...]], both: tuple[AxisDiagnosis, ...], a: MotionLog, b: MotionLog) -> str:
+    """What a further record of the same robot must show, in numbers."""
+    rows = ["| axis | link delay [ms] | lines: a turn (amplitude [µrad]) | k [1e6 N m/rad] | ratio, own zero, at least |",
+            "|---|---|---|---|---|"]
+    for k, one in enumerate(both):
+        delays = [(cause.values[0], cause.std[0]) for axes in (*found.values(), both) for cause in axes[k].causes
+                  if cause.shape.name == "channel_delay (link)"]
+        low, high = (1e3 * edge for edge in (min(v - 1.96 * s for v, s in delays), max(v + 1.96 * s for v, s in delays)))
+        sure = [[line for line in pair if line] for pair in _pairs(found, k)
+                if any(line and line.confirmed for line in pair) and all(line is None or line.confirmed for line in pair)]
+        cycles = np.array([np.mean([line.cycles for line in lines]) for lines in sure])
+        sizes = [np.abs(fitted(session(one.joint, [log]), cycles).amplitudes) for log in (a, b)] if sure else [[], []]
+        told = [f"{each:.1f} ± {max(1.0, 3 * max(line.std for line in lines)):.1f} ({MICRO * 0.7 * min(x, y):.1f} ... "
+                f"{MICRO * 1.3 * max(x, y):.1f})" for each, lines, x, y in zip(cycles, sure, *sizes, strict=True)]
+        bounds = [axes[k].gain for axes in found.values()]
+        least = min(gain.interval[0] for gain in bounds if gain is not None)
+        stiff = "none" if one.stiffness.refused else _interval(one.stiffness).split(" ", 1)[1].strip("()")
+        rows.append(f"| {one.joint} | {low:.2f} ... {high:.2f} | {'; '.join(told) or '-'} | {stiff} | {least:.1f} |")
+    return "\n".join(rows)
+
+
+def _other(one: AxisDiagnosis) -> MotionLog:
+    return OTHERS[one.records[0].source]
 
 
 def _interval(one: AxisStiffness) -> str:
@@ -152,15 +251,20 @@ def _interval(one: AxisStiffness) -> str:
     return f"{k} ({1e-6 * low:.2f} ... {1e-6 * high:.2f})".replace("inf", "∞")
 
 
-def _stiffness(found: dict[str, tuple[AxisDiagnosis, ...]], both: list[AxisStiffness]) -> str:
+def _stiffness(
+    found: dict[str, tuple[AxisDiagnosis, ...]], both: tuple[AxisDiagnosis, ...], a: MotionLog, b: MotionLog
+) -> str:
     rows = ["| axis | record | straight line k | k (95 %) | c ± noise ± reading [1e-7 rad/(N m)] | torque's own share | "
-            "worth, of samples | grade |", "|---|---|---|---|---|---|---|---|"]
+            "worth, of samples | grade | without the transmission error: k (95 %), grade |",
+            "|---|---|---|---|---|---|---|---|---|"]
     listed = [(name, one.stiffness) for name, axes in found.items() for one in axes]
-    listed += [("A and B", one) for one in both]
+    listed += [("A and B", one.stiffness) for one in both]
+    logs = {"A": [a], "B": [b], "A and B": [a, b]}
     for name, one in sorted(listed, key=lambda item: (item[1].joint, item[0] == "A and B", item[0])):
+        without = axis_stiffness(one.joint, logs[name])
         rows.append(f"| {one.joint} | {name} | {1e-6 / one.straight:.2f} | {_interval(one)} | {1e7 * one.compliance:.2f} ± "
                     f"{1e7 * one.noise_std:.2f} ± {1e7 * one.law_std:.2f} | {100 * one.share:.1f} % | {one.worth:.0f} of "
-                    f"{one.samples} | {one.grade} |")
+                    f"{one.samples} | {one.grade} | {_interval(without)}, {without.grade} |")
     return "\n".join(rows)
 
 
@@ -184,43 +288,6 @@ def _left(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
             shares = " | ".join(f"{100 * share:.0f} %" for _, _, share in one.left.spectrum)
             follows = " | ".join(f"{100 * share:.0f} % ({p:.3f})" for _, share, p in one.left.follows)
             rows.append(f"| {one.joint} | {name} | {shares} | {follows} |")
-    return "\n".join(rows)
-
-
-def _angle(found: dict[str, tuple[AxisDiagnosis, ...]], a: MotionLog, b: MotionLog) -> str:
-    """A curve over the angle, learnt from what one record leaves: how much of the other's it explains where both have been."""
-    rows = ["| axis | angles both have been at [deg] | learnt on A, of B's | learnt on B, of A's |", "|---|---|---|---|"]
-    for k, joint in enumerate(a.joints):
-        low = max(float(log.angle[joint].min()) for log in (a, b))
-        high = min(float(log.angle[joint].max()) for log in (a, b))
-        sides = []
-        for name, record in (("A", a), ("B", b)):
-            one = found[name][k]
-            axis = axis_of(joint, [record])
-            left = axis.deflection - one.named.columns(axis) @ one.named.solved.coefficients
-            inside = (axis.angle >= low) & (axis.angle <= high)
-            columns = np.column_stack([np.ones(inside.sum()), angle_columns(axis.angle[inside], (low, high))])
-            sides.append((columns, left[inside]))
-        shares = []
-        for (x, y), (u, w) in ((sides[0], sides[1]), (sides[1], sides[0])):
-            guess = u @ np.linalg.lstsq(x, y, rcond=None)[0]
-            shares.append(1 - float(np.var(w - guess) / np.var(w)))
-        rows.append(f"| {joint} | {np.degrees(low):.0f} ... {np.degrees(high):.0f} | {100 * shares[0]:.0f} % | "
-                    f"{100 * shares[1]:.0f} % |")
-    return "\n".join(rows)
-
-
-def _motor(found: dict[str, tuple[AxisDiagnosis, ...]]) -> str:
-    """Share of what is left above 10 Hz that goes with whole multiples of the motor's turns."""
-    rows = ["| axis | record | strongest multiples of the motor's turn (share of what is left) |", "|---|---|---|"]
-    for name, axes in found.items():
-        for one in axes:
-            angle = one.axis.angles[0] * RATIO[one.joint]
-            left = one.residuals[:, 1] - one.residuals[:, 1].mean()
-            shares = {order: _share(left, np.cos(order * angle), np.sin(order * angle)) for order in range(1, 25)}
-            best = sorted(shares, key=lambda order: -shares[order])[:3]
-            told = ", ".join(f"{order}x: {100 * shares[order]:.1f} %" for order in best)
-            rows.append(f"| {one.joint} | {name} | {told} |")
     return "\n".join(rows)
 
 

@@ -109,7 +109,8 @@ def _tightened(predicted: Predicted, tolerance: float) -> tuple[bytes, list[Find
     miss, half_sine = corner_misses(path.toolpath, path.world_position)
     inside = _in_the_cut(predicted.targets)
     over = inside[miss[inside] > tolerance]
-    possible = [int(i) for i in over if move_text(text, int(i) - int(move[i] == Move.ARC_END)) is not None]
+    possible = [int(i) for i in over if (there := move_text(text, int(i) - int(move[i] == Move.ARC_END))) is not None
+                and there.tail_end == there.end - 1]        # a move that sets an output takes no \\Z
     findings = []
     if len(possible) < len(over):
         left = [int(i) for i in over if int(i) not in set(possible)]

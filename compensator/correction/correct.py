@@ -18,7 +18,7 @@ from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
 from compensator.correction.settings import SLOPE
 from compensator.path.feasibility import FeedCheck, check_feed, judge
-from compensator.rapid import rewrite
+from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
 
 Array = NDArray[np.float64]
@@ -111,15 +111,18 @@ def correct(planned: Predicted) -> Corrected:
     correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, slope))
     written = rewrite(predicted.program.text, correction.targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
-    commanded, residual = read_back(cut.loaded, correction, written.content)
+    content, of_marks = written.content, tuple[Finding, ...]()
+    if planned.settings.posting.mark:
+        content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)
+    commanded, residual = read_back(cut.loaded, correction, content)
     feed = None
     if feed_settings.check_feed or feed_settings.strict_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),
                           judge(predicted.path, predicted.forces.forced, commanded), strict=feed_settings.strict_feed)
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,
-                *(feed.findings if feed else ()))
+                *of_marks, *(feed.findings if feed else ()))
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
-    return Corrected(planned, predicted, kept, correction, written.content, residual, cut.left_as_logged, feed, advice,
+    return Corrected(planned, predicted, kept, correction, content, residual, cut.left_as_logged, feed, advice,
                      findings)

@@ -13,10 +13,12 @@ from compensator.correction.correctable import targets_to_correct
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Settings
+from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
+from compensator.rapid import marks_of
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, error
 from identification.model.cell import Cell
@@ -143,6 +145,7 @@ def under_forces(
         log = forces if isinstance(forces, ForceLog) else read_force_log(
             forces, path.cell.force_log.form, log_format=settings.log.log_format, spindle_rpm=settings.log.spindle_rpm,
             borders=borders(path.length))
+        log = _by_marks(log, path, program, settings)
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
@@ -154,6 +157,18 @@ def under_forces(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))
+
+
+def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings: Settings) -> ForceLog:
+    """A log with time and the column `mark` placed by the output that the program switches; others as they are."""
+    form = path.cell.force_log.form
+    if log.key != "time" or settings.log.log_format or not has_marks(log, form):
+        return log
+    marks = marks_of(program.text, settings.posting.mark)
+    if marks is None:
+        raise error("CS3088", "the log has a column mark, and no move of the program switches an output", file=log.source,
+                    hint="give the program that was driven, which post --mark or correct --mark wrote")
+    return placed_by_marks(log, form, path, marks.target)
 
 
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.cut_direction import said_of_direction
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
@@ -19,7 +20,7 @@ from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
-from identification.model.cell import Cell
+from identification.model.cell import Cell, ForceLogFrame, FrameKind
 from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
@@ -80,14 +81,18 @@ def place_forces(
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
     forced = without_gaps(forced, rows.samples > 0)
-    wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
+    in_frames = {kind: _to_base(mean, standard_error, log, path, replace(cell, force_log=replace(cell.force_log, kind=kind)))
+                 for kind in _frames(cell.force_log)}
+    wrench, standard_error = in_frames[cell.force_log.kind]
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _gradient(path, wrench[:, :3]) * spread)
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
                           zero.bias, (), log)
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
-                 *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces)]
+                 *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
+                 *said_of_direction(path, forced, {kind: seen[0][:, :3] for kind, seen in in_frames.items()},
+                                    cell.force_log.kind, log.source)]
     return replace(forces, findings=(*log.findings, *findings))
 
 
@@ -160,6 +165,12 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath,
     wrench = np.concatenate([base_from_axes.turn(force), base_from_axes.turn(moment)], axis=1)
     variance = np.einsum("nij,nj->ni", np.broadcast_to(base_from_axes.rotation, (len(mean), 3, 3)) ** 2, standard_error**2)
     return np.nan_to_num(wrench), np.sqrt(variance)
+
+
+def _frames(form: ForceLogFrame) -> list[FrameKind]:
+    """The frames that a log may be in: `sensor` where it is known."""
+    known: list[FrameKind] = ["base", "tool", "sensor"]
+    return known if form.flange_from_sensor is not None else known[:2]
 
 
 def _at(path: RobotPath, target: int) -> dict[str, Any]:

@@ -29,7 +29,7 @@ LOG_FORMATS = ("metallicadour", "lvm", "net-ft")
 KEYS: dict[Key, tuple[tuple[str, ...], str]] = {
     "target": (("target",), "target number"), "path_mm": (("path_mm",), "path length"),
     "position": (POSITION, "TCP position"), "joints": (JOINTS, "joint angles")}
-OPTIONAL = (*MOMENTS, *FORCE_COUNTS, *MOMENT_COUNTS, "target", "path_mm", *POSITION, *JOINTS, *TIMES, "sequence")
+OPTIONAL = (*MOMENTS, *FORCE_COUNTS, *MOMENT_COUNTS, "target", "path_mm", *POSITION, *JOINTS, *TIMES, "sequence", "mark")
 TOGETHER = (MOMENTS, FORCE_COUNTS, MOMENT_COUNTS, POSITION, JOINTS)
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", BLANKS: "blanks"}
 

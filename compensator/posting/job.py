@@ -8,9 +8,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from compensator.posting.mark_test import mark_test
 from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, Posted, post, read_cam_path
 from compensator.posting.settings import PostingSettings
 from compensator.posting.split_files import split_files
+from compensator.rapid import with_marks
 from identification.common.files import check_distinct, check_writable, json_bytes, sha256
 from identification.common.findings import Finding, error, fold
 from identification.model.cell import read_cell
@@ -61,9 +63,13 @@ def post_files(
                     hint="a RAPID program is planned already: give it to predict and correct as it is")
     cell = read_cell(cell_file)
     posted = post(read_cam_path(toolpath_file, settings), cell, settings, str(output))
-    files, parts, of_splitting = split_files(posted.content, posted.rapid, settings, output, overwrite=overwrite)
+    content, of_marks = with_marks(posted.program, settings.mark) if settings.mark else (posted.content, ())
+    files, parts, of_splitting = split_files(content, posted.rapid, settings, output, overwrite=overwrite)
+    if settings.mark:
+        files[output.with_name(f"{output.stem}_marktest.mod")] = mark_test(settings.mark)
+        check_writable(files, overwrite=overwrite)
     check_distinct(inputs, files)
-    result = PostedFiles(posted, files, parts, (*posted.findings, *of_splitting))
+    result = PostedFiles(posted, files, parts, (*posted.findings, *of_marks, *of_splitting))
     files[record_file] = json_bytes(_record(cell_file, toolpath_file, result))
     return result
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
 from compensator.posting.settings import PostingSettings
-from compensator.rapid import RapidProgram, read_rapid
+from compensator.rapid import RapidProgram, read_rapid, with_marks
 from compensator.toolpath import Toolpath
 from identification.common.findings import error
 from identification.model.cell import Cell
@@ -50,7 +50,12 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
     suffix = file.suffix.lower()
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
         posted = post(read_cam_path(file, settings), cell, settings, f"{file} (posted)")
-        return PlannedProgram(posted.program, posted.rapid, file)
+        text = posted.program
+        if settings.mark:
+            content, findings = with_marks(text, settings.mark)
+            text = read_rapid(content, text.source.name)
+            text = replace(text, toolpath=replace(text.toolpath, findings=(*posted.findings, *findings)))
+        return PlannedProgram(text, posted.rapid, file)
     if suffix not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "
                     f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",

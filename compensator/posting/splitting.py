@@ -99,7 +99,7 @@ def _moves(program: RapidProgram) -> list[_MoveStatement]:
         instruction = source.fold(data[start:end].lower().split()[0].split(b"[")[0])
         if kind in ("inline", "named") or (kind == "statement" and instruction in ARGUMENTS):
             moves.append(_MoveStatement(start, end, targets))
-            targets += 2 if instruction == "movec" else 1
+            targets += 2 if instruction in ("movec", "movecdo") else 1
     if not modules or targets != len(program.toolpath):
         raise source.fail("CS4310", "found no MODULE round the moves, or moves in other statements; only one plain procedure "
                           "of moves can be split", source.start, _HINT)

@@ -2,6 +2,7 @@
 
 from compensator.rapid.insertion import MoreMoves, follows_directly, move_text, with_more_moves, with_zones
 from compensator.rapid.literals import Pose
+from compensator.rapid.marks import Marks, marks_of, with_marks
 from compensator.rapid.moves import ARGUMENTS
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reader import read_rapid
@@ -9,6 +10,6 @@ from compensator.rapid.statements import UNIT
 from compensator.rapid.writer import Rewritten, rewrite
 
 __all__ = [
-    "ARGUMENTS", "UNIT", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "move_text", "read_rapid",
-    "rewrite", "with_more_moves", "with_zones",
+    "ARGUMENTS", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "marks_of", "move_text",
+    "read_rapid", "rewrite", "with_marks", "with_more_moves", "with_zones",
 ]

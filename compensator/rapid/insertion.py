@@ -18,7 +18,7 @@ from compensator.rapid.program import RapidProgram
 from compensator.rapid.writer import Edit, apply
 from compensator.toolpath import Move
 
-_HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC]\s*\Z")
+_HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC](?:DO)?\s*\Z")
 _TAIL = re.compile(rb"[^;!\"]*+;")
 # Arguments with which a further move would not be the same: a time for the whole, synchronised robots, path corrections.
 _OWN = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")
@@ -31,13 +31,16 @@ _FLYBY = b"z0"
 @dataclass(frozen=True, slots=True)
 class MoveText:
     """Offsets of one MoveL or MoveC: the instruction, the end of its last target, the zone argument with its \\Z or \\Inpos,
-    behind the semicolon."""
+    the comma before the output it sets (else the semicolon), behind the semicolon. bare: without options that no move with an
+    output takes."""
 
     start: int
     targets_end: int
     zone_start: int
     zone_end: int
+    tail_end: int
     end: int
+    bare: bool
     stops: bool
 
 
@@ -54,8 +57,20 @@ def move_text(program: RapidProgram, first: int) -> MoveText | None:
     comma = source.data.index(b",", targets_end) + 1
     parsed = parse_tail(Cursor(source, tokens(source, comma, tail.end())))
     zone_end = source.data.rindex(b",", parsed.zone.end, parsed.tool.start)
-    return MoveText(low + head.start(), targets_end, parsed.zone.start, zone_end, tail.end(),
+    tail_end = tail.end() - 1 if parsed.signal is None else source.data.rindex(b",", parsed.tool.end, parsed.signal.start)
+    bare = parsed.velocity is None and parsed.radius is None and not parsed.stops
+    return MoveText(low + head.start(), targets_end, parsed.zone.start, zone_end, tail_end, tail.end(), bare,
                     program.toolpath.zone[last] == 0)
+
+
+def marked(program: RapidProgram, targets: Sequence[int], signal: str, values: Sequence[int]) -> bytes:
+    """The program with these moves setting an output: MoveL -> MoveLDO ..., signal, value."""
+    edits: list[Edit] = []
+    for target, value in zip(targets, values, strict=True):
+        text = move_text(program, target - int(program.toolpath.move[target] == Move.ARC_END))
+        assert text is not None
+        edits += [(text.start + 5, text.start + 5, b"DO"), (text.end - 1, text.end - 1, f",{signal},{value}".encode("ascii"))]
+    return apply(program.source.data, edits)
 
 
 def follows_directly(program: RapidProgram, first: int) -> bool:
@@ -107,12 +122,12 @@ def _arc(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
 
 
 def _repeated_tail(program: RapidProgram, text: MoveText) -> bytes:
-    """Everything behind the targets; a stop point becomes a fly-by point, for only the last target of the move is to stop
-    at."""
+    """Everything behind the targets but an output: that is set at the last target of the move, where alone it stops too."""
     data = program.source.data
+    end = data[text.end - 1:text.end]
     if not text.stops:
-        return data[text.targets_end:text.end]
-    return data[text.targets_end:text.zone_start] + _FLYBY + data[text.zone_end:text.end]
+        return data[text.targets_end:text.tail_end] + end
+    return data[text.targets_end:text.zone_start] + _FLYBY + data[text.zone_end:text.tail_end] + end
 
 
 def _gap(data: bytes, start: int) -> bytes:

@@ -11,8 +11,11 @@ ARGUMENTS = {
     "movej": ("MoveJ", ("target", "speed", "zone", "tool")),
     "movec": ("MoveC", ("circle point", "target", "speed", "zone", "tool")),
     "moveabsj": ("MoveAbsJ", ("joint target", "speed", "zone", "tool")),
+    "moveldo": ("MoveLDO", ("target", "speed", "zone", "tool", "signal", "value")),
+    "movejdo": ("MoveJDO", ("target", "speed", "zone", "tool", "signal", "value")),
+    "movecdo": ("MoveCDO", ("circle point", "target", "speed", "zone", "tool", "signal", "value")),
 }
-"""The instructions whose targets are counted: spelling and arguments."""
+"""The instructions whose targets are counted: spelling and arguments. Those with DO set an output at their target."""
 
 DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
 """Instructions that switch a program displacement on or off."""
@@ -23,7 +26,7 @@ class Tail:
     """Speed, zone, tool and work object of a move as written; None where the argument is absent.
 
     velocity: of \\V [mm/s]; timed: \\T stands; radius: of \\Z [mm]; stops: \\Inpos stands (a stop point replaces the zone);
-    corrected: \\Corr stands. start: offset of the speed argument, for messages.
+    corrected: \\Corr stands. start: offset of the speed argument, for messages. signal, value: of a move that sets an output.
     """
 
     speed: Expr
@@ -36,6 +39,8 @@ class Tail:
     stops: bool
     corrected: bool
     start: int
+    signal: Expr | None = None
+    value: Expr | None = None
 
 
 def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail]:
@@ -49,14 +54,15 @@ def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail
     if len(positional) != len(wanted):
         raise cursor.source.fail("CS2003", f"{spelling} has {len(positional)} arguments, expected {len(wanted)}: "
                                  + ", ".join(wanted), start, "look for a missing comma, bracket or semicolon")
-    return positional[:-3], _tail(positional[-3:], options)
+    first = wanted.index("speed")
+    return positional[:first], _tail(positional[first:], options)
 
 
 def parse_tail(cursor: Cursor) -> Tail:
     """The tail alone, cursor behind the comma that follows the target. Raises CS2003."""
     start = cursor.token.start
     positional, options = arguments(cursor, ";")
-    if len(positional) != 3:
+    if len(positional) not in (3, 5):
         raise cursor.source.fail("CS2003", f"found {len(positional)} arguments behind the target, expected 3: speed, "
                                  "zone, tool", start, "look for a missing comma, bracket or semicolon")
     return _tail(positional, options)
@@ -64,7 +70,7 @@ def parse_tail(cursor: Cursor) -> Tail:
 
 def _tail(positional: tuple[Expr, ...], options: tuple[tuple[str, Expr | None], ...]) -> Tail:
     given = dict(options)
-    speed, zone, tool = positional
+    speed, zone, tool, *output = positional
     return Tail(
         speed, zone, tool,
         workobject=given.get("wobj"),
@@ -74,4 +80,6 @@ def _tail(positional: tuple[Expr, ...], options: tuple[tuple[str, Expr | None], 
         stops="inpos" in given,
         corrected="corr" in given,
         start=positional[0].start,
+        signal=output[0] if output else None,
+        value=output[1] if output else None,
     )

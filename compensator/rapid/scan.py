@@ -56,7 +56,7 @@ class Scan:
     def add_tail(self, tail: Tail) -> int:
         """The number of a tail; tails that are spelled alike share one."""
         data = self.source.data
-        parts = (tail.speed, tail.zone, tail.tool, tail.workobject, tail.velocity, tail.radius)
+        parts = (tail.speed, tail.zone, tail.tool, tail.workobject, tail.velocity, tail.radius, tail.signal, tail.value)
         key = (*(part and data[part.start:part.end] for part in parts), tail.timed, tail.stops, tail.corrected)
         number = self._known_tails.setdefault(key, len(self.tails))
         if number == len(self.tails):

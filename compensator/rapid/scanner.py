@@ -20,7 +20,7 @@ from compensator.toolpath import Move
 
 _WAY = {b"L": Move.LINEAR, b"l": Move.LINEAR, b"J": Move.JOINT, b"j": Move.JOINT}
 _END_OF_MODULE = re.compile(rb"(?i)\bENDMODULE\b")
-_MOTION_WORD = re.compile(rb"(?i)\bMove(?:L|J|C|AbsJ)\s")
+_MOTION_WORD = re.compile(rb"(?i)\bMove(?:[LJC](?:DO)?|AbsJ)\s")
 
 
 def scan(source: Source) -> Scan:

@@ -18,9 +18,9 @@ _MODES = ("var", "pers", "inout", "in")
 # Words no statement contains: where one turns up, the semicolon before it is missing.
 _FOREIGN = frozenset((
     "endproc", "endfunc", "endtrap", "endmodule", "endif", "endfor", "endwhile", "endtest", "proc", "module",
-    "movel", "movej", "movec", "moveabsj",
+    "movel", "movej", "movec", "moveabsj", "moveldo", "movejdo", "movecdo",
 ))
-_MOVES = {"movel": Move.LINEAR, "movej": Move.JOINT, "moveabsj": Move.ABSOLUTE}
+_MOVES = {"movel": Move.LINEAR, "movej": Move.JOINT, "moveabsj": Move.ABSOLUTE, "moveldo": Move.LINEAR, "movejdo": Move.JOINT}
 
 
 class Statements:
@@ -146,7 +146,7 @@ class Statements:
         cursor = Cursor(self.scan.source, words, at=1)
         targets, tail = parse_move(cursor, name)
         number = self.scan.add_tail(tail)
-        if name == "movec":
+        if name in ("movec", "movecdo"):
             self.scan.add_target(Move.ARC_VIA, targets[0], number)
             self.scan.add_target(Move.ARC_END, targets[1], number)
         else:

@@ -55,7 +55,7 @@ class Axes(click.ParamType[str]):
               help="Further poses that are never fitted, to judge the fit by.")
 @click.option("--rapid", type=WRITABLE, help="Also write a RAPID program that drives through the poses.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
-@click.option("--quick", is_flag=True, help="A shorter search: a plan in a few seconds, a looser certificate.")
+@click.option("--quick", is_flag=True, help="A shorter search, ten to twenty seconds; a looser certificate.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random starts.")
 def design(
     session: Session, cell_file: Path, output: Path, measurements: int | None, criterion: str | None, toolpath: Path | None,

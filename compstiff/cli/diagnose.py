@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from compstiff.cli.console import READABLE, WRITABLE, command
-from compstiff.outcome import Outcome, Session, call
+from compstiff.outcome import DONE, REFUSED, Outcome, Session, call
+from identification.common.findings import Finding
 
 
 @command("diagnose", writes=True)
@@ -23,11 +24,13 @@ from compstiff.outcome import Outcome, Session, call
 @click.option("--also", multiple=True, type=READABLE, help="A further joint deflection log of the same robot; may be given "
               "several times. All are fitted, and each is predicted from the others.")
 @click.option("--validate", type=READABLE, help="A joint deflection log that is not fitted: the gain is measured on it.")
+@click.option("--mend", type=WRITABLE, metavar="OUT", help="Where a mistake is found in MEASUREMENTS or in CELL, also "
+              "write that file without it: OUT.csv or OUT.yaml.")
 @click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 def diagnose(
     session: Session, cell_file: Path, measurements_file: Path | None, output: Path | None, plan: Path | None,
     extended: Path | None, alarm: float, replicates: int, also: tuple[Path, ...], validate: Path | None,
-    report: Path | None,
+    mend: Path | None, report: Path | None,
 ) -> Outcome:
     """Show what the model gets wrong, name the cause, measure the gain.
 
@@ -35,8 +38,8 @@ def diagnose(
     log.
     """
     if plan is not None:
-        if measurements_file is not None or extended is not None or report is not None:
-            raise click.UsageError("--plan stands in place of MEASUREMENTS, and writes neither --extended nor --report")
+        if measurements_file is not None or extended is not None or report is not None or mend is not None:
+            raise click.UsageError("--plan stands in place of MEASUREMENTS, and writes neither --extended, --mend nor --report")
         return _judge_plan(session, cell_file, plan, output)
     if measurements_file is None or output is None:
         raise click.UsageError("give MEASUREMENTS and -o DIAGNOSIS, or --plan FILE")
@@ -44,6 +47,8 @@ def diagnose(
     from identification.motion.log_file import is_motion_log
 
     if is_motion_log(measurements_file):
+        if mend is not None:
+            raise click.UsageError("--mend is for load tests, not for joint deflection logs")
         return _diagnose_logs(session, cell_file, [measurements_file, *also], validate, output, extended=extended,
                               alarm=alarm, replicates=replicates, report=report)
     if also:
@@ -52,17 +57,32 @@ def diagnose(
         raise click.UsageError("--validate is for joint deflection logs; elsewhere rows with purpose validate are held out")
 
     from compstiff import diagnose, read_cell, read_measurements
-    from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
 
     session.inputs += [cell_file, measurements_file]
     optional = [path for path in (extended, report) if path]
-    check_writable([output, *optional], overwrite=session.overwrite)
+    mended_as = [mend.with_suffix(suffix) for suffix in (".csv", ".yaml")] if mend else []
+    check_distinct(session.inputs, [output, *optional, *mended_as])
+    check_writable([output, *optional, *mended_as], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     measurements = read_measurements(measurements_file, cell)
     diagnosis = diagnose(cell, measurements, alarm=alarm, replicates=replicates)
     content = diagnosis.as_dict()
     files = {output: json_bytes(content)}
-    if extended:
+    refused = []
+    if mend:
+        mended = diagnosis.mended()
+        if mended is None:
+            refused.append(Finding("CS1703", "warning", f"no mistake is named, so that there is nothing to mend: {mend} was "
+                                   "not written", file=str(measurements_file)))
+        else:
+            files[mended.beside(mend)] = mended.content
+            original = measurements_file if mended.suffix == ".csv" else cell_file
+            session.say(f"{mended.beside(mend)} is {original} without the mistake: {mended.changed}")
+    if extended and diagnosis.verdict == "mistake":
+        refused.append(Finding("CS1704", "warning", f"a model of rows with a mistake is none: {extended} was not written",
+                               file=str(measurements_file), hint="--mend writes the file without the mistake"))
+    elif extended:
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())
         if not model.effects:
@@ -73,9 +93,9 @@ def diagnose(
         files[report] = page_of(diagnosis).encode()
     write_whole(files)
     following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
-                     "PART_corrected.mod") if extended else ""
-    return Outcome(content, diagnosis.findings, diagnosis.lines(), next_step=following or _next_after(
-        diagnosis.verdict, cell_file, measurements_file, output))
+                     "PART_corrected.mod") if extended in files else ""
+    return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or _next_after(
+        diagnosis.verdict, cell_file, measurements_file, output), exit_code=REFUSED if refused else DONE)
 
 
 def _diagnose_logs(
@@ -126,6 +146,9 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
     """What a user would do after this verdict."""
     if verdict == "named":
         return call("diagnose", cell_file, measurements_file, "-o", output, "--extended", "stiffness.json", "--force")
+    if verdict == "mistake":
+        mended = call("diagnose", cell_file, measurements_file, "-o", output, "--mend", "MENDED", "--force")
+        return f"do the checks above; {mended} writes the file without the mistake, to be diagnosed again"
     if verdict == "adequate":
         return call("identify", cell_file, measurements_file, "-o", "stiffness.json")
     if verdict == "ambiguous":

@@ -116,10 +116,11 @@ POSTING_OPTIONS: tuple[Decorator, ...] = (
              show_default=True, help="CSV: feed where the table has none."),
     _posting("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
 )
-# One module or several: `post` and `correct`.
+# How the program is written: `post`, `correct` and `watch`.
 SPLITTING_OPTIONS: tuple[Decorator, ...] = (
     _output("--split", type=click.IntRange(min=1), metavar="N", help="Parts of at most N targets, split in the air."),
     _output("--split-load", is_flag=True, help="Load the parts one after the other, in place of all at once."),
+    _output("--mark", metavar="SIGNAL", help="Moves switch this output at their targets, for the log's column mark."),
 )
 # How the program is corrected: `correct` alone.
 CORRECTION_OPTIONS: tuple[Decorator, ...] = (

@@ -2,6 +2,7 @@
 
     wrist, elbow   sin(margin)^2 - sin(angle)^2 <= 0, angle of axis 5, or between the arm's two links
     shoulder       1 - (distance of the wrist's centre from axis 1 / margin)^2 <= 0
+    reach          the TCP's distance from axis 1 inside the window of cell.yaml, as shares of its ends
     rod            its angle inside the window
     phi            cos(limit) |a| |b| - a . b <= 0, a and b the horizontal parts of (TCP - base origin) and (TCP - flange), over
                    |TCP| |TCP - flange| as they are; it holds by itself where the tool is vertical
@@ -58,6 +59,10 @@ def inequalities(
         np.sin(margins.elbow) ** 2 - np.sin(elbow_angle(robot, serial)[:, None]) ** 2,
         1 - np.sum(arm.wrist[:, :2] ** 2, axis=1, keepdims=True) / margins.shoulder**2,
     ]
+    if rig.cell.reach is not None:
+        least, most = rig.cell.reach
+        away = np.sum(arm.tcp[:, :2] ** 2, axis=1, keepdims=True)
+        parts += [(least**2 - away) / most**2, away / most**2 - 1]
     if robot.window is not None:
         joint, low, high = robot.window
         angle = (theta @ robot.coupling[joint])[:, None]
@@ -95,6 +100,9 @@ def inequality_slopes(
     moving = wrist_slope(arm)
     shoulder = -2 * np.einsum("nja,na->nj", moving[:, :, :2], arm.wrist[:, :2])[:, :, None] / margins.shoulder**2
     parts = [by_angles(robot, np.concatenate([by_elbow, shoulder], axis=2))]
+    if rig.cell.reach is not None:
+        away = by_angles(robot, 2 * np.einsum("nja,na->nj", arm.serial[:, :, :2], arm.tcp[:, :2])[:, :, None])
+        parts += [-away / rig.cell.reach[1]**2, away / rig.cell.reach[1]**2]
     if robot.window is not None:
         row = np.tile(robot.coupling[robot.window[0]], (count, 1))[:, :, None]
         parts += [-row, row]

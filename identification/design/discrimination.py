@@ -26,6 +26,7 @@ from identification.diagnosis.blocks import in_blocks
 from identification.diagnosis.discrimination import Rivals, Separation, discriminating, planned_rows, rivals_of, separation
 from identification.diagnosis.naming import converged
 from identification.diagnosis.record import FORMAT
+from identification.diagnosis.share import share_of
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements
@@ -119,7 +120,7 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
 
 def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -> Rivals:
     """The rivals, fitted to the rows that the diagnosis used, with their probabilities, the likeliest first."""
-    rows = in_blocks(cell, measurements)[0]
+    rows = share_of(in_blocks(cell, measurements)[0])[0]
     rows = rows.select(~rows.validate & ~np.isin(rows.row, diagnosed.bad_rows))
     data = LoadTest.of(cell, rows)
     catalogue: dict[str, Effect] = {name: effects()[name] for name, _ in diagnosed.names}

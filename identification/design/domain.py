@@ -1,6 +1,6 @@
 """Which runs are admissible (paper eq. 19-21), and a random pool of such runs.
 
-    joints    inside their limits by a margin, the parallel rod's angle inside its window by the same
+    joints    inside their limits by a margin, the parallel rod's angle inside its window by the same, and in cell.yaml's window
     place     the TCP at one of the given positions, or anywhere in a box
     phi       |phi| <= limit, phi the angle in the base x-y plane from (TCP - base origin) to (TCP - origin of joint 6)
     singular  the wrist, the elbow and the shoulder away from where axes 4 and 6, the arm's links, or the wrist's centre and
@@ -79,8 +79,10 @@ class Domain:
 
     @cached_property
     def limits(self) -> Array:
-        """Joint limits (6, 2) [rad] less the margin."""
-        return np.asarray(self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0]))
+        """Joint limits (6, 2) [rad] less the margin, and inside the cell's window."""
+        inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])
+        window = self.rig.cell.joint_window
+        return np.column_stack([np.maximum(inside[:, 0], window[:, 0]), np.minimum(inside[:, 1], window[:, 1])])
 
     @cached_property
     def table(self) -> LoadTable:
@@ -146,7 +148,8 @@ def random_pool(domain: Domain, poses: int, rng: np.random.Generator) -> Pool:
         raise error("CS1601", f"of {drawn} random tool orientations at the wanted place none is admissible with a load along "
                     f"{empty}: {len(theta)} are in reach and inside the joint limits, none also inside the orientation window, "
                     "away from singularities and within the sensors' range", file=str(domain.rig.cell.source),
-                    hint="move the place with --position, widen --phi, or check the tool in cell.yaml")
+                    hint="move the place with --position, widen --phi, or check tool and design (joint_window_deg, reach_mm) "
+                         "in cell.yaml")
     return Pool.of(pools)
 
 

@@ -15,6 +15,7 @@ from identification.design.kept_back import kept_back
 from identification.design.milling import MillingPoses
 from identification.design.order import load_axes, run_order
 from identification.design.plan import DesignPlan
+from identification.design.posture import ordinary
 from identification.design.request import Request, prepare
 from identification.design.search import QUICK, Design, Effort, optimal_design
 from identification.design.sheet import Sheet, sheet_of
@@ -50,6 +51,9 @@ def design_plan(
     say(f"searching {len(task.demand)} runs ...")
     design, discrimination = (discriminating_design(task, rivals, rng, effort) if len(rivals) > 1
                               else (optimal_design(task, rng, effort), None))
+    if discrimination is None and request.preset is None:
+        design, posture = ordinary(design)
+        findings = (*findings, *posture)
     gain = None if prepared.plainer is None else compared(design, *prepared.plainer, rng)
     runs = design.runs.joined(kept_back(task.domain, design.pool, design.runs, request.kept_back))
     sheet = _in_order(design, runs, request, rng)

@@ -100,7 +100,7 @@ def _moved_elsewhere(task: Task, best: Refined, pool: Pool, rounds: int) -> list
     for _ in range(rounds):
         before = best.value
         for i in range(len(best.runs)):
-            start = _elsewhere(task, best.runs, i, pool)
+            start = elsewhere(task, best.runs, i, pool)
             if start is None:
                 continue
             tried.append(refined(task, start))
@@ -111,7 +111,7 @@ def _moved_elsewhere(task: Task, best: Refined, pool: Pool, rounds: int) -> list
     return tried
 
 
-def _elsewhere(task: Task, plan: Pool, i: int, pool: Pool) -> Pool | None:
+def elsewhere(task: Task, plan: Pool, i: int, pool: Pool) -> Pool | None:
     """The plan with run i put where it is worth most, somewhere else; None where there is nowhere else."""
     rest = task.information(plan) - task.replicates * plan.information[i]
     rows = np.flatnonzero(task.group(pool) == task.demand.wanted[i])

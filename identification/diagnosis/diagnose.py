@@ -10,6 +10,7 @@ from identification.common.findings import Finding
 from identification.diagnosis.detect import REPLICATES
 from identification.diagnosis.extended_model import extended_model
 from identification.diagnosis.judgement import Cause, Judgement, Verdict
+from identification.diagnosis.mended import MendedFile, mended_file
 from identification.diagnosis.procedure import ALARM, judge
 from identification.diagnosis.record import answer, judgement_findings, record
 from identification.measurements import Measurements
@@ -27,7 +28,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> Verdict:
-        """adequate, named, ambiguous or unknown."""
+        """adequate, named, ambiguous, unknown or mistake."""
         return self.judgement.verdict
 
     @property
@@ -52,6 +53,12 @@ class Diagnosis:
     def lines(self) -> list[str]:
         """The answer in plain words."""
         return answer(self.judgement)
+
+    def mended(self) -> MendedFile | None:
+        """The table or the cell file without its mistake; None where none is named. Raises CS1705."""
+        if self.verdict != "mistake":
+            return None
+        return mended_file(self.cell, self.measurements, self.judgement.mistakes[0])
 
     def extended(self) -> IdentifiedModel:
         """The model to correct with: effects of the robot in force, the plain springs where nothing is named."""

@@ -13,8 +13,10 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.share import Share
 from identification.diagnosis.swing import Swing
 from identification.fit.mending import BadVisit
+from identification.fit.mistakes.judge import NamedMistake
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict, subset_conflicts
@@ -24,7 +26,7 @@ from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
 Array = NDArray[np.float64]
-Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
+Verdict = Literal["adequate", "named", "ambiguous", "unknown", "mistake"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +54,12 @@ class Judgement:
     nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
     misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
     lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the
-    rows of machined passes were averaged. carried: the extended model with the laws of its effects free within what real ones
-    differ by, None where nothing is named: its springs are the ones to use. swing: of weights that hang, found in what the
-    model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others; bad_visits: those that do
-    not, not among `rows`; suspects: those that a sensor named for their pose explains as well. validation: the outliers among
-    the validate rows."""
+    rows of machined passes were averaged. share: how many of the rows were looked at, None: all. carried: the extended model
+    with the laws of its effects free within what real ones differ by, None where nothing is named: it is the one to use.
+    swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single
+    visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose
+    explains as well. validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one
+    where the verdict is one, else rivals of the alternatives."""
 
     verdict: Verdict
     plain: Posterior
@@ -76,28 +79,34 @@ class Judgement:
     law_differs: bool = False
     bad_rows: tuple[BadRow, ...] = ()
     thinning: Thinning | None = None
+    share: Share | None = None
     carried: Posterior | None = None
     swing: Swing | None = None
     visits: VisitTest | None = None
     bad_visits: tuple[BadVisit, ...] = ()
     suspects: tuple[BadVisit, ...] = ()
     validation: Validation | None = None
+    mistakes: tuple[NamedMistake, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuses (ValueError) a verdict whose names contradict it: no such answer may leave the program."""
         left_out = bool(self.bad_rows or self.bad_visits or self.swing)
+        few = len({cause.label for cause in self.alternatives}) + len(self.mistakes) < 2
         contradicts = {
-            "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain) or left_out,
-            "named": not (self.causes or left_out) or bool(self.withdrawn) or (bool(self.causes) and self.gain is None),
-            "ambiguous": bool(self.causes or self.withdrawn) or len({cause.label for cause in self.alternatives}) < 2,
-            "unknown": bool(self.causes) or self.extended is not self.plain,
+            "adequate": bool(self.causes or self.alternatives or self.withdrawn or self.gain or self.mistakes) or left_out,
+            "named": not (self.causes or left_out) or bool(self.withdrawn or self.mistakes) or (
+                bool(self.causes) and self.gain is None),
+            "ambiguous": bool(self.causes or self.withdrawn) or few,
+            "unknown": bool(self.causes or self.mistakes) or self.extended is not self.plain,
+            "mistake": bool(self.causes or self.alternatives or self.withdrawn) or not self.mistakes,
         }[self.verdict]
         given = [cause.label for cause in self.causes]
         doubled = len(set(given)) < len(given) or set(given) & {cause.label for cause in self.alternatives}
         if contradicts or doubled:
             others = [cause.label for cause in self.alternatives]
             raise ValueError(f"{self.verdict} with causes {given}, alternatives {others}, withdrawn {list(self.withdrawn)}, "
-                             f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, gain {self.gain}")
+                             f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, {len(self.mistakes)} "
+                             f"mistakes, gain {self.gain}")
 
     @property
     def rows(self) -> Measurements:
@@ -108,7 +117,7 @@ class Judgement:
     def expected_std(self) -> Array:
         """What the noise allows (n, 3) [m]: as estimated with the causes named, else as stated (estimated where it is not)."""
         components = self.extended.components
-        if self.verdict in ("ambiguous", "unknown"):
+        if self.verdict in ("ambiguous", "unknown", "mistake"):
             components = components.within(self.plain.at_map.noise.stated)
         return residual_std(self.plain.data, components, self.extended.compliance)
 

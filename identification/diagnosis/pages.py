@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from identification.common.arrays import rms
 from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
 from identification.diagnosis.diagnose import Diagnosis
-from identification.diagnosis.gain import Gain, pose_names, poses
+from identification.diagnosis.gain import Gain
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.record import next_words, value
+from identification.fit.held_out import pose_names, poses
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EFFECTS, added
 
@@ -30,7 +31,8 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     named = diagnosis.verdict == "named"
     before, allowed = judgement.plain.residual, judgement.expected_std
     after = judgement.extended.residual if named else None
-    tables = [table for table in (_causes(content), _ranking(judgement), _next(content), _parts(judgement)) if table]
+    tables = [table for table in (_mistakes(judgement), _causes(content), _ranking(judgement), _next(content),
+                                  _parts(judgement)) if table]
     figures = [_in_order(judgement.rows, before, after, allowed), _by_pose(judgement.rows, before, after, allowed),
                _by_load(judgement.rows, before)]
     if named:
@@ -40,6 +42,13 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     figures.append(_patterns(judgement))
     return render(f"Diagnosis: {Path(diagnosis.measurements.source).name}", diagnosis.lines(), tables, figures,
                   diagnosis.findings, content)
+
+
+def _mistakes(judgement: Judgement) -> ReportTable | None:
+    rows = [[mistake.key, mistake.sentence, f"{1e6 * mistake.before:.2f}", f"{1e6 * mistake.after:.2f}",
+             mistake.candidate.mistake.settles] for mistake in judgement.mistakes]
+    header = ["mistake", "in words", "RMS of poses predicted from the others [um]", "with it mended", "what settles it"]
+    return ReportTable("Mistakes in the files", header, rows, numbers=(2, 3)) if rows else None
 
 
 def _causes(content: dict[str, Any]) -> ReportTable | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import comb
 
 import numpy as np
 
@@ -28,12 +29,16 @@ from identification.diagnosis.naming import (
     with_open_laws,
     without_slight,
 )
-from identification.diagnosis.search import Hypothesis, Survey
+from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
+from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
-from identification.fit.posterior import posterior
+from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
+from identification.fit.mistakes.search import Search
+from identification.fit.posterior import Posterior, posterior
 from identification.fit.validation import judge_validation
 from identification.fit.visits import VisitTest, bad_visits
 from identification.measurements import Measurements
@@ -45,8 +50,8 @@ ALARM = 0.05
 INADEQUATE = 0.005
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
-# Laws of one gear that differ in a correction by less than this share of the noise may stay open under one name.
-OPEN_LAWS_DIFFER = 1 / 3
+# Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
+OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
@@ -68,13 +73,14 @@ def judge(
 ) -> Judgement:
     """Finds out what the plain model gets wrong on these measurements.
 
-    Rows of machined passes are averaged over blocks first (blocks.py). Where whole visits or single rows are bad, they are
-    named and the rest is judged without them. catalogue: the effects to choose from (all known ones). alarm: family-wise rate
-    of false alarms. Raises what `posterior` raises.
+    Rows of machined passes are averaged over blocks first (blocks.py); of very many rows a share is looked at (share.py). Where
+    whole visits or single rows are bad, they are named and the rest is judged without them. catalogue: the effects to choose
+    from (all known ones). alarm: family-wise rate of false alarms. Raises what `posterior` raises for the plain model.
     """
     averaged, thinning = in_blocks(cell, measurements)
-    procedure = Procedure(LoadTest.of(cell, averaged), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning)
+    looked_at, share = share_of(averaged)
+    procedure = Procedure(LoadTest.of(cell, looked_at), effects() if catalogue is None else catalogue, alarm, replicates, seed)
+    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +100,7 @@ class Procedure:
 
     def allowing_for_swing(self, judgement: Judgement) -> Judgement:
         """The judgement; where weights swung, of the rows with that in their sigmas, if that explains them."""
-        swing = swing_of(judgement.extended)
+        swing = None if judgement.verdict == "mistake" else swing_of(judgement.extended)
         if swing is None:
             return judgement
         again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).of_good_rows()
@@ -105,6 +111,8 @@ class Procedure:
     def of_good_rows(self) -> Judgement:
         """The judgement; where whole visits or single rows are bad, of the others."""
         judgement = self.judged()
+        if judgement.verdict == "mistake":
+            return judgement
         test = bad_visits(judgement.extended, self.seed)
         judgement = self.without_bad_visits(judgement, test) if test.bad else self.without_bad_rows(judgement)
         if judgement.verdict == "adequate" and test.too_many:
@@ -138,6 +146,8 @@ class Procedure:
 
     def without_bad_rows(self, judgement: Judgement) -> Judgement:
         """The judgement; where single rows are bad, of the others."""
+        if judgement.verdict == "mistake":
+            return judgement
         bad = bad_rows(judgement.extended)
         if not bad:
             return judgement
@@ -153,16 +163,24 @@ class Procedure:
 
     def judged(self) -> Judgement:
         """Fit, detect, and where something is wrong, name it."""
-        plain = posterior(self.data.with_rows(self.data.rows.select(~self.data.rows.validate)))
+        plain = fitted_or_mistaken(self.data.with_rows(self.data.rows.select(~self.data.rows.validate)))
         missing = {effect.name: effect.missing(plain.load_state) for effect in self.catalogue.values()}
         detection = goodness_of_fit(plain, self.catalogue, self.rng, self.replicates)
         judgement = Judgement("adequate", plain, plain, detection, scatter=beyond_stated(plain, GRANTED),
                               left_out={name: why for name, why in missing.items() if why})
-        return judgement if detection.p_value > self.alarm and not judgement.scatter else self.named(judgement)
+        if detection.p_value <= self.alarm or judgement.scatter:
+            return self.named(judgement)
+        unseen = beyond_the_fit(plain)
+        return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))
 
     def named(self, judgement: Judgement) -> Judgement:
-        """The judgement of a plain model that does not explain the rows."""
+        """The judgement of a plain model that does not explain the rows: a mistake in the files, or a physical cause."""
         plain = judgement.plain
+        mistakes = mistakes_in(plain)
+        # Springs that are off by a unit mean nothing beside a gross mistake of another kind.
+        clear = mistakes.sure or beyond_the_fit(plain)
+        if clear is not None:
+            return replace(judgement, verdict="mistake", mistakes=(clear,))
         found = converged(plain, self.catalogue, 2)
         adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
@@ -172,6 +190,9 @@ class Procedure:
         seen, best, extended = found.seen, found.best, found.fitted
         scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
         extended = extended if best is None else without_slight(self.data, extended, self.rng)
+        physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries)) if mistakes.possible else 0.0
+        if mistakes.clearly(physics):
+            return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         share = explained(plain, extended)
         to_the_noise = adequacy.p_value > INADEQUATE and not scatter
         nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
@@ -179,8 +200,10 @@ class Procedure:
                             law_differs=nearly and not to_the_noise)
         supported = best is not None and best.log_evidence >= SUPPORT
         if best is None or not supported or not (to_the_noise or nearly):
-            return self.unknown(judgement, seen, adequacy if supported else judgement.detection)
-        return self.with_names(judgement, seen, best)
+            judgement = self.unknown(judgement, seen, adequacy if supported else judgement.detection)
+        else:
+            judgement = self.with_names(judgement, seen, best)
+        return beside(judgement, mistakes, physics)
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them."""
@@ -236,3 +259,24 @@ class Procedure:
 def _certain(together: float, causes: tuple[Cause, ...]) -> bool:
     """Whether the set of causes is certain, or each of them while what else is at work is not."""
     return together >= CERTAIN or (together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes))
+
+
+def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
+    """ln posterior of a set of causes among `entries`, on the rows in which mistakes were looked for."""
+    if not extended.terms:
+        return found.log_evidence
+    if found.plain.data is not extended.data:
+        extended = posterior(found.plain.data, extended.terms, extended.log_compliance)
+    size = min(len(extended.terms), len(PRIOR_OF_SIZE))
+    return log_evidence(extended) + float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
+
+
+def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:
+    """The judgement, ambiguous where mistakes are about as likely as physics of this ln posterior, or likelier."""
+    rivals = mistakes.against(physics)
+    causes = judgement.causes if judgement.verdict == "named" else judgement.alternatives
+    if not rivals or len(rivals) + len(causes) < 2:
+        return judgement
+    likelier = len(rivals) > 1 and max(each.candidate.log_posterior for each in rivals) > physics + RIVAL
+    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), gain=None, carried=None, withdrawn={},
+                   alternatives=() if likelier else causes)

@@ -12,6 +12,7 @@ from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
+from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.fit.seating import moving_zero
 from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
 from identification.fit.visits import ALARM as VISIT_ALARM
@@ -35,6 +36,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
                    *(bad.as_dict() for bad in judgement.bad_rows),
                    *([judgement.swing.as_dict()] if judgement.swing and judgement.verdict == "named" else [])],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
+        "mistakes": [mistake.as_dict() for mistake in judgement.mistakes],
         "gain": None if judgement.gain is None else judgement.gain.as_dict(),
         "next_measurements": next_measurements(judgement),
         "subset_conflicts": [conflict.as_dict() for conflict in judgement.conflicts],
@@ -45,7 +47,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
         "not_offered": judgement.left_out,
-        "visits": _visits(judgement), "validation": _validation(judgement),
+        "rows_looked_at": len(judgement.rows), "visits": _visits(judgement), "validation": _validation(judgement),
     }
 
 
@@ -80,6 +82,8 @@ def _bad_visit(bad: BadVisit) -> dict[str, Any]:
 def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
     """Loads, then checks that are no loads, for the names that are left."""
     listed: list[dict[str, Any]] = [load.as_dict() for load in judgement.next_loads]
+    listed += [{"kind": "check", "what": mistake.candidate.mistake.settles, "about": mistake.key}
+               for mistake in judgement.mistakes]
     if judgement.verdict in ("ambiguous", "unknown"):
         texts = dict.fromkeys(
             (cause.effect.settles, cause.label) for cause in judgement.alternatives if cause.probability >= 0.02)
@@ -163,13 +167,17 @@ def _verdict(judgement: Judgement) -> list[str]:
     if judgement.verdict == "named":
         return [*(_cause_line(judgement, cause) for cause in judgement.causes), *left_out,
                 *([_swing_line(judgement.swing)] if judgement.swing else [])]
+    if judgement.verdict == "mistake":
+        return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
         beside = " beside that" if left_out else ""
         return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
                 *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
-    names = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8])
-    lines = [f"ambiguous: these data cannot tell apart: {names}", *left_out]
+    names = [f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8]]
+    names += [f"{mistake.key} (a mistake in the {mistake.candidate.mistake.of})" for mistake in judgement.mistakes]
+    lines = [f"ambiguous: these data cannot tell apart: {', '.join(names)}",
+             *(f"  {mistake.sentence}" for mistake in judgement.mistakes), *left_out]
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
                      "loads")
@@ -219,9 +227,14 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
                                 + _seen_of(judgement), file=source,
                                 hint="no effect is carried into the model; look at the residuals in the report"))
+    if judgement.verdict != "mistake":
+        findings += common_factor_findings(judgement.plain)
+    else:
+        findings += [mistake_finding(mistake, source, "warning") for mistake in judgement.mistakes]
     if judgement.verdict == "ambiguous":
-        findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
-                                + ", ".join(cause.label for cause in judgement.alternatives[:6]), file=source,
+        labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
+        findings.append(Finding("CS1402", "warning", f"the data cannot tell several causes apart: {', '.join(labels)}",
+                                file=source,
                                 hint="measure the loads named under next_measurements, or do the checks named there"))
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
                  *validation_findings(judgement.validation, source)]
@@ -238,6 +251,10 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1408", "note", f"{thin.rows} rows of machined passes were averaged over {thin.blocks} "
                                 f"blocks: neighbouring rows share their noise over {length:.1f} rows, so they are worth "
                                 f"about {thin.rows / length:.0f} independent ones", file=source))
+    if judgement.share is not None:
+        findings.append(Finding("CS1024", "note", f"the diagnosis is made from {judgement.share.rows} of {judgement.share.of} "
+                                "rows, taken evenly over the file; so are the stiffnesses of --extended", file=source,
+                                hint="identify uses all rows"))
     for label in judgement.lost:
         findings.append(Finding("CS1020", "note", f"{label} is no candidate: its fit did not converge", file=source,
                                 hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only, rms
-from identification.common.findings import Finding, error
+from identification.common.findings import CompstiffError, Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import (
     RELIABLE_LOG_STD,
@@ -22,8 +22,16 @@ from identification.fit.identifiability import (
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import ModelCheck, model_check
+from identification.fit.mistakes.judge import (
+    NamedMistake,
+    common_factor_findings,
+    fitted_or_mistaken,
+    mistake_finding,
+    mistakes_in,
+)
+from identification.fit.mistakes.units import unit_mistake
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
-from identification.fit.posterior import Posterior, posterior
+from identification.fit.posterior import Posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
 from identification.fit.seating import moving_zero
@@ -47,6 +55,8 @@ PRIOR_CONFLICT = 1e-3
 UNIT = 100.0
 # Residual over stated noise from which it is said that the stated noise does not explain the data.
 LARGER_THAN_STATED = 2.0
+# Chi-squared a reading under the stated noise from which mistakes in the files are looked for.
+WORTH_A_LOOK = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +146,7 @@ def fit_stiffness(
     >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
-    whole = posterior(every.with_rows(measurements.select(~measurements.validate)))
+    whole = fitted_or_mistaken(every.with_rows(measurements.select(~measurements.validate)))
     test = bad_visits(whole)
     fitted = test.rest or whole
     bad = with_mends(test, fitted, whole.data.rows)
@@ -205,7 +215,8 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted), *_not_independent(fitted), *_light_rows(fitted)]
+    findings += [*_mistakes(fitted, conflicts), *_against_prior(fitted, grades), *_larger_noise(fitted),
+                 *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
             worst = int(np.argmax(np.abs(conflict.difference)))
@@ -249,6 +260,28 @@ def _against_prior(fitted: Posterior, grades: tuple[JointGrade, ...]) -> list[Fi
                     "like a unit. If the robot really is so, state its prior in cell.yaml")
     return [Finding("CS1017", "warning", message, file=source, hint="is it the right robot, tool and prior? The data outweigh "
                     "the prior where joints are graded reliable")]
+
+
+def _mistakes(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> list[Finding]:
+    """Mistakes in the files that may explain a misfit (CS1701), and a factor common to all joints (CS1702).
+
+    Raises CompstiffError for a unit (CS1018), and for a mistake that is clear without a look at physics (CS1700).
+    """
+    source = fitted.data.rows.source
+    possible: tuple[NamedMistake, ...] = ()
+    if any(conflict.is_conflict for conflict in conflicts) or fitted.chi2 >= WORTH_A_LOOK * fitted.readings:
+        mistakes = mistakes_in(fitted)
+        if mistakes.sure is not None:
+            raise CompstiffError(mistake_finding(mistakes.sure, source, "error"))
+        possible = mistakes.possible
+    unit = unit_mistake(fitted)
+    if unit is not None:
+        raise error("CS1018", unit.sentence.format(rows=f"all {len(fitted.data.rows)} rows"), file=source,
+                    hint=f"the factor looks like a unit; check: {unit.settles}")
+    return [*common_factor_findings(fitted), *(
+        Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: "
+                f"{named.sentence}", file=source, hint="compstiff diagnose weighs it against physical causes")
+        for named in possible)]
 
 
 def _larger_noise(fitted: Posterior) -> list[Finding]:

@@ -142,7 +142,8 @@ class NoiseModel:
         return np.asarray(np.add.reduceat(values[order], np.searchsorted(self.visit[order], np.arange(self.visits)), axis=0))
 
     def of_rows_alone(self, components: VarianceComponents) -> Array:
-        """Precision (n, 3, 3) of each row by itself, without what its visit shares; nothing where a component was not measured."""
+        """Precision (n, 3, 3) of each row by itself, without what its visit shares; nothing where a component was not
+        measured."""
         alone = replace(self, active=(*self.active[:MEMORY], False))
         precision = np.empty((len(self.visit), 3, 3))
         precision[alone.blocks[:, 0]] = alone.own(components.values[None], np.ones(len(precision)))[0][0]

@@ -66,8 +66,8 @@ class OwnResponse:
 
 
 def own_response(columns: Array, precision: Array, prior: Array, residual: Array) -> OwnResponse:
-    """The robust fit of columns (n, 3, K) with prior precision (K,) to residuals (n, 3, B), all whitened; precision (n, 3, 3), nothing
-    where a component was not measured."""
+    """The robust fit of columns (n, 3, K) with prior precision (K,) to residuals (n, 3, B), all whitened; precision (n, 3, 3),
+    nothing where a component was not measured."""
     n, _, count = columns.shape
     weighted = precision @ columns
     square = (np.swapaxes(columns, 1, 2) @ weighted).reshape(n, -1)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, FiniteFloat
 
 from identification.common.findings import error
 from identification.common.yaml_source import EachJoint, NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
@@ -16,6 +16,7 @@ from identification.model.robot import Prior, RobotModel, built_in_robots, read_
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
+FrameKind = Literal["base", "tool", "sensor"]
 ZERO: Triple = (0.0, 0.0, 0.0)
 UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
@@ -72,7 +73,7 @@ def _log_columns(names: tuple[str, ...]) -> tuple[str, ...]:
 class ForceLogFile(Strict):
     """What frame and sign logged forces have, and how this cell's logger writes them."""
 
-    frame: Literal["base", "tool", "sensor"] = "base"
+    frame: FrameKind = "base"
     sensor_quaternion: Quaternion | None = None
     sensor_position_mm: Triple | None = None
     sign: Literal["on_tool", "by_tool"] = "on_tool"
@@ -105,6 +106,33 @@ class ModbusFile(Strict):
     unit: Annotated[int, Field(ge=0, le=255)] = 1
 
 
+def _window(value: tuple[float, float]) -> tuple[float, float]:
+    if not value[0] < value[1]:
+        raise ValueError("must be [lowest, highest]")
+    return value
+
+
+Window = Annotated[tuple[FiniteFloat, FiniteFloat], AfterValidator(_window)]
+
+
+class JointWindowFile(Strict):
+    """Where the joints of a planned pose may stand, inside their limits."""
+
+    q1: Window | None = None
+    q2: Window | None = None
+    q3: Window | None = None
+    q4: Window | None = None
+    q5: Window | None = None
+    q6: Window | None = None
+
+
+class DesignFile(Strict):
+    """Which poses `design` may plan in this cell."""
+
+    joint_window_deg: JointWindowFile = JointWindowFile()
+    reach_mm: Window | None = None
+
+
 class CellPriorFile(Strict):
     """The prior, where it differs from the robot file's."""
 
@@ -124,6 +152,7 @@ class CellFile(Strict):
     force_log: ForceLogFile = ForceLogFile()
     limits: LimitsFile = LimitsFile()
     modbus: ModbusFile = ModbusFile()
+    design: DesignFile = DesignFile()
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +183,7 @@ class ForceLogFrame:
     form: how the logger writes.
     """
 
-    kind: Literal["base", "tool", "sensor"]
+    kind: FrameKind
     flange_from_sensor: Frame | None
     sign: float
     bias: Array | None = None
@@ -168,7 +197,8 @@ class ForceLogFrame:
 class Cell:
     """A robot cell, SI units. Frames: flange_from_tcp, world_from_base, world_from_object.
 
-    object_stated: whether the file states its work object; else that is the world.
+    object_stated: whether the file states its work object; else that is the world. joint_window (6, 2) [rad]: where the joints
+    of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
     """
 
     source: Path
@@ -185,6 +215,8 @@ class Cell:
     tool_mass: float | None
     tool_centre: Array | None
     object_stated: bool = True
+    joint_window: Array = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
+    reach: tuple[float, float] | None = None
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -236,6 +268,9 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         tool_mass=described.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
         object_stated="workobject" in described.model_fields_set,
+        joint_window=np.radians([window or (-np.inf, np.inf) for _, window in described.design.joint_window_deg]),
+        reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
+                                                              1e-3 * described.design.reach_mm[1]),
     )
 
 

@@ -137,3 +137,8 @@ def solve(axis: Axis, columns: Array) -> Solved:
     freedom = max(1.0, len(deflection) - free - len(axis.noise.phi))
     covariance = inverse * chi2 / freedom / np.outer(scale, scale)
     return Solved(coefficients / scale, covariance, chi2, len(deflection))
+
+
+def straight_line(axis: Axis) -> Array:
+    """Offsets and compliance (records + 1,) of the plain spring by ordinary least squares: the straight line one would draw."""
+    return np.asarray(np.linalg.lstsq(axis.spring, axis.deflection, rcond=None)[0], dtype=float)

@@ -30,6 +30,8 @@ BY_CHANCE = 499
 LEAST_CYCLES = 2.0
 # Frequencies that are tried about a peak, over one resolvable step to either side.
 ABOUT = 41
+# Shapes of a smooth error that stand beside the lines: as many as have no line's number of cycles.
+SLOW = 3
 # With the fitted phase a prediction is better by this share of what the record's own phase gives: the phase holds.
 PHASE_HOLDS = 0.5
 # A joint that moves less than this [rad] shows no line.
@@ -84,7 +86,8 @@ class Session:
 def session(joint: int, pieces: list[MotionLog]) -> Session:
     """One record, or pieces of it, as it is searched."""
     axis = axis_of(joint, pieces, np.inf, only=ALWAYS)
-    return Session(axis, np.column_stack([axis.widest, smooth_over(axis.angle, 1.0).columns(axis.angle)]))
+    slow = smooth_over(axis.angle, 1.0).columns(axis.angle)[:, :SLOW]
+    return Session(axis, np.column_stack([axis.widest, slow]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,23 +170,38 @@ def search(sessions: list[Session], rng: np.random.Generator) -> list[Line]:
     highest = min(MOST_CYCLES, np.pi / step / max(usual, 1e-6))
     wanted = frequencies(2 * np.pi / apart, LEAST_CYCLES * apart, max(highest, 4 * LEAST_CYCLES * apart))
     lines: list[Line] = []
+    shoulders: list[float] = []
     while len(lines) < MOST_LINES:
         fits = [fitted(one, np.array([line.cycles for line in lines])) for one in moving]
         spectra = [angle_spectrum(fit.left, fit.noise, fit.session.axis.angle, fit.session.speed, step, wanted) for fit in fits]
-        free = np.all([np.abs(wanted.cycles - line.cycles) > apart for line in lines], axis=0) if lines else slice(None)
+        free = np.ones(len(wanted.cycles), dtype=bool)
+        for taken in (*(line.cycles for line in lines), *shoulders):
+            free &= np.abs(wanted.cycles - taken) > apart
+        if not free.any():
+            break
         gain = np.sum([spectrum.gain() for spectrum in spectra], axis=0)[free]
         chance = np.sum([spectrum.by_chance(BY_CHANCE, rng) for spectrum in spectra], axis=0)[:, free].max(axis=1)
         p_value = float((np.sum(chance >= gain.max()) + 1) / (BY_CHANCE + 1))
         if p_value > FOUND:
             break
-        lines.append(Line(*_refined(fits, float(wanted.cycles[free][int(np.argmax(gain))]), apart), p_value))
+        highest_at = float(wanted.cycles[free][int(np.argmax(gain))])
+        peak = _refined(fits, highest_at, apart)
+        if peak is not None and all(abs(peak[0] - line.cycles) > apart for line in lines):
+            lines.append(Line(*peak, p_value))
+        elif len(shoulders) < MOST_LINES:
+            shoulders.append(highest_at)
+        else:
+            break
     return lines
 
 
-def _refined(fits: list[LineFit], cycles: float, apart: float) -> tuple[float, float]:
-    """The peak of the exact likelihood about a frequency, and the standard deviation that its curvature gives."""
+def _refined(fits: list[LineFit], cycles: float, apart: float) -> tuple[float, float] | None:
+    """The peak of the exact likelihood about a frequency, and the standard deviation that its curvature gives; None where it
+    has none there, being the shoulder of another."""
     about = cycles + apart * np.linspace(-0.5, 0.5, ABOUT)
     gain = np.sum([fit.gain(about) for fit in fits], axis=0)
+    if np.argmax(gain) in (0, ABOUT - 1):
+        return None
     top = int(np.clip(np.argmax(gain), 2, ABOUT - 3))
     a, b, _ = np.polyfit(about[top - 2: top + 3] - about[top], gain[top - 2: top + 3], 2)
     if a >= 0:

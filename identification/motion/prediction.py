@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import rms
-from identification.motion.axis import Axis, axis_of, solve
+from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.blocks import ratio_interval
 from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.log_file import MotionLog
@@ -65,11 +65,6 @@ def _again(axis: Axis, shape: Shape) -> Array:
             if other.name == shape.name and other.smear == shape.smear and np.array_equal(other.fixed, shape.fixed):
                 columns[:, list(other.free)] = other.columns
     return columns
-
-
-def straight_line(axis: Axis) -> Array:
-    """Offsets and compliance (records + 1,) of the plain spring by ordinary least squares: the straight line one would draw."""
-    return np.asarray(np.linalg.lstsq(axis.spring, axis.deflection, rcond=None)[0], dtype=float)
 
 
 def residual_on(fitted: Array, lengths: int, axis: Axis, columns: Array) -> Array:

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import error
-from identification.motion.axis import Axis, axis_of, solve
+from identification.motion.axis import Axis, axis_of, solve, straight_line
 from identification.motion.axis_diagnosis import AxisDiagnosis
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause, cause_of, transmission_cause
 from identification.motion.log_file import MotionLog
-from identification.motion.prediction import held_out, model_columns, straight_line
+from identification.motion.prediction import held_out, model_columns
 from identification.motion.remainder import Remainder, remainder
 from identification.motion.search import Hypothesis, survey
 from identification.motion.stiffness import axis_stiffness

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.robot import Prior
-from identification.motion.axis import Axis, Solved, axis_of, solve
+from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
 from identification.motion.band import BAND
 from identification.motion.dictionary import ALWAYS, Shape
 from identification.motion.log_file import MotionLog
@@ -115,7 +115,8 @@ def axis_stiffness(joint: int, records: list[MotionLog], transmission: Transmiss
     """The joint's stiffness from all records that have it, and from each alone, beside a transmission error found before."""
     transmission = transmission or Transmission(joint)
     having = transmission.cleaned([record for record in records if joint in record.joints])
-    together = replace(_from(joint, having, transmission), beside=transmission.words)
+    line = straight_line(axis_of(joint, records, BAND, only=ALWAYS))
+    together = replace(_from(joint, having, transmission), beside=transmission.words, straight=float(line[-1]))
     if len(having) == 1:
         return together
     alone = [_from(joint, [record], transmission) for record in having]
@@ -128,7 +129,7 @@ def axis_stiffness(joint: int, records: list[MotionLog], transmission: Transmiss
 def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> AxisStiffness:
     smooth = transmission.smooth_over(records)
     central, delay, noise, values = 0.0, (0.0, 0.0), 0.0, []
-    share = straight = worth = np.nan
+    share = worth = np.nan
     samples = 0
     for band in BANDS:
         axis = axis_of(joint, records, band, smooth)
@@ -144,10 +145,9 @@ def _from(joint: int, records: list[MotionLog], transmission: Transmission) -> A
             delay = _averaged(by_law, axis.plain.shape[1])
             rigid = [k for k in range(base.shape[1]) if not axis.spring.shape[1] <= k < axis.plain.shape[1]]
             share, samples = _own_share(base[:, rigid], place), sum(len(log.time) for log in axis.logs)
-            straight = float(np.linalg.lstsq(axis.spring, axis.deflection, rcond=None)[0][-1])
             worth = axis.noise.worth(len(axis.torque))
     law = float(np.sqrt(np.mean((np.array(values) - central) ** 2)))
-    return _judged(AxisStiffness(joint, central, noise, law, share, straight, delay, "", "", samples, worth))
+    return _judged(AxisStiffness(joint, central, noise, law, share, np.nan, delay, "", "", samples, worth))
 
 
 def _always(axis: Axis) -> list[Shape]:

@@ -12,6 +12,8 @@ from identification.model.load_state import LoadState
 
 # In longer files only the starts of poses are tried as places of a step.
 MOST_ROWS = 400
+# Of more starts of poses, so many evenly.
+MOST_PLACES = 400
 
 
 class SensorStep(OfReading):
@@ -48,6 +50,7 @@ class SensorStep(OfReading):
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         first = rows.row[1:] if len(rows) <= MOST_ROWS else rows.row[rows.starts][1:]
+        first = first[:: -(-len(first) // MOST_PLACES)] if len(first) else first
         names = _names(rows)
         poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]
         steps = [(SensorStep("row", int(row)), False) for row in first]

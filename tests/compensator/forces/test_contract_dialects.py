@@ -137,3 +137,8 @@ def test_public_forms_are_read_as_they_are(tmp_path) -> None:
     same = read_force_log(tmp_path / "a.csv", ForceLogFile(columns=names, rate_hz=25600))
     assert np.array_equal(same.force, log.force)
     assert_allclose(same.time, log.time, atol=1e-12)
+
+
+def test_a_labview_file_is_told_its_option(tmp_path: Path) -> None:
+    with pytest.raises(CompstiffError, match="--log-format lvm"):
+        read(tmp_path / "a.lvm", "LabVIEW Measurement\t\n")

@@ -12,11 +12,12 @@ from compensator.correction.settings import DEFAULTS, Settings
 from compensator.path.configurations import hold, tool_frames
 from compensator.path.robot_path import robot_path
 from compensator.posting.apt import read_apt
+from compensator.posting.job import post_files
 from compensator.posting.module_text import module_name
 from compensator.posting.post import post, read_cam_path
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.settings import PostingSettings
-from compensator.rapid import read_rapid
+from compensator.rapid import marks_of, read_rapid
 from compensator.toolpath import Move
 from identification.common.findings import CompstiffError, Refused
 from identification.model.cell import read_cell
@@ -271,3 +272,20 @@ def test_the_command_writes_program_and_record_and_parts(tmp_path):
     for name in ("many.mod", "many_001.mod", "many_002.mod"):
         assert accepted(tmp_path, (tmp_path / name).read_bytes()), name
     assert compstiff("post", cell_file, tmp_path / "shell.mod", "-o", tmp_path / "b.mod").returncode == 1
+
+
+@pytest.mark.parametrize("split", [None, 20])
+def test_a_marked_program_is_the_posted_one_with_its_marks(tmp_path, cell, split):
+    """Whole or in parts; read again with the same options it has the same marks. The test module switches the same output."""
+    (tmp_path / "shell.apt").write_text(APT)
+    plain = post_files(tmp_path / "cell.yaml", tmp_path / "shell.apt", tmp_path / "p.mod", Settings.of(split=split).posting)
+    settings = Settings.of(mark="doMark", split=split)
+    marked = post_files(tmp_path / "cell.yaml", tmp_path / "shell.apt", tmp_path / "p.mod", settings.posting)
+    text = b"".join(marked.files[tmp_path / file.name] for file in plain.files if file.suffix == ".mod")
+    assert re.sub(rb"(Move[LC])DO\b([^;]*),doMark,[01];", rb"\1\2;", text) == b"".join(
+        content for file, content in plain.files.items() if file.suffix == ".mod")
+    assert b"SetDO doMark,1;" in marked.files[tmp_path / "p_marktest.mod"]
+    assert read_rapid(marked.files[tmp_path / "p_marktest.mod"], "t.mod").toolpath.move.size == 0
+    again = marks_of(planned(tmp_path / "shell.apt", cell, settings))
+    assert again is not None
+    assert len(again) == text.count(b",doMark,") >= 5

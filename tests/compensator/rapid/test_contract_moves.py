@@ -95,7 +95,7 @@ def test_program_displacement_blocks_until_it_is_off():
 
 @pytest.mark.parametrize("instruction", [
     "TriggL p1,v100,gun,z1,tool0", "TriggC p1,p2,v100,gun,z1,tool0", "SearchL\\Stop,di1,sp,p1,v100,tool0",
-    "MoveLDO p1,v100,z1,tool0,do1,1", "MoveJSync p1,v100,z1,tool0,\"proc\"", "ArcLStart p1,v100,s1,w1,z1,tool0",
+    "MoveLAO p1,v100,z1,tool0,ao1,1", "MoveJSync p1,v100,z1,tool0,\"proc\"", "ArcLStart p1,v100,s1,w1,z1,tool0",
     "EGMMoveL e,p1,v100,z1,tool0", "SpotL p1,v100,g1,sp1,tool0",
 ])
 def test_other_motion_instructions_are_reported_not_counted(instruction):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,9 @@ def differences(function, x, step=1e-6):
 
 @pytest.mark.parametrize("boxed", [False, True])
 @pytest.mark.parametrize("axes", [("x", "y", "z"), ("yx", "z"), ("free",)])
-def test_slopes(domain, prior, axes, boxed):
+@pytest.mark.parametrize("reach", [None, (0.9, 1.8)])
+def test_slopes(domain, prior, axes, boxed, reach):
+    domain = replace(domain, rig=replace(domain.rig, cell=replace(domain.rig.cell, reach=reach)))
     slots = tuple(slot(one, "cycle", 300.0) for one in axes)
     box = np.concatenate([PLACE - 0.2, PLACE + 0.2]) if boxed else None
     here = Domain(domain.rig, slots, None if boxed else PLACE, box)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from identification.motion.band import BAND
 from identification.motion.log_file import MotionLog, read_motion_log
+from identification.motion.prediction import held_out
 from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import DISAGREE, axis_stiffness
+from identification.motion.transmission import find_transmission
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +40,38 @@ def test_the_link_encoders_were_recorded_late(records: tuple[MotionLog, MotionLo
         assert 2.4e-3 < delay.values[0] < 3.2e-3
         assert one.gain is not None
         assert one.gain.explained[0] < 0.7
-        assert one.gain.explained[1] > 0.95
-        assert one.gain.interval[0] > 1.5
+        assert one.gain.explained[1] > 0.98
+        assert one.gain.interval[0] > 4
+        moved = records[order[1]].less(one.joint, np.full(len(records[order[1]].time), np.radians(0.14)))
+        again = held_out(one.joint, BAND, one.named, one.transmission, list(one.records), moved)[0]
+        assert again.ratio == pytest.approx(one.gain.ratio, rel=1e-6)
+        assert again.with_zero[0] / again.with_zero[1] < 1.2
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+@pytest.mark.parametrize(("joint", "cycles", "urad"), [(2, [412.6, 826.3, 1239.6, 1652.9], 91), (3, [678.2, 1356.2], 28)])
+def test_lines_of_one_record_are_found_again_in_the_other(
+    records: tuple[MotionLog, MotionLog], order: tuple[int, int], joint: int, cycles: list[float], urad: float
+) -> None:
+    found = find_transmission(joint, [records[order[0]]], records[order[1]])
+    for each in cycles:
+        assert np.min(np.abs(found.cycles - each)) < 2.5
+    assert np.max(np.abs(found.amplitudes([records[order[1]]]))) == pytest.approx(1e-6 * urad, rel=0.1)
+
+
+def test_the_smooth_part_of_one_axis_goes_on_where_the_record_was_not(records: tuple[MotionLog, MotionLog]) -> None:
+    a, b = records
+    assert [find_transmission(joint, [a], b).smooth is not None for joint in (1, 2, 3)] == [True, False, False]
+    assert b.joints[1].angle.max() < a.joints[1].angle.min() + 0.01
+
+
+def test_a_stiffness_that_is_refused_otherwise(records: tuple[MotionLog, MotionLog]) -> None:
+    both = list(records)
+    found = find_transmission(2, both, None)
+    assert axis_stiffness(2, both).refused
+    beside = axis_stiffness(2, both, found)
+    assert not beside.refused
+    assert beside.apart < 1
 
 
 def test_records_agree_within_what_they_state(records: tuple[MotionLog, MotionLog]) -> None:

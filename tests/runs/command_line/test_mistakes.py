@@ -158,7 +158,7 @@ PROGRAM = [
     M("a stationary tool", "part.mod", swap("tMill:=[TRUE", "tMill:=[FALSE"), CORRECT, 3, "CS4104"),
     M("all cuts displaced", "part.mod", swap("PROC main()", "PROC main()\nPDispOn p1,tMill;"), CORRECT, 3, "CS3086"),
     M("an external axis", "part.mod", swap("[9E9,9E9,", "[100,9E9,"), CORRECT, 3, "CS4104"),
-    M("moves of other kinds", "part.mod", swap("MoveL", "MoveLDO"), CORRECT, 1, "CS4202"),
+    M("moves of other kinds", "part.mod", swap("MoveL", "MoveLAO"), CORRECT, 1, "CS4202"),
     M("the suffix of a text", "part.txt", lambda text: "MODULE a\nENDMODULE\n", instead("@part.mod", "@part.txt"), 1, "CS4201"),
     M("another program", "part.mod", lines(lambda rows: [row for i, row in enumerate(rows) if i not in (4, 5, 6)]),
       CORRECT, 1, "CS3004"),

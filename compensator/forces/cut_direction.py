@@ -1,0 +1,132 @@
+"""What the direction of the cutting force against the travel says of the sign and the frame that cell.yaml states for a log.
+
+Seen along the spindle, from its motor to its tip, a cutter turns clockwise; stock stands before it. With T the mean tangential
+force on the tool, against the edges' motion, and R the radial one, away from the stock, the mean force on the tool is along the
+feed and to its left
+
+    full slot                     -R,  T        backwards by a little and to the left
+    climb, little engagement       T,  R        forwards: the cutter pulls itself along
+    conventional, little          -T, -R        backwards and away from the stock on the left
+
+and between these for engagements between (Altintas, Manufacturing Automation, ch. 2). So it lies from some degrees to the left
+of the feed over the left to somewhat right of backwards, and never forwards to the right. Turned over by a wrong sign it mostly
+does; only climb milling of little engagement looks then like conventional milling, and the other way round. In a wrong frame
+the force does not follow the feed as the path turns. Along the axis a helix pulls the tool out of the spindle by less than it
+is pushed across; a ball, a ramp or a plunge push it in. Exceptions: a spindle that turns the other way, a tool that rubs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.program_time import moves_in_air
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+from identification.common.findings import Finding
+
+# From where to where the mean force on the tool is never [rad], to the left of the feed: R is at most 1.7 times T (60 degrees
+# beyond backwards, a worn edge) and never negative (engineering judgement beside the formulas above).
+NEVER = (np.radians(-120.0), 0.0)
+# The mean force out of the spindle is at most this share of that across the axis: the tangent of a helix of 45 degrees
+# (engineering judgement; Kac over Ktc is 0.3 for 30 degrees).
+MOST_OUT = 1.0
+# So many targets with force are needed; the mean force across the axis is at least this share of its RMS; for the frame the
+# feed must turn (1 less the length of the mean of its doubled angle's unit vector), and another frame must keep at least this
+# share of the force, TOLD times what the stated one does.
+FEWEST, STEADY, TURNS, FOLLOWS, TOLD = 10, 0.2, 0.3, 0.4, 2.0
+
+
+@dataclass(frozen=True)
+class CutDirection:
+    """Means over the cuts of a log. along, left, up [N]: of the force on the tool, along the feed, to its left, towards the
+    spindle. share: of the RMS across the axis that is in the mean. follows: share of the force's energy that keeps its
+    direction against the feed. turns: how far the feed turns, 0 (to and fro on a line) to 1. targets: how many."""
+
+    along: float
+    left: float
+    up: float
+    share: float
+    follows: float
+    turns: float
+    targets: int
+
+    @property
+    def angle(self) -> float:
+        """Of the force to the left of the feed [rad]."""
+        return float(np.arctan2(self.left, self.along))
+
+    @property
+    def impossible(self) -> str:
+        """Why no cutter that turns clockwise feels such a force; empty where one may."""
+        if NEVER[0] < self.angle < NEVER[1]:
+            return "forwards and to the right"
+        if -self.up > MOST_OUT * np.hypot(self.along, self.left):
+            return "out of the spindle by more than it is pushed aside"
+        return ""
+
+
+def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
+    """The force (N, 3) [N] on the tool, base frame, against the travel; forced (N,): targets that show one. None where there
+    are too few of them on moves that cut."""
+    step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
+    axis = path.base_from_tcp.rotation[:, :, 2]
+    # Towards the spindle, whichever way the tool's z points.
+    to_flange = path.base_from_flange.position - path.base_from_tcp.position
+    up = axis * np.where(np.einsum("ni,ni->n", axis, to_flange) < 0, -1.0, 1.0)[:, None]
+    across = step - up * np.einsum("ni,ni->n", step, up)[:, None]
+    length = np.linalg.norm(across, axis=1)
+    with np.errstate(invalid="ignore"):
+        used = forced & ~moves_in_air(path.toolpath) & (length > 0.5 * np.linalg.norm(step, axis=1)) & (length > 1e-6)
+    if used.sum() < FEWEST:
+        return None
+    feed, up, weight = across[used] / length[used, None], up[used], length[used]
+    left = np.cross(up, feed)
+    local = np.column_stack([np.einsum("ni,ni->n", force[used], to) for to in (feed, left, up)])
+    mean = np.average(local, axis=0, weights=weight)
+    square = np.average(local**2, axis=0, weights=weight)
+    # Across one fixed axis: the feed's angle.
+    reference = np.cross(up[0], np.eye(3)[int(np.argmin(np.abs(up[0])))])
+    reference /= np.linalg.norm(reference)
+    angle = np.arctan2(feed @ np.cross(up[0], reference), feed @ reference)
+    turned = 1 - abs(np.average(np.exp(2j * angle), weights=weight))
+    along, sideways, upward = (float(component) for component in mean)
+    return CutDirection(along, sideways, upward, share=float(np.linalg.norm(mean[:2]) / max(np.sqrt(square[:2].sum()), 1e-12)),
+                        follows=float(mean @ mean / max(square.sum(), 1e-12)), turns=float(turned), targets=int(used.sum()))
+
+
+def said_of_direction(
+    path: RobotPath, forced: NDArray[np.bool_], forces: Mapping[str, Array], stated: str, source: str
+) -> list[Finding]:
+    """Findings on sign and frame. forces: the mean force (N, 3) [N] on the tool, base frame, as each frame of force_log would
+    have it; stated: which of them cell.yaml names."""
+    here = cut_direction(path, forces[stated], forced)
+    if here is None:
+        return []
+    others = {kind: seen for kind, force in forces.items()
+              if kind != stated and (seen := cut_direction(path, force, forced)) is not None}
+    best = max(others, key=lambda kind: others[kind].follows, default=None)
+    findings = []
+    if (best is not None and here.turns > TURNS and others[best].follows > FOLLOWS
+            and others[best].follows > TOLD * here.follows):
+        findings.append(Finding(
+            "CS3069", "warning", f"as the path turns, {100 * here.follows:.0f} % of the force keeps its direction against the "
+            f"feed; read in the frame {best} it would be {100 * others[best].follows:.0f} %", file=source,
+            hint=f"is force_log.frame {stated} in cell.yaml right? Known directions of push, by hand, tell"))
+    if here.share < STEADY:
+        return findings
+    text = (f"over {here.targets} targets that cut the force on the tool is on average {here.along:+.0f} N along the feed and "
+            f"{here.left:+.0f} N to its left, {here.up:+.0f} N towards the spindle")
+    if here.impossible:
+        findings.append(Finding(
+            "CS3068", "warning", f"{text}: no cutter that turns clockwise is pulled {here.impossible}", file=source,
+            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame? Right only for a spindle that "
+            "turns the other way"))
+    elif here.along > 0:
+        findings.append(Finding(
+            "CS3068", "note", f"{text}: it pulls itself forwards, as in climb milling of little engagement alone", file=source,
+            hint="if the cut is conventional, force_log.sign in cell.yaml is wrong"))
+    return findings

@@ -1,0 +1,105 @@
+"""A log with a column `mark`: its edges are the targets at which the program switches an output, its feed steady between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.log import ForceLog
+from compensator.forces.source import TIMES
+from compensator.path.robot_path import RobotPath
+from identification.common import number_blocks
+from identification.common.arrays import Array
+from identification.common.findings import Finding, error
+from identification.common.table_layout import read_layout
+from identification.model.cell import ForceLogFile
+
+Indices = NDArray[np.intp]
+MARK = "mark"
+# High is above, low below these shares of the way from the lowest to the highest value: noise between them makes no edge.
+LOW, HIGH = 0.3, 0.7
+# Nothing drives faster between two marks than this many times the programmed feed; engineering judgement: rounded corners are
+# shorter, and an override may be over 100 %.
+FASTER = 1.5
+
+
+def has_marks(log: ForceLog, form: ForceLogFile) -> bool:
+    """Whether a log has the column."""
+    return MARK in _names(Path(log.source), form)
+
+
+def placed_by_marks(log: ForceLog, form: ForceLogFile, path: RobotPath, target: Indices) -> ForceLog:
+    """The log with the key `path_mm`, NaN before the first mark and behind the last. target (k,): where the program switches.
+
+    Raises CompstiffError: CS3088 the log has another number of edges than the program switches, CS3089 it was driven faster
+    than programmed between two of them.
+    """
+    source = Path(log.source)
+    edges = _edges(source, form)
+    if len(edges) != len(target):
+        raise error("CS3088", f"the column {MARK} has {len(edges)} edges, the program switches its output at "
+                    f"{len(target)} targets", file=log.source,
+                    hint="log from before the first target until behind the last, once, at more than 100 samples a second; a "
+                    "loop or an IF switches another number of times")
+    length, feed = path.length[target], path.toolpath.feed
+    lasting = np.diff(edges)
+    programmed = np.array([np.nanmax(feed[a + 1:b + 1], initial=0.0) for a, b in pairwise(target.tolist())])
+    with np.errstate(divide="ignore"):
+        faster = np.where(programmed > 0, np.diff(length) / lasting / np.where(programmed > 0, programmed, 1.0), 0.0)
+    if len(faster) and faster.max() > FASTER:
+        k = int(faster.argmax())
+        raise error("CS3089", f"between the marks at targets {target[k]} and {target[k + 1]} the log drives {faster[k]:.1f} "
+                    f"times as fast as programmed ({1e3 * programmed[k]:g} mm/s)", file=log.source, target=int(target[k]),
+                    hint="is it the log of this program? An edge that was lost and another one too many shift all behind them")
+    place = np.interp(np.asarray(log.place), edges, length, left=np.nan, right=np.nan)
+    outside = int(np.isnan(place).sum())
+    left = f"; {outside} rows before the first and behind the last are left out" if outside else ""
+    note = Finding("CS3090", "note", f"placed by the {len(target)} edges of {MARK}, at targets {target[0]} to {target[-1]}, at "
+                   f"steady feed between them{left}", file=log.source)
+    return replace(log, key="path_mm", place=place, findings=(*log.findings, note))
+
+
+def _names(file: Path, form: ForceLogFile) -> Sequence[str]:
+    if file.suffix.lower() in (".parquet", ".pq"):
+        return number_blocks.parquet_names(file)[0]
+    return read_layout(file, form.columns).names
+
+
+def _blocks(file: Path, form: ForceLogFile) -> Iterator[tuple[Array, Array]]:
+    """Time [s] and mark of the samples, block by block."""
+    names = _names(file, form)
+    time = next((name for name in TIMES if name in names), None)
+    wanted = [MARK, *([time] if time else [])]
+    read = (number_blocks.parquet_blocks(file, names, wanted) if file.suffix.lower() in (".parquet", ".pq")
+            else number_blocks.text_blocks(file, read_layout(file, form.columns), wanted))
+    count = 0
+    for numbers, _ in read:
+        mark = np.asarray(numbers[MARK], dtype=float)
+        at = (np.asarray(numbers[time], dtype=float) * (1e-3 if time == "time_ms" else 1.0) if time
+              else (count + np.arange(len(mark))) / (form.rate_hz or np.nan))
+        count += len(mark)
+        yield at, mark
+
+
+def _edges(file: Path, form: ForceLogFile) -> Array:
+    """When the mark changes [s], from its first rise on: half way between the samples on either side."""
+    low = min((float(mark.min()) for _, mark in _blocks(file, form) if len(mark)), default=0.0)
+    high = max((float(mark.max()) for _, mark in _blocks(file, form) if len(mark)), default=0.0)
+    if not high > low:
+        return np.zeros(0)
+    times, levels = [], []
+    for at, mark in _blocks(file, form):
+        share = (mark - low) / (high - low)
+        sure = (share < LOW) | (share > HIGH)
+        times.append(at[sure])
+        levels.append(share[sure] > HIGH)
+    time, level = np.concatenate(times), np.concatenate(levels)
+    change = np.flatnonzero(np.diff(level.astype(int)))
+    # A fall before the first rise is the reset of an output that an earlier run left high.
+    change = change[int(np.argmax(level[change + 1])):] if level[change + 1].any() else change[:0]
+    return np.asarray(0.5 * (time[change] + time[change + 1]))

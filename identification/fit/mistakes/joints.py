@@ -1,0 +1,90 @@
+"""Joint angles in other columns, of the other sign, from another zero or in radians; and another robot than the cell's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.mistake import Mistake, table_mistake
+from identification.fit.priors import PriorModel
+from identification.model.robot import RobotModel, built_in_robots, read_robot
+
+Array = NDArray[np.float64]
+# A zero that is off may take a pose a little over the joint's limit.
+BEYOND_LIMITS = np.radians(5.0)
+SETTLES = "read the six angles of one pose on the pendant and compare them with its row"
+QUARTERS = (90.0, -90.0, 180.0)
+
+
+def joint_mistakes(data: LoadTest) -> list[Mistake]:
+    """Those whose mended angles the robot could have had."""
+    found = [_angles("radians", "the joint angles seem to be in radians, not in degrees, in {rows}", np.degrees)]
+    found += [_angles(f"joints_swapped[{i + 1}{j + 1}]", f"q{i + 1} and q{j + 1} seem to be swapped in {{rows}}",
+                      _order(tuple(j if k == i else i if k == j else k for k in range(6))))
+              for i, j in combinations(range(6), 2)]
+    found += [_angles(f"joints_shifted[{by:+d}]", f"the joint columns seem to stand one place too far {words} in {{rows}}",
+                      _order(tuple((k + by) % 6 for k in range(6)))) for by, words in ((1, "right"), (-1, "left"))]
+    found += [_angles(f"joint_sign[{j + 1}]", f"q{j + 1} seems to have the other sign in {{rows}}", _signed(j))
+              for j in range(6)]
+    found += [_angles(f"joint_zero[{j + 1} {turn:+.0f}]", f"q{j + 1} seems to count from another zero, {turn:+.0f} degrees "
+                      "off, in {rows}", _from(j, -np.radians(turn)), usual=False) for j in range(1, 6) for turn in QUARTERS]
+    return [mistake for mistake in found + _coupled(data.cell.robot) if _possible(data, mistake)] + _robots(data)
+
+
+def _possible(data: LoadTest, mistake: Mistake) -> bool:
+    mended = mistake.mended(data)
+    return bool(np.max(mended.cell.robot.limit_excess(mended.rows.theta)) <= BEYOND_LIMITS)
+
+
+def _angles(key: str, sentence: str, mended: Callable[[Array], Array], usual: bool = True) -> Mistake:
+    return table_mistake(key, sentence, SETTLES, lambda data: {"theta": mended(data.rows.theta)}, usual=usual)
+
+
+def _order(columns: tuple[int, ...]) -> Callable[[Array], Array]:
+    return lambda theta: np.ascontiguousarray(theta[:, list(columns)])
+
+
+def _signed(joint: int) -> Callable[[Array], Array]:
+    signs = np.ones(6)
+    signs[joint] = -1
+    return lambda theta: theta * signs
+
+
+def _from(joint: int, by: float) -> Callable[[Array], Array]:
+    shift = np.zeros(6)
+    shift[joint] = by
+    return lambda theta: theta + shift
+
+
+def _coupled(robot: RobotModel) -> list[Mistake]:
+    """The angle of the driven joint given against its neighbour instead of the controller's, or the other way round."""
+    if np.array_equal(robot.coupling, np.eye(6)):
+        return []
+    words = "the angle of the joint with the parallel rod seems to be counted the other way (against its neighbour) in {rows}"
+    return [_angles("joint_coupling", words, lambda theta: theta @ robot.uncoupling.T)]
+
+
+def _robots(data: LoadTest) -> list[Mistake]:
+    """The rows of another robot that comes with the program."""
+    found = []
+    for name, file in built_in_robots().items():
+        other = read_robot(file)
+        if other.geometry_sha256 == data.cell.robot.geometry_sha256:
+            continue
+        mistake = Mistake(f"robot[{name}]", f"{{rows}} seem to be of another robot: {name}, not {data.cell.robot.name}",
+                          "read the type plate of the robot that was measured", "cell", _of_robot(other))
+        if _possible(data, mistake):
+            found.append(mistake)
+    return found
+
+
+def _of_robot(other: RobotModel) -> Callable[[LoadTest], LoadTest]:
+    def change(data: LoadTest) -> LoadTest:
+        return replace(data, cell=replace(data.cell, robot=other, prior=other.prior), prior=PriorModel(other.prior))
+
+    return change

@@ -1,0 +1,222 @@
+"""Which mistake it is: named only where it is clearly better than every other one, and than what else may explain the rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.arrays import rms
+from identification.common.findings import CompstiffError, Finding, Level
+from identification.fit.held_out import left_out, poses
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
+from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
+from identification.fit.noise import VarianceComponents
+from identification.fit.posterior import Posterior, posterior
+
+Array = NDArray[np.float64]
+# Chi-squared a reading under the stated noise from which a misfit is gross: three times the stated noise.
+GROSS = 9.0
+# What a mistake must take away of what is beyond the noise: of a gross misfit, and of any.
+NEARLY_ALL, MOST = 0.95, 0.9
+# ln of how much likelier than the rows as they are a mistake must make them, and one that is named before physics is tried.
+SUPPORT, SURE = 10.0, 30.0
+# ln of how much likelier than a rival a mistake must be to be named alone (20 to 1), and the physics.
+RIVAL = 3.0
+# A size is known when it is so many of its own standard deviations.
+KNOWN = 4.0
+# Components of the noise up to so many times the stated ones when it is asked how much of a misfit is explained.
+ORDINARY = 2.0
+# A chi-squared a reading no further above 1 is noise.
+AT_THE_NOISE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class NamedMistake:
+    """A mistake that these rows may hold. probability: among the mistakes and what else was tried. support: ln of how much
+    likelier the mended rows are. explained: share of the misfit beyond the noise. before, after [m]: RMS of every pose
+    predicted from the others. tried: how many mistakes were."""
+
+    candidate: Candidate
+    probability: float
+    support: float
+    explained: float
+    before: float
+    after: float
+    tried: int
+
+    @property
+    def key(self) -> str:
+        """Its name in diagnosis.json."""
+        return self.candidate.mistake.key
+
+    @property
+    def sentence(self) -> str:
+        """In plain words, with the rows it holds for."""
+        return self.candidate.mistake.sentence.format(rows=self._rows)
+
+    @property
+    def _rows(self) -> str:
+        rows, where = self.candidate.data.rows, self.candidate.rows
+        if where is None:
+            return f"all {len(rows)} rows"
+        numbers = rows.row[where]
+        return f"rows {numbers.min()} to {numbers.max()}"
+
+    def lines(self) -> list[str]:
+        """The answer in plain words."""
+        lines = [f"mistake in the {self.candidate.mistake.of}: {self.sentence}"]
+        if self.support:
+            gained = f"{1e6 * self.before:.2f} -> {1e6 * self.after:.2f} um RMS"
+            lines.append(f"  every pose predicted from the others: {gained} with it mended; ln Bayes factor {self.support:.0f} "
+                         f"against the files as they are, {self.tried} mistakes tried")
+        return lines
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        candidate = self.candidate
+        where = np.ones(len(candidate.data.rows), dtype=bool) if candidate.rows is None else candidate.rows
+        numbers = candidate.data.rows.row[where]
+        return {
+            "mistake": self.key, "of": candidate.mistake.of, "sentence": self.sentence, "probability": self.probability,
+            "rows": int(where.sum()), "first_row": int(numbers.min()), "last_row": int(numbers.max()),
+            "parameters": {name: {"estimate": value, "std": std, "unit": candidate.units}
+                           for name, (value, std) in candidate.sizes.items()},
+            "log_bayes_factor": self.support, "explained": self.explained, "tried": self.tried,
+            "held_out_rms_um": [1e6 * self.before, 1e6 * self.after], "settles": candidate.mistake.settles,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Mistakes:
+    """What the search for mistakes came to. sure: the one that is named whatever physics says; possible: those that may be it,
+    the likeliest first, where physics is no likelier. found: the search itself."""
+
+    found: Search
+    possible: tuple[NamedMistake, ...]
+    sure: NamedMistake | None
+
+    def against(self, physics: float) -> tuple[NamedMistake, ...]:
+        """Those left beside physics of this ln posterior: empty where physics is clearly likelier."""
+        best = max((self._log_posterior(each) for each in self.possible), default=-np.inf)
+        return self.possible if best > physics - RIVAL else ()
+
+    def clearly(self, physics: float) -> bool:
+        """Whether one mistake is clearly likelier than physics."""
+        return len(self.possible) == 1 and self._log_posterior(self.possible[0]) > physics + RIVAL
+
+    @staticmethod
+    def _log_posterior(named: NamedMistake) -> float:
+        return named.candidate.log_posterior
+
+
+def fitted_or_mistaken(data: LoadTest) -> Posterior:
+    """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
+    mistake does that, where one is clear."""
+    try:
+        return posterior(data)
+    except CompstiffError as refused:
+        finding = refused.findings[0]
+        mistake = likeliest_at_a_glance(data) if finding.code == "CS1010" else None
+        if mistake is None:
+            raise
+        sentence = mistake.sentence.format(rows=f"all {len(data.rows)} rows")
+        said = replace(finding, message=f"{finding.message}; {sentence}", hint=f"check: {mistake.settles}")
+        raise CompstiffError(said) from None
+
+
+def beyond_the_fit(plain: Posterior) -> NamedMistake | None:
+    """A unit that the residual does not show: of all forces, all deflections or the times."""
+    for mistake in (unit_mistake(plain), time_mistake(plain.data)):
+        if mistake is not None:
+            held = left_out(plain, poses(plain.data.rows))
+            unseen = Candidate(mistake, plain.data, None, (plain,), 0.0, held, {})
+            return NamedMistake(unseen, 1.0, 0.0, 0.0, rms(held), rms(held), 1)
+    return None
+
+
+def mistakes_in(plain: Posterior) -> Mistakes:
+    """The mistakes that these rows may hold, without a look at physics."""
+    found = search(plain)
+    good = [named for each in found.candidates if (named := _named(found, each)) is not None]
+    if not good:
+        return Mistakes(found, (), None)
+    best = good[0].candidate.log_posterior
+    # One that is not good enough by itself still stands beside the best as its rival.
+    rivals = [each for each in found.candidates if each.log_posterior > best + RIVAL]
+    possible = () if rivals else tuple(each for each in good if each.candidate.log_posterior > best - RIVAL)
+    sure = None
+    if len(possible) == 1 and _is_gross(found.plain) and possible[0].candidate.moved is None and len(
+            possible[0].candidate.models) == 1 and possible[0].explained >= NEARLY_ALL and possible[0].support >= SURE:
+        sure = possible[0]
+    return Mistakes(found, possible, sure)
+
+
+def _is_gross(plain: Posterior) -> bool:
+    return plain.chi2 >= GROSS * plain.readings
+
+
+def _named(found: Search, candidate: Candidate) -> NamedMistake | None:
+    """The candidate with what speaks for it; None where that is not enough."""
+    plain = found.plain
+    support = candidate.log_posterior - found.log_evidence
+    small = candidate.moved is not None and (candidate.moved < 1 or (candidate.sigmas or 0.0) < KNOWN)
+    if support < SUPPORT or small:
+        return None
+    explained = _explained(plain, candidate)
+    held = left_out(plain, poses(plain.data.rows))
+    before, after = rms(held), rms(candidate.left)
+    if explained < MOST or after >= before:
+        return None
+    weight = np.array([other.log_posterior for other in found.candidates] + [found.log_evidence])
+    probability = float(np.exp(candidate.log_posterior - np.logaddexp.reduce(weight)))
+    return NamedMistake(candidate, probability, support, explained, before, after, found.tried)
+
+
+def _explained(plain: Posterior, candidate: Candidate) -> float:
+    """Share of the misfit beyond the noise that is gone in the mended rows; noise no larger than ordinary."""
+    before = after = 0.0
+    count = 0
+    for model in candidate.models:
+        components = model.components
+        ordinary = components.at_most(ORDINARY)
+        if model.at_map.noise.stated[0]:
+            ordinary = replace(ordinary, sensor=min(components.sensor, ORDINARY))
+        # A Student distribution's variance is more than its scale squared.
+        heavier = 1.0 if np.isinf(components.degrees) else min(components.degrees / (components.degrees - 2.0), ORDINARY)
+        before += _chi2(plain, model, ordinary) / heavier
+        after += _chi2(model, model, ordinary) / heavier
+        count += model.readings
+    left = after / count - 1.0
+    if left <= AT_THE_NOISE:
+        return 1.0
+    return 1.0 - left / max(before / count - 1.0, left)
+
+
+def _chi2(fitted: Posterior, mended: Posterior, components: VarianceComponents) -> float:
+    """Chi-squared of a fit's residual in the rows of the mended one, with its noise."""
+    noise = mended.at_map.noise
+    data = mended.data if fitted is mended else fitted.data
+    residual = np.nan_to_num(fitted.residual_of(data))
+    own = np.isin(data.rows.row, mended.data.rows.row)
+    whitened = np.einsum("nij,nj->ni", noise.rotation, residual[own])[:, :, None]
+    return float(noise.weights(components).inner(whitened, whitened)[0, 0])
+
+
+def mistake_finding(named: NamedMistake, source: str, level: Level) -> Finding:
+    """The mistake as a finding (CS1700)."""
+    return Finding("CS1700", level, named.sentence, file=source, hint=f"check: {named.candidate.mistake.settles}; compstiff "
+                   "diagnose --mend writes the file without it")
+
+
+def common_factor_findings(fitted: Posterior) -> list[Finding]:
+    """A factor common to all joints against the prior that looks like no unit (CS1702)."""
+    found = common_factor(fitted)
+    if found is None:
+        return []
+    return [Finding("CS1702", "warning", f"all joints come out {found[0]:.3g} times as stiff as the prior's medians",
+                    file=fitted.data.rows.source, hint="is it the right robot, and are forces in newton and deflections in "
+                    "micrometres? If the robot really is so, state prior.stiffness_nm_per_rad in cell.yaml")]

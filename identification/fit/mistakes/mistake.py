@@ -1,0 +1,63 @@
+"""Mistake: one that people make in the table or in the cell file, and how to mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.load_test import LoadTest
+from identification.measurements import Measurements
+
+Array = NDArray[np.float64]
+# Columns of numbers that a mistake may spoil.
+NUMBERS = ("theta", "wrench", "deflection", "sigma", "time", "dwell")
+
+
+def _unscaled() -> Array:
+    return np.ones(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Mistake:
+    """key: its name in diagnosis.json. sentence: in plain words, {rows} for the rows it holds for. settles: what would tell
+    for sure. of: the file it stands in. change: the data without it. usual: one of those that are met every week. scale (3,):
+    by how much the readings of each axis grow when it is mended. splits: the sentence is one of the sessions, not of a
+    column."""
+
+    key: str
+    sentence: str
+    settles: str
+    of: Literal["table", "cell"]
+    change: Callable[[LoadTest], LoadTest]
+    usual: bool = True
+    scale: Array = field(default_factory=_unscaled)
+
+    def mended(self, data: LoadTest, rows: NDArray[np.bool_] | None = None) -> LoadTest:
+        """The data without the mistake, in these rows (n,) alone where they are given."""
+        changed = self.change(data)
+        return changed if rows is None else data.with_rows(_merged(data.rows, changed.rows, rows))
+
+
+def table_mistake(
+    key: str, sentence: str, settles: str, change: Callable[[LoadTest], dict[str, Array]], *, usual: bool = True,
+    scale: Array | None = None,
+) -> Mistake:
+    """A mistake in columns of the table; change: the mended columns, by their names in Measurements."""
+    def mend(data: LoadTest) -> LoadTest:
+        columns: dict[str, Any] = dict(change(data))
+        return data.with_rows(replace(data.rows, **columns))
+
+    return Mistake(key, sentence, settles, "table", mend, usual, _unscaled() if scale is None else scale)
+
+
+def _merged(table: Measurements, mended: Measurements, rows: NDArray[np.bool_]) -> Measurements:
+    """The table, mended in these rows (n,)."""
+    columns: dict[str, Any] = {}
+    for name in NUMBERS:
+        before, after = getattr(table, name), getattr(mended, name)
+        columns[name] = np.where(rows[:, None] if before.ndim == 2 else rows, after, before)
+    return replace(table, **columns)

@@ -1,0 +1,139 @@
+"""A quick look at hundreds of mistakes: the linear model z = A c on the data as each would mend them.
+
+Readings are taken with one variance for all axes of a row (the sensor's, and the stated error of the force as a share of the
+deflection), so that it is the same however the axes are mixed up; re-seating is integrated out. What a visit says of the
+springs is then three sums, and those of any rows together are sums of these. The noise's common scale is free: a gross misfit
+has one of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
+from identification.model.compliance import regressor
+
+Array = NDArray[np.float64]
+ROUNDS = 60
+# A force under this is none [N].
+LEAST_FORCE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What each of V visits says of u = c k_prior (6,): gram (V, 6, 6), pull (V, 6), squares (V,), how many readings (V,), and
+    ln of the noise's determinant (V,)."""
+
+    gram: Array
+    pull: Array
+    squares: Array
+    count: Array
+    log_determinant: Array
+
+    def total(self) -> Sums:
+        """Of all visits: one."""
+        return Sums(*(np.sum(part, axis=0, keepdims=True) for part in self._parts))
+
+    def up_to(self) -> Sums:
+        """Of the first one, two, ... V visits."""
+        return Sums(*(np.cumsum(part, axis=0) for part in self._parts))
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(*(a + b for a, b in zip(self._parts, other._parts, strict=True)))
+
+    def __sub__(self, other: Sums) -> Sums:
+        return Sums(*(a - b for a, b in zip(self._parts, other._parts, strict=True)))
+
+    def __getitem__(self, which: slice) -> Sums:
+        return Sums(*(part[which] for part in self._parts))
+
+    @property
+    def _parts(self) -> tuple[Array, Array, Array, Array, Array]:
+        return self.gram, self.pull, self.squares, self.count, self.log_determinant
+
+    @staticmethod
+    def joined(sums: list[Sums]) -> Sums:
+        """One behind the other."""
+        return Sums(*(np.concatenate(parts) for parts in zip(*(each._parts for each in sums), strict=True)))
+
+
+def sums(data: LoadTest) -> Sums:
+    """Of these rows, by visit."""
+    columns, scaled, variance = linear(data)
+    precision = np.where(np.isnan(data.rows.deflection), 0.0, 1 / variance[:, None])
+    offset = data.cell.noise.pose_offset if data.cell.noise.offset_stated else np.full(3, USUAL_OFFSET_M)
+    visit = np.unique(data.rows.visit, return_inverse=True)[1]
+    visits = int(visit.max()) + 1
+
+    def by_visit(values: Array) -> Array:
+        result = np.zeros((visits, *values.shape[1:]))
+        np.add.at(result, visit, values)
+        return result
+
+    both = np.concatenate([columns, scaled[:, :, None]], axis=2)
+    weighted = precision[:, :, None] * both
+    weight, first = by_visit(precision), by_visit(weighted)
+    # Re-seating, one draw a visit and axis, integrated out.
+    shared = offset**2 / (1 + offset**2 * weight)
+    gram = by_visit(np.einsum("nap,naq->npq", weighted, both)) - np.einsum("vap,va,vaq->vpq", first, shared, first)
+    measured = precision > 0
+    log_determinant = by_visit((measured * np.log(variance)[:, None]).sum(axis=1)) + np.log1p(offset**2 * weight).sum(axis=1)
+    return Sums(gram[:, :6, :6], gram[:, :6, 6], gram[:, 6, 6], by_visit(measured.sum(axis=1).astype(float)), log_determinant)
+
+
+def linear(data: LoadTest) -> tuple[Array, Array, Array]:
+    """Columns (n, 3, 6) for compliances in units of the prior's medians, readings (n, 3) with zero where none was taken, and
+    the variance (n,) of a reading."""
+    cell, rows = data.cell, data.rows
+    columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] / data.prior.prior.stiffness
+    readings = np.nan_to_num(rows.deflection)
+    sensor = np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)
+    force = np.linalg.norm(rows.wrench[:, :3], axis=1)
+    noise = cell.noise
+    relative = noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE
+    share = np.minimum(relative**2 + np.mean(noise.force**2) / np.maximum(force, LEAST_FORCE) ** 2, 1.0)
+    return columns, readings, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1)
+
+
+def log_scores(each: Sums, log_std: Array) -> tuple[Array, Array]:
+    """ln of how likely each of H data sets is under its best springs (H,), and these, ln c k_prior (H, 6).
+
+    log_std (6,): of the log-normal prior. The common scale of the noise is the likeliest one.
+    """
+    gram, pull, count = each.gram, each.pull, np.maximum(each.count, 1.0)
+    x = np.zeros_like(pull)
+    damping = np.full(len(x), 1e-3)
+
+    def chi2(x: Array) -> Array:
+        c = np.exp(x)
+        value = each.squares - 2 * np.einsum("hp,hp->h", pull, c) + np.einsum("hp,hpq,hq->h", c, gram, c)
+        return np.asarray(np.maximum(value, 1e-3 * count))
+
+    def cost(x: Array, left: Array) -> Array:
+        return np.asarray(0.5 * count * np.log(left / count) + 0.5 * np.sum((x / log_std) ** 2, axis=1))
+
+    left = chi2(x)
+    value = cost(x, left)
+    for _ in range(ROUNDS):
+        c, scale = np.exp(x), (left / count)[:, None]
+        gradient = c * (pull - np.einsum("hpq,hq->hp", gram, c)) / scale - x / log_std**2
+        curvature = c[:, :, None] * gram * c[:, None, :] / scale[:, :, None] + np.diag(1 / log_std**2)
+        diagonal = np.einsum("hpp->hp", curvature)
+        damped = curvature + np.eye(6) * (damping[:, None] * diagonal)[:, None, :]
+        steps = np.linalg.solve(damped, gradient[:, :, None])[:, :, 0]
+        steps *= np.minimum(1.0, 1.5 / np.maximum(np.abs(steps).max(axis=1), 1e-300))[:, None]
+        trial = x + steps
+        trial_left = chi2(trial)
+        trial_value = cost(trial, trial_left)
+        better = trial_value <= value
+        gained = np.max(np.where(better, value - trial_value, 0.0), initial=0.0)
+        x, left = np.where(better[:, None], trial, x), np.where(better, trial_left, left)
+        value = np.where(better, trial_value, value)
+        damping = np.where(better, 0.2 * damping, 5 * damping + 1e-12)
+        if gained < 1e-3 and np.all(better | (damping > 1e6)):
+            break
+    return -value - 0.5 * each.log_determinant, x

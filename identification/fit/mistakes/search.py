@@ -1,0 +1,269 @@
+"""Every mistake of the list, tried: a quick look at all of them, then the real fit of the few that mend something.
+
+A mistake that stands in all rows, or from one pose visit on (another day, tool or robot), or in the rows before. All are
+counted: the prior of a mistake is shared out over those that were tried.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.findings import CompstiffError
+from identification.fit.held_out import left_out, poses
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.axes import axes_mistakes
+from identification.fit.mistakes.cell_file import cell_mistakes
+from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.joints import joint_mistakes
+from identification.fit.mistakes.mistake import Mistake
+from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
+from identification.fit.mistakes.sizes import SIZES, Size
+from identification.fit.posterior import Posterior, posterior
+from identification.model.effects_in_force import EFFECTS
+
+Array = NDArray[np.float64]
+# Rows that are looked at: a mistake of all rows shows in a part of them, taken as whole visits.
+MOST_ROWS = 1500
+# Visits from which on a mistake may hold.
+MOST_BOUNDARIES = 24
+# ln of how much likelier than none the quick look must find a mistake, less for one with a size, and how far behind the best
+# one it may be.
+WORTH, WORTH_WITH_SIZE, BEHIND = 4.0, -8.0, 30.0
+MOST_FITTED = 5
+# The size of a mistake is found in so many steps.
+SIZE_STEPS = 5
+# A mistake in a part of the rows is that much rarer (ln) than in all.
+PART = -np.log(4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A mistake that mends something; data: the rows as they are. rows (n,): where it stands, None in all. models: the fit of
+    the mended rows, two where the rows are of two robots. log_posterior: ln evidence and ln prior. sizes: name ->
+    (estimate, std) of one with a size, in `units`. left (n, 3) [m]: residual of each pose predicted from the others. moved: the
+    norm of its size over the smallest worth a name, None without one; sigmas: over its own uncertainty."""
+
+    mistake: Mistake
+    data: LoadTest
+    rows: NDArray[np.bool_] | None
+    models: tuple[Posterior, ...]
+    log_posterior: float
+    left: Array
+    sizes: dict[str, tuple[float, float]]
+    units: str = ""
+    moved: float | None = None
+    sigmas: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """plain: the fit of the rows as they are; its ln evidence; candidates, the likeliest first; how many were tried."""
+
+    plain: Posterior
+    log_evidence: float
+    candidates: tuple[Candidate, ...]
+    tried: int
+
+
+def search(plain: Posterior) -> Search:
+    """All mistakes that mend something in the rows of this fit."""
+    fitted = _portion(plain)
+    look = _Look(fitted.data)
+    found = [candidate for guess in look.guesses() if (candidate := _fitted(fitted, guess)) is not None]
+    return Search(fitted, log_evidence(fitted), tuple(sorted(found, key=lambda each: -each.log_posterior)), look.tried)
+
+
+def _portion(plain: Posterior) -> Posterior:
+    """The fit itself, or where there are many rows that of whole visits, or of rows, evenly over them."""
+    part = _thinned(plain.data)
+    return plain if part is plain.data else posterior(part)
+
+
+def _thinned(data: LoadTest) -> LoadTest:
+    rows = data.rows
+    every = int(np.ceil(len(rows) / MOST_ROWS))
+    if every == 1:
+        return data
+    number = np.unique(rows.visit, return_inverse=True)[1]
+    kept = number if number.max() >= 4 * every else np.arange(len(rows))
+    return data.with_rows(rows.select(kept % every == 0))
+
+
+def likeliest_at_a_glance(data: LoadTest) -> Mistake | None:
+    """The mistake that the quick look finds clearly likelier than any other, for rows that have no plain fit."""
+    found = [guess for guess in _Look(_thinned(data)).guesses()
+             if guess.size is None and not guess.split and guess.rows is None]
+    clear = found and (len(found) == 1 or found[0].score > found[1].score + WORTH)
+    return found[0].mistake if clear else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Guess:
+    """What the quick look takes for worth a fit. parts: rows that are fitted apart; size and joint: of one with a size, start
+    (P,) its value."""
+
+    mistake: Mistake
+    rows: NDArray[np.bool_] | None
+    score: float
+    log_prior: float
+    split: bool = False
+    size: Size | None = None
+    joint: int | None = None
+    start: Array | None = None
+
+
+class _Look:
+    """The quick look at all mistakes of these rows."""
+
+    def __init__(self, data: LoadTest) -> None:
+        self.data = data
+        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *cell_mistakes(data)]
+        self.visits, self._number = np.unique(data.rows.visit, return_inverse=True)
+        self._log_std = data.prior.prior.log_std
+        count = len(self.visits)
+        evenly = np.linspace(1, count - 1, min(count - 1, MOST_BOUNDARIES)) if count > 1 else np.empty(0)
+        self.boundaries = np.unique(evenly.astype(int))
+        self.places = sum(len(size.joints) or 1 for size in SIZES)
+        self.usual = sum(mistake.usual for mistake in self.mistakes) + self.places + 1
+        self.tried = len(self.mistakes) + self.places + 1
+
+    def guesses(self) -> list[_Guess]:
+        """The few that are worth a fit, the likeliest first."""
+        plain = sums(self.data)
+        scores, springs = log_scores(plain.total(), self._log_std)
+        found = [*self._of_columns(plain), *self._of_sizes(springs[0])]
+        best = max((guess.score for guess in found), default=-np.inf)
+        kept = sorted((guess for guess in found if guess.score >= max(best - BEHIND, float(scores[0]) + (
+            WORTH if guess.size is None else WORTH_WITH_SIZE))), key=lambda guess: -guess.score)
+        return kept[:MOST_FITTED]
+
+    def _of_columns(self, plain: Sums) -> list[_Guess]:
+        """Those without a size: in all rows, before or from a visit on; and two sets of springs."""
+        each = [sums(mistake.mended(self.data)) for mistake in self.mistakes]
+        volume = [self._log_volume(mistake) for mistake in self.mistakes]
+        totals, labels = [one.total() for one in each], [(k, 0, False) for k in range(len(each))]
+        before = plain.up_to()
+        for k, one in enumerate(each):
+            if not self.mistakes[k].usual or self.mistakes[k].of == "cell":
+                continue
+            mended = one.up_to()
+            for b in self.boundaries:
+                first, last = slice(b - 1, b), slice(-1, None)
+                totals += [mended[first] + before[last] - before[first], before[first] + mended[last] - mended[first]]
+                labels += [(k, int(b), True), (k, int(b), False)]
+        scores, _ = log_scores(Sums.joined(totals), self._log_std)
+        found = []
+        for score, (k, boundary, head) in zip(scores, labels, strict=True):
+            rows = None if boundary == 0 else (self._number < boundary) == head
+            prior = self._log_prior(self.mistakes[k].usual, boundary > 0)
+            share = volume[k] if rows is None else volume[k] * float(rows.mean())
+            found.append(_Guess(self.mistakes[k], rows, float(score) + share + prior, prior))
+        return found + self._of_two_robots(before)
+
+    def _of_two_robots(self, before: Sums) -> list[_Guess]:
+        """The rows from a visit on want other springs."""
+        if not len(self.boundaries):
+            return []
+        last = slice(-1, None)
+        heads = Sums.joined([before[b - 1: b] for b in self.boundaries])
+        tails = Sums.joined([before[last] - before[b - 1: b] for b in self.boundaries])
+        scores = log_scores(heads, self._log_std)[0] + log_scores(tails, self._log_std)[0]
+        prior = self._log_prior(True, True)
+        return [_Guess(_two_robots(), self._number >= b, float(score) + prior, prior, split=True)
+                for b, score in zip(self.boundaries, scores, strict=True)]
+
+    def _of_sizes(self, springs: Array) -> list[_Guess]:
+        """Those with a size, which is found step by step in the linear model."""
+        prior, found = self._log_prior(True, False), []
+        for size in SIZES:
+            for joint in size.places:
+                start, score = self._sized(size, joint, springs)
+                # A size costs half of ln of how many readings tell it, each.
+                cost = 0.5 * len(start) * np.log(3 * len(self.data.rows))
+                found.append(_Guess(size.mistake(self.data, joint, start, start), None, score - cost + prior, prior,
+                                    size=size, joint=joint, start=start))
+        return found
+
+    def _sized(self, size: Size, joint: int | None, springs: Array) -> tuple[Array, float]:
+        """The size (P,) that fits best, and its score."""
+        typical = np.array([parameter.typical for parameter in size.parameters])
+        high = np.array([parameter.high for parameter in size.parameters])
+        values, x, best, score = np.zeros(len(typical)), springs, np.zeros(len(typical)), -np.inf
+        for _ in range(SIZE_STEPS):
+            data = size.mistake(self.data, joint, values, values).mended(self.data)
+            own, at = log_scores(sums(data).total(), self._log_std)
+            if own[0] > score:
+                best, score, x = values, float(own[0]), at[0]
+            slopes = np.stack([linear(size.mistake(self.data, joint, values + 0.1 * step, values).mended(self.data))[0]
+                               @ np.exp(x) for step in np.diag(typical)], axis=2)
+            columns, readings, variance = linear(data)
+            design = np.concatenate([columns * np.exp(x), (slopes - (columns @ np.exp(x))[:, :, None]) / 0.1], axis=2)
+            left = readings - columns @ np.exp(x)
+            weight = np.where(np.isnan(data.rows.deflection), 0.0, 1 / variance[:, None])
+            gram = np.einsum("nap,na,naq->pq", design, weight, design) + np.diag(np.r_[1 / self._log_std**2, 0.04 / typical**0])
+            step = np.linalg.solve(gram, np.einsum("nap,na,na->p", design, weight, left))[6:]
+            values = np.clip(values + typical * np.clip(step, -3, 3), -high, high)
+        return best, score
+
+    def _log_prior(self, usual: bool, part: bool) -> float:
+        share = -np.log(2 * (self.usual if usual else max(self.tried - self.usual, 1)))
+        return float(share + (PART - np.log(2 * len(self.boundaries)) if part else 0.0))
+
+    def _log_volume(self, mistake: Mistake) -> float:
+        """ln of how much larger the mended readings are, all rows together."""
+        measured = ~np.isnan(self.data.rows.deflection)
+        return float((measured * np.log(mistake.scale)).sum())
+
+
+def _two_robots() -> Mistake:
+    return Mistake("two_robots", "{rows} seem to be of another robot or tool than the others: they want other springs",
+                   "sort the rows by robot, tool and day; identify each by itself", "table", lambda data: data)
+
+
+def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
+    """The real fit; None where it has no solution."""
+    data = plain.data
+    try:
+        if guess.size is not None:
+            return _with_size(plain, guess)
+        if guess.split:
+            assert guess.rows is not None
+            models = tuple(posterior(data.with_rows(data.rows.select(part))) for part in (guess.rows, ~guess.rows))
+            left = np.empty((len(data.rows), 3))
+            for model, part in zip(models, (guess.rows, ~guess.rows), strict=True):
+                left[part] = left_out(model, poses(model.data.rows))
+        else:
+            models = (posterior(guess.mistake.mended(data, guess.rows)),)
+            left = left_out(models[0], poses(data.rows))
+    except CompstiffError:
+        return None
+    mended = slice(None) if guess.rows is None else guess.rows
+    volume = float((~np.isnan(data.rows.deflection[mended]) * np.log(guess.mistake.scale)).sum())
+    evidence = sum(log_evidence(model) for model in models) + volume
+    return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale, {})
+
+
+def _with_size(plain: Posterior, guess: _Guess) -> Candidate:
+    """The fit of one with a size; a large one is fitted again from the mended rows, where the noise is what it is there."""
+    assert guess.size is not None
+    assert guess.start is not None
+    size, data, moved = guess.size, plain.data, np.zeros(len(guess.start))
+    term = size.term(guess.joint, guess.start)
+    model = posterior(data, [term], plain.log_compliance)
+    if np.max(np.abs(model.map[EFFECTS]) / term.scale) > 1:
+        moved = model.map[EFFECTS]
+        mended = size.mistake(data, guess.joint, moved, moved).mended(data)
+        model = posterior(mended, [size.term(guess.joint, np.zeros(len(moved)))], model.log_compliance)
+    off, width = model.map[EFFECTS], model.prior.term_std
+    values, std = moved + off, np.sqrt(np.diag(model.covariance)[EFFECTS])
+    # The prior of the size is about none, wherever the second fit began.
+    prior = guess.log_prior + 0.5 * float(np.sum((off / width) ** 2 - (values / width) ** 2))
+    mistake = size.mistake(data, guess.joint, values, std)
+    shown = zip(size.parameters, size.shown(values), size.shown(std), strict=True)
+    return Candidate(mistake, data, None, (model,), log_evidence(model) + prior, left_out(model, poses(data.rows)),
+                     {parameter.name: (float(value), float(spread)) for parameter, value, spread in shown}, size.units,
+                     float(np.linalg.norm(values)) / size.smallest,
+                     float(np.sqrt(values @ np.linalg.solve(model.covariance[EFFECTS, EFFECTS], values))))

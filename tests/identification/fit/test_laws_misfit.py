@@ -1,0 +1,80 @@
+"""The model's own check: quiet where six springs are the truth, loud where they are not; and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.fit.fit import Fit, fit_stiffness
+from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
+from tests.virtual_cell.cell import Case, Hidden, simulate
+
+
+def read(case: Case, folder: Path) -> tuple[Cell, Measurements]:
+    cell_path, rows_path = case.write(folder)
+    cell = read_cell(cell_path)
+    return cell, read_measurements(rows_path, cell.robot)
+
+
+def fitted(case: Case, folder: Path) -> Fit:
+    return fit_stiffness(*read(case, folder))
+
+
+@pytest.mark.parametrize("design", ["ladder12", "poses20", "paper5"])
+def test_springs_alone_are_not_rejected(design: str, tmp_path: Path) -> None:
+    for seed in range(700, 706):
+        fit = fitted(simulate(seed, design), tmp_path)
+        assert not fit.model.rejected
+        assert all(finding.code != "CS1021" for finding in fit.findings)
+
+
+@pytest.mark.parametrize(("hidden", "seed"), [
+    (Hidden("backlash", 1, 1.5), 710), (Hidden("base_rocking", None, 1.5), 711),
+    (Hidden("deflection_sensor_rotation", None, 1.5), 712), (Hidden("gear_ripple", 1, 1.5), 713)])
+def test_what_springs_cannot_do_rejects_them(hidden: Hidden, seed: int, tmp_path: Path) -> None:
+    """Whatever it is, in the dictionary or not: then no stiffness is reliable, and the file says so."""
+    fit = fitted(simulate(seed, "ladder12", [hidden]), tmp_path)
+    assert "reliable" not in fit.model.grades
+    content = fit.model.as_dict()
+    assert content["fit"]["model_check"]["rejected"] is True
+    assert any(finding.code == "CS1021" for finding in fit.findings)
+    assert fit.model.rejected
+
+
+def mistaken(rows: Measurements, kind: str) -> Measurements:
+    wrench, deflection, theta = rows.wrench.copy(), rows.deflection.copy(), rows.theta.copy()
+    if kind == "the sign of fy":
+        wrench[:, 1] *= -1
+    elif kind == "dy and dz swapped":
+        deflection[:, [1, 2]] = deflection[:, [2, 1]]
+    else:
+        theta[:, 1] += np.radians(8.0)
+    return replace(rows, wrench=wrench, deflection=deflection, theta=theta)
+
+
+@pytest.mark.parametrize("kind", ["the sign of fy", "dy and dz swapped", "a zero of joint 2"])
+def test_mistakes_of_people_are_not_reliable(kind: str, tmp_path: Path) -> None:
+    """Tables with an ordinary mistake give stiffnesses that are wrong by a tenth and more, and none is called reliable."""
+    case = simulate(720, "ladder12")
+    cell, rows = read(case, tmp_path)
+    fit = fit_stiffness(cell, mistaken(rows, kind))
+    assert np.max(np.abs(np.log(fit.model.stiffness / case.stiffness))) > 0.1
+    assert fit.model.rejected
+    assert "reliable" not in fit.model.grades
+
+
+def test_many_light_rows_are_one_finding(tmp_path: Path) -> None:
+    case = simulate(721, "ladder12")
+    rng = np.random.default_rng(0)
+    off = rng.permutation(len(case.deflection_um))[:60]
+    case.deflection_um[off] += 80 * rng.standard_normal((60, 3))
+    fit = fitted(case, tmp_path)
+    light = int(np.sum(fit.row_weight < 0.3))
+    assert light > 20
+    told = [finding for finding in fit.findings if finding.code == "CS1015"]
+    assert len(told) == 1
+    assert f"{light} of" in told[0].message

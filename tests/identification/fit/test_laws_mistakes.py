@@ -1,0 +1,101 @@
+"""What must be true of mistakes in the files: mending undoes planting, the quick look is the likelihood it says it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
+from identification.fit.mistakes.joints import joint_mistakes
+from identification.fit.mistakes.screen import linear, sums
+from identification.fit.mistakes.sizes import SIZES
+from identification.fit.mistakes.units import time_mistake
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from tests.runs.mistakes.planted import right
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> LoadTest:
+    cell_file, table = right(21, "irb6700-200-2.60").write(tmp_path_factory.mktemp("right"))
+    cell = read_cell(cell_file)
+    return LoadTest.of(cell, read_measurements(table, cell.robot))
+
+
+def test_each_mix_up_of_the_axes_comes_round(data: LoadTest) -> None:
+    """47 of forces, 46 of deflections, 23 of both, no two alike; each, done twelve times, is none, as the symmetries of a cube
+    have the orders 2, 3, 4 and 6. A reading that was not taken stays so, and no other is lost."""
+    rows = data.rows
+    gaps = np.where(np.arange(len(rows))[:, None] % 7 == np.arange(3), np.nan, rows.deflection)
+    spoiled = data.with_rows(replace(rows, deflection=gaps))
+    kinds = ("sign", "swapped", "axes", "turned", "signs")
+    mixed = [each for each in axes_mistakes(spoiled) if each.key.split("[")[0].rpartition("_")[2] in kinds]
+    assert len(signed_permutations()) == 47
+    seen = {(once.wrench.tobytes(), once.deflection.tobytes()) for each in mixed for once in [each.mended(spoiled).rows]}
+    assert len(seen) == len(mixed) == len({each.key for each in mixed}) == 47 + 46 + 23
+    for each in mixed:
+        turned = spoiled
+        for _ in range(12):
+            turned = each.mended(turned)
+            assert np.isnan(turned.rows.deflection).sum() == np.isnan(gaps).sum()
+        assert_allclose(turned.rows.wrench, rows.wrench)
+        assert_allclose(turned.rows.deflection, gaps)
+
+
+def test_a_part_of_the_rows_is_mended_alone(data: LoadTest) -> None:
+    part = data.rows.visit >= 5
+    for each in (*axes_mistakes(data)[:5], *joint_mistakes(data)[:5]):
+        if each.of == "table":
+            mended, whole = each.mended(data, part).rows, each.mended(data).rows
+            for name in ("theta", "wrench", "deflection"):
+                assert_allclose(getattr(mended, name)[part], getattr(whole, name)[part])
+                assert_allclose(getattr(mended, name)[~part], getattr(data.rows, name)[~part])
+
+
+def test_the_quick_look_is_generalised_least_squares(data: LoadTest) -> None:
+    """Sums over visits against the full covariance of all readings, written down row by row."""
+    few = data.with_rows(data.rows.select(data.rows.visit < 3))
+    columns, readings, variance = linear(few)
+    visit = np.repeat(few.rows.visit, 3)
+    axis = np.tile(np.arange(3), len(few.rows))
+    offset = data.cell.noise.pose_offset[axis]
+    covariance = np.diag(np.repeat(variance, 3)) + np.outer(offset, offset) * (
+        (visit[:, None] == visit) & (axis[:, None] == axis))
+    a, z = columns.reshape(-1, 6), readings.reshape(-1)
+    total = sums(few).total()
+    assert_allclose(total.gram[0], a.T @ np.linalg.solve(covariance, a), rtol=1e-9)
+    assert_allclose(total.pull[0], a.T @ np.linalg.solve(covariance, z), rtol=1e-8)
+    assert_allclose(total.squares[0], z @ np.linalg.solve(covariance, z), rtol=1e-9)
+    assert_allclose(total.log_determinant[0], np.linalg.slogdet(covariance)[1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("size", SIZES, ids=lambda size: size.name)
+def test_a_size_shows_as_the_mended_model_says(data: LoadTest, size) -> None:  # type: ignore[no-untyped-def]
+    """The term beside the springs against the whole model with the TCP, the angles or the forces changed, to first order."""
+    compliance = 1 / data.cell.prior.stiffness
+    for joint in size.places:
+        values = 0.5 * np.array([parameter.typical for parameter in size.parameters])
+        mended = size.mistake(data, joint, values, values).mended(data)
+        expected = mended.load_state(compliance).elastic[:, :3] - data.load_state(compliance).elastic[:, :3]
+        said = size.contribution(data.load_state(compliance), joint, values)[:, :3]
+        assert np.abs(said - expected).max() < 0.03 * np.abs(expected).max()
+
+
+def test_times_of_another_unit(data: LoadTest) -> None:
+    def said(time: float, dwell: float) -> str | None:
+        rows = replace(data.rows, time=time * data.rows.time, dwell=dwell * data.rows.dwell)
+        mistake = time_mistake(data.with_rows(rows))
+        return None if mistake is None else mistake.key
+
+    assert said(1.0, 1.0) is None
+    assert said(2.0, 1.0) is None
+    assert said(1.0, np.nan) is None
+    assert said(1000.0, 1000.0) == "time_unit[ms]"
+    assert said(1 / 60, 1.0) == "time_unit[minutes]"
+    assert said(1.0, 1000.0) == "time_unit[dwell ms]"
+
+

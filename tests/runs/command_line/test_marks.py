@@ -1,0 +1,122 @@
+"""From the marks of a program to the forces at its targets: a robot that starts, brakes in corners and switches its output some
+milliseconds off, and a logger that knows the time alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.rapid import marks_of, read_rapid
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_placement import F0, Path3
+from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
+
+# An L of 60 mm and 60 mm in steps of 2 mm.
+PATH = Path3(np.array([[2 * min(i, 30), 2 * max(i - 30, 0), 0] for i in range(61)], dtype=float))
+LENGTH = 2.0 * np.arange(61)
+RATE, FEED = 500.0, 50.0
+
+
+def force(s: np.ndarray) -> np.ndarray:
+    """A force that turns along the path (n, 3) [N], by some 2 N/mm."""
+    return F0 + 40 * np.stack([np.sin(s / 20), np.cos(s / 15), np.sin(s / 25)], axis=1)
+
+
+def driven(seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Time [s] at which the tool passes path lengths [mm]: slow at both ends and in the corner."""
+    s = np.linspace(0, LENGTH[-1], 20_000)
+    near = np.min(np.abs(s[:, None] - [0, 60, 120]), axis=1)
+    speed = FEED * np.clip(0.2 + near / 4, 0.2, 1.0)
+    return 1.0 + np.concatenate([[0], np.cumsum(np.diff(s) / speed[1:])]), s
+
+
+def log(targets: np.ndarray, jitter: float = 2e-3, seed: int = 3, lost: int = 0) -> str:
+    """time_s, forces and the output's level in volts, with noise; jitter [s] of its edges."""
+    rng = np.random.default_rng(seed)
+    passed, s = driven()
+    t = np.arange(0, passed[-1] + 1.0, 1 / RATE)
+    edges = np.interp(LENGTH[targets], s, passed) + rng.normal(0, jitter, len(targets))
+    edges = np.delete(edges, [5] * bool(lost))
+    level = 24.0 * (np.searchsorted(edges, t) % 2) + rng.normal(0, 0.3, len(t))
+    place = np.interp(t, passed, s)
+    cutting = (t >= passed[0]) & (t <= passed[-1])
+    f = force(place) * cutting[:, None] + rng.normal(0, 2, (len(t), 3))
+    return "time_s,fx_n,fy_n,fz_n,mark\n" + "".join(
+        f"{a:.4f},{x:.3f},{y:.3f},{z:.3f},{m:.2f}\n" for a, (x, y, z), m in zip(t, f, level, strict=True))
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    """The program as `correct --mark` writes it, from a first correction that is not looked at."""
+    first = Job(tmp_path, program=PATH.program(), forces="target,fx_n,fy_n,fz_n\n1,60,90,-120\n")
+    result = first.correct("--mark", "doMark", "--keep-targets")
+    assert result.code == 0, result
+    text = first.out.read_text()
+    plain = first.program.splitlines()
+    assert [a.replace("MoveLDO", "MoveL").split(",doMark")[0] for a in text.splitlines() if "doMark" in a]
+    # Its targets are put back: the marks alone are left of that correction.
+    lines = [old if "doMark" not in new else old.replace("MoveL", "MoveLDO").replace(";", ",doMark" + new.split(",doMark")[1])
+             for old, new in zip(plain, text.splitlines(), strict=True)]
+    folder = tmp_path / "second"
+    folder.mkdir()
+    return Job(folder, program="\n".join(lines) + "\n")
+
+
+def marked_targets(job: Job) -> np.ndarray:
+    marks = marks_of(read_rapid(str(job.program).encode(), "part.mod"), "doMark")
+    assert marks is not None
+    return marks.target
+
+
+def test_forces_come_to_their_targets(job: Job) -> None:
+    """An edge off by 2 ms is 0.1 mm here: the deviation at each target, some 100 um, is met within 3 um. Within 10 mm of where
+    the robot starts, stops or brakes between two marks, its place is off by up to 2 mm, and the deviation by up to 10 um."""
+    job.forces = log(marked_targets(job))
+    result = job.correct("--json", "--max-slope", "1e6", "--keep-targets")
+    assert result.code == 0, result
+    assert "CS3090" in kit.codes(result)
+    rows = job.offsets()
+    seen = kit.column(rows, "dx_um", "dy_um", "dz_um")
+    wanted = np.array([1e6 * kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
+                       for q, f in zip(PATH.q, force(LENGTH), strict=True)])
+    assert np.linalg.norm(wanted, axis=1).min() > 30
+    off = np.abs(seen - wanted).max(axis=1)
+    steady = np.min(np.abs(LENGTH[:, None] - [0, 60, 120]), axis=1) > 10
+    assert off[steady].max() < 3.0
+    assert off[2:-2].max() < 10.0       # the first and the last samples reach into the air
+    # and the corrected program is marked as the planned one was
+    assert job.out.read_text().count("doMark") == len(marked_targets(job))
+
+
+def test_a_lost_edge_is_refused(job: Job) -> None:
+    job.forces = log(marked_targets(job), lost=1)
+    result = job.correct("--json")
+    assert result.code == 1, result
+    assert result.json["findings"][0]["code"] == "CS3088"
+    count = len(marked_targets(job))
+    assert f"{count - 1} edges" in result.json["findings"][0]["message"]
+
+
+def test_a_log_with_marks_needs_the_program_with_marks(job: Job) -> None:
+    job.forces, job.program = log(marked_targets(job)), PATH.program()
+    result = job.correct("--json")
+    assert (result.code, result.json["findings"][0]["code"]) == (1, "CS3088"), result
+
+
+def test_another_program_with_as_many_marks_is_refused(job: Job) -> None:
+    """The same edges in a fifth of the time: nothing drives so fast."""
+    text = log(marked_targets(job))
+    header, *rows = text.splitlines()
+    job.forces = "\n".join([header, *(f"{float(row.split(',')[0]) / 5:.5f},{row.split(',', 1)[1]}" for row in rows)]) + "\n"
+    result = job.correct("--json")
+    assert (result.code, result.json["findings"][0]["code"]) == (1, "CS3089"), result
+
+
+def test_an_output_left_high_by_an_earlier_run(job: Job) -> None:
+    text = log(marked_targets(job))
+    header, *rows = text.splitlines()
+    changed = [row.rsplit(",", 1)[0] + ",24.0" if i < 100 else row for i, row in enumerate(rows)]
+    job.forces = "\n".join([header, *changed]) + "\n"
+    assert job.correct("--max-slope", "1e6").code == 0

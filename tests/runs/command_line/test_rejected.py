@@ -1,0 +1,46 @@
+"""A stiffness file whose own measurements reject it: identify says so, predict and correct refuse it unless they are told."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+from tests.support import compstiff
+
+SAMPLES = Path(__file__).parents[3] / "samples"
+
+
+def swapped(folder: Path) -> Path:
+    """The sample's measurements with dy and dz under each other's name."""
+    rows = [line for line in csv.reader((SAMPLES / "measurements.csv").read_text().splitlines()) if not line[0].startswith("#")]
+    y, z = rows[0].index("dy_um"), rows[0].index("dz_um")
+    rows[0][y], rows[0][z] = "dz_um", "dy_um"
+    file = folder / "swapped.csv"
+    file.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    return file
+
+
+def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
+    cell, stiffness = SAMPLES / "cell.yaml", tmp_path / "stiffness.json"
+    identified = compstiff("identify", cell, swapped(tmp_path), "-o", stiffness)
+    assert identified.returncode == 0, identified.stderr
+    assert "CS1021" in identified.stderr
+    assert "next: compstiff diagnose" in identified.stderr
+    content = json.loads(stiffness.read_text())
+    assert content["fit"]["model_check"]["rejected"] is True
+    assert all(parameter["grade"] != "reliable" for parameter in content["parameters"])
+
+    job = (cell, SAMPLES / "insert.mod", "--stiffness", stiffness, "--tare", "0:2",
+           "--forces", SAMPLES / "insert.forces.parquet")
+    refused = compstiff("predict", *job, "-o", tmp_path / "deviation.csv")
+    assert refused.returncode == 3
+    assert "CS1022" in refused.stderr
+    assert "compstiff diagnose" in refused.stderr
+    assert not (tmp_path / "deviation.csv").exists()
+
+    told = compstiff("correct", *job, "-o", tmp_path / "part.mod", "--accept-rejected")
+    assert told.returncode == 0, told.stderr
+    record = json.loads((tmp_path / "part.mod.json").read_text())
+    assert record["settings"]["accept_rejected"] is True
+    assert any(finding["code"] == "CS1023" for finding in record["findings"])

@@ -1,0 +1,89 @@
+"""`diagnose` and `identify` on files with a mistake, from end to end: named, mended, and then as if it had never been."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from compstiff.cli.main import compstiff
+from tests.runs.mistakes.planted import MISTAKES, VIRTUAL, right, two_robots
+
+FEW = ["--replicates", "39", "--force"]
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(compstiff, [str(argument) for argument in arguments])
+
+
+def diagnosed(folder: Path, cell: Path, table: Path, *options: object) -> dict:
+    done = call("diagnose", cell, table, "-o", folder / "diagnosis.json", *FEW, *options)
+    assert done.exit_code == 0, done.output
+    return dict(json.loads((folder / "diagnosis.json").read_text()))
+
+
+@pytest.mark.parametrize(("name", "robot", "seed", "suffix"), [
+    ("force sign", VIRTUAL, 3, ".csv"), ("joint zero 2 deg", "irb4400-60", 5, ".csv"),
+    ("TCP in metres", "irb6700-200-2.60", 4, ".yaml"), ("sign in the second half", "irb6640-235-2.55", 6, ".csv"),
+    ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
+])
+def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, seed: int, suffix: str) -> None:
+    case = right(seed, robot)
+    spoiled, truth = MISTAKES[name](case, np.random.default_rng(seed))
+    cell, table = spoiled.write(tmp_path)
+    found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
+    assert found["verdict"] == "mistake"
+    (mistake,) = found["mistakes"]
+    assert mistake["mistake"] in truth or (truth == ("unit",) and mistake["mistake"] == "force_unit")
+    assert found["causes"] == []
+    mended = tmp_path / f"mended{suffix}"
+    assert mended.read_text().startswith(f"# compstiff diagnose --mend, from {(table if suffix == '.csv' else cell).name}")
+    if name not in ("times in ms", "joint zero 2 deg"):
+        refused = call("identify", cell, table, "-o", tmp_path / "stiffness.json", "--force")
+        assert refused.exit_code == 1
+        assert ("CS1018" if name == "forces in kgf" else "CS1700") in refused.stderr
+        assert not (tmp_path / "stiffness.json").exists()
+    files = (cell, mended) if suffix == ".csv" else (mended, table)
+    done = call("identify", *files, "-o", tmp_path / "stiffness.json", "--force")
+    assert done.exit_code == 0, done.output
+    assert not any(code in done.stderr for code in ("CS1700", "CS1701", "CS1018"))
+    springs = json.loads((tmp_path / "stiffness.json").read_text())["parameters"]
+    known = np.array([spring["std"] < 0.02 * spring["estimate"] for spring in springs])
+    off = np.log([spring["estimate"] for spring in springs] / case.stiffness)
+    assert known.sum() >= 3
+    assert np.all(np.abs(off[known]) < 0.08), off
+
+
+def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
+    cell, table = two_robots(11, "irb6700-200-2.60").write(tmp_path)
+    found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["two_robots"]
+    assert "90 rows are left out" in (tmp_path / "mended.csv").read_text().splitlines()[1]
+
+
+def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
+    cell, table = right(12, "irb6640-235-2.55").write(tmp_path)
+    done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", tmp_path / "mended", *FEW)
+    assert done.exit_code == 3
+    assert "CS1703" in done.stderr
+    assert json.loads((tmp_path / "d.json").read_text())["mistakes"] == []
+    assert not list(tmp_path.glob("mended*"))
+
+
+def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
+    case = right(13, "irb4400-60")
+    cell, table = MISTAKES["deflections swapped"](case, np.random.default_rng(1))[0].write(tmp_path)
+    before = table.read_bytes()
+    extended, page = tmp_path / "extended.json", tmp_path / "r.html"
+    done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--report", page, *FEW)
+    assert done.exit_code == 3
+    assert "CS1704" in done.stderr
+    assert not extended.exists()
+    assert "Mistakes in the files" in page.read_text()
+    over = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", table, *FEW)
+    assert over.exit_code == 1
+    assert "CS0006" in over.stderr
+    assert table.read_bytes() == before
