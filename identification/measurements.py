@@ -178,7 +178,7 @@ def _repeated(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
     A few may be so by chance where readings have few digits.
     """
     loaded = np.flatnonzero(np.any(wrench != 0, axis=1) & np.any(np.nan_to_num(deflection) != 0, axis=1))
-    rows = np.nan_to_num(table.stack(*JOINTS, *FORCES, *DEFLECTIONS)[loaded])
+    rows = np.nan_to_num(np.column_stack([table.stack(*JOINTS), wrench, table.stack(*DEFLECTIONS)])[loaded])
     again = np.setdiff1d(loaded, loaded[np.unique(rows, axis=0, return_index=True)[1]])
     if len(again) < 3 or len(again) < 0.1 * len(loaded):
         return []
