@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def transmission(folder: Path, size: float, ring: float, seed: int) -> tuple[bool, bool, bool, bool]:
-    """What is said of a line at a number a turn that is drawn, its phase another in the other record, or of an eccentric ring."""
+    """What is said of a line at a number a turn that is drawn, its phase another in each record, or of an eccentric ring."""
     cycles, phase = np.random.default_rng(seed).uniform((150, 0), (1500, 6))
     pair = [record(folder, start + seed, IN_MOTION, lines={cycles: size}, phase=each, ring=ring)
             for start, each in ((6000, 0.0), (7000, phase))]
