@@ -67,7 +67,7 @@ def angle_spectrum(
     """Of a whitened residual (n - order,) at joint angles (n,) [rad] and speeds (n,) [rad/s], sampled every `step` [s]."""
     order, count = len(noise.phi), len(angle)
     places = np.rint((angle - angle.min()) / wanted.bin).astype(int)
-    size = max(1, round(BLOCK / step)))
+    size = max(1, round(BLOCK / step))
     blocks = []
     for start in range(order, count, size):
         stop = min(start + size, count)

@@ -228,7 +228,7 @@ def found_again(lines: list[Line], searched: list[Session], others: list[Session
 def _by_chance(fit: LineFit, cycles: Array, rng: np.random.Generator) -> Array:
     """The gains (count, F) with the signs of the residual's blocks of time drawn."""
     products = fit.products(cycles)
-    size = max(1, round(BLOCK * fit.session.axis.rates[0])))
+    size = max(1, round(BLOCK * fit.session.axis.rates[0]))
     blocks = np.add.reduceat(products, np.arange(0, len(products), size), axis=0)
     signs = rng.choice([-1.0, 1.0], (BY_CHANCE, len(blocks)))
     sums = (signs @ blocks.reshape(len(blocks), -1)).reshape(BY_CHANCE, len(cycles), 2)
