@@ -1,4 +1,4 @@
-"""Effects hidden in simulated joint deflection logs: what `diagnose` says of them; coverage of k.
+"""Effects hidden in simulated joint deflection logs: what `diagnose` says of them; coverage of k; transmission errors.
 
     python benchmarks/joint_logs.py [LOGS]
 
@@ -22,7 +22,9 @@ import numpy as np
 from identification.motion.log_file import MotionLog, read_motion_log
 from identification.motion.procedure import diagnose_axes
 from identification.motion.stiffness import axis_stiffness
+from identification.motion.transmission import find_transmission
 from tests.identification.motion.simulated_joint import FAULTS, STIFFNESS, columns, write
+from tests.identification.motion.test_laws_transmission import record
 
 NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay (torque)"}
 VERDICTS = ("named", "ambiguous, truth in the set", "wrong name", "ambiguous, truth not in it", "unknown", "adequate")
@@ -48,6 +50,22 @@ def main() -> None:
                 hit += low <= STIFFNESS <= high
                 width.append((high - low) / STIFFNESS)
             print(f"| {', '.join(beside) or 'nothing'} | {hit} of {10 * count} | {np.median(width):.3f} |", flush=True)
+        print("\n| transmission error hidden | a line is found | found again | at its frequency | a smooth part is found again "
+              "|\n|---|---|---|---|---|")
+        for name, size, ring in (("nothing", 0.0, 0.0), ("line of 5 urad", 5e-6, 0.0), ("line of 10 urad", 1e-5, 0.0),
+                                 ("ring off by 0.2 mrad", 0.0, 2e-4), ("ring off by 0.5 mrad", 0.0, 5e-4)):
+            told = np.sum([transmission(Path(folder), size, ring, seed) for seed in range(4 * count)], axis=0)
+            print(f"| {name} | " + " | ".join(f"{one} of {4 * count}" for one in told) + " |", flush=True)
+
+
+def transmission(folder: Path, size: float, ring: float, seed: int) -> tuple[bool, bool, bool, bool]:
+    """What is said of a line at a number a turn that is drawn, its phase another in each record, or of an eccentric ring."""
+    cycles, phase = np.random.default_rng(seed).uniform((150, 0), (1500, 6))
+    pair = [record(folder, start + seed, IN_MOTION, lines={cycles: size}, phase=each, ring=ring)
+            for start, each in ((6000, 0.0), (7000, phase))]
+    found = find_transmission(2, [pair[0]], pair[1])
+    right = any(abs(line.cycles - cycles) < 4 * line.std for line in found.confirmed)
+    return bool(found.lines), bool(found.confirmed), size > 0 and right, found.smooth is not None
 
 
 def log(folder: Path, seed: int, faults: dict[str, float]) -> MotionLog:

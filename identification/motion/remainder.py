@@ -1,7 +1,8 @@
 """What the extended model leaves: does it follow the joint's angle, the motor's speed or torque, or a narrow frequency?
 
-No cause in the dictionary has such laws (transmission error, torque ripple, vibration of the arm). Residuals of a log are
-autocorrelated, so whether they follow a quantity is judged against the same residual shifted round in time.
+What is left beside a transmission error that was found again has no cause in the dictionary (torque ripple, vibration of the
+arm). Residuals of a log are autocorrelated, so whether they follow a quantity is judged against the same residual shifted round
+in time.
 """
 
 from __future__ import annotations

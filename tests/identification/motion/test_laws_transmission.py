@@ -115,11 +115,11 @@ def test_a_zero_that_moves_changes_no_name(tmp_path: Path, faults: dict[str, flo
 
 
 def test_the_interval_of_a_zero_s_shift_holds(tmp_path: Path) -> None:
-    """95 % intervals of 24 pairs of records under noise that lasts."""
+    """95 % intervals of 16 pairs of records under noise that lasts."""
     hit = 0
-    for k in range(24):
+    for k in range(16):
         pair = [record(tmp_path, 400 + k, {}, noise=4e-5), record(tmp_path, 440 + k, {}, zero_deg=0.01, noise=4e-5)]
         axis = axis_of(2, pair)
         (shift,) = zero_shifts(2, Hypothesis((), (), (), solve(axis, axis.plain), 0.0), Transmission(2), pair)
         hit += abs(shift.shift + np.radians(0.01)) < 1.96 * shift.std
-    assert hit >= 20
+    assert hit >= 13
