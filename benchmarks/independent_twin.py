@@ -144,7 +144,8 @@ def one(arguments: tuple[str, str, str, int]) -> Result:
     try:
         found = diagnosed(case)
     except CompstiffError as refused:
-        return Result(seed, words, truth, signal(case), Answer(f"refused: {refused.findings[0].code}"), "unknown", (np.nan, None), None, np.nan)
+        said = Answer(f"refused: {refused.findings[0].code}")
+        return Result(seed, words, truth, signal(case), said, "unknown", (np.nan, None), None, np.nan)
     seconds = time.process_time() - before
     given, judgement = answer(found.as_dict()), found.judgement
     adequacy = judgement.adequacy.p_value if judgement.adequacy else None
