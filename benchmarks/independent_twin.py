@@ -99,7 +99,7 @@ def null(arguments: tuple[str, str, int]) -> Null:
     try:
         found = diagnosed(case)
     except CompstiffError as refused:
-        return Null(seed, case.robot.name, Answer(f"refused: {refused}"), "unknown", np.nan, np.nan, 0, np.nan)
+        return Null(seed, case.robot.name, Answer(f"refused: {refused.findings[0].code}"), "unknown", np.nan, np.nan, 0, np.nan)
     given = answer(found.as_dict())
     return Null(seed, case.robot.name, given, judge(frozenset(), given), found.judgement.detection.p_value,
                 *coverage(case, found.judgement.plain), time.process_time() - before)
@@ -144,7 +144,8 @@ def one(arguments: tuple[str, str, str, int]) -> Result:
     try:
         found = diagnosed(case)
     except CompstiffError as refused:
-        return Result(seed, words, truth, signal(case), Answer(f"refused: {refused}"), "unknown", (np.nan, None), None, np.nan)
+        said = Answer(f"refused: {refused.findings[0].code}")
+        return Result(seed, words, truth, signal(case), said, "unknown", (np.nan, None), None, np.nan)
     seconds = time.process_time() - before
     given, judgement = answer(found.as_dict()), found.judgement
     adequacy = judgement.adequacy.p_value if judgement.adequacy else None
