@@ -332,20 +332,34 @@ def test_a_robot_file_with_links(tmp_path: Path, data: Data) -> None:
     assert result.code == 0, result
 
 
-@pytest.mark.parametrize("factor", [0.1, 0.3, 3.0, 10.0, 30.0, 100.0])
-def test_robots_far_from_the_prior(tmp_path: Path, factor: float) -> None:
-    """The prior is weak (factory values of one robot lie a factor 9 off another source's): the data win."""
+def identified(folder: Path, springs: np.ndarray) -> Run:
+    """What identify says of a robot with these springs (6,), measured to 0.05 um."""
     rng = np.random.default_rng(9)
     lines = [",".join(PLAIN)]
-    base = measured(noise=0)
-    for row in base.rows(PLAIN):
+    for row in measured(noise=0).rows(PLAIN):
         q, f = np.radians(np.array(row[:6], dtype=float)), np.array(row[6:9], dtype=float)
-        d = kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K * factor) * 1e6 + rng.normal(0, 0.05, 3)
+        d = kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], springs) * 1e6 + rng.normal(0, 0.05, 3)
         lines.append(",".join(f"{v:.7f}" for v in (*np.degrees(q), *f, *d)))
-    result = identify(tmp_path, "\n".join(lines) + "\n", cell=CELL.replace("[1, 1, 1]", "[0.05, 0.05, 0.05]"))
+    return identify(folder, "\n".join(lines) + "\n", cell=CELL.replace("[1, 1, 1]", "[0.05, 0.05, 0.05]"))
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3, 3.0, 10.0])
+def test_robots_far_from_the_prior(tmp_path: Path, factor: float) -> None:
+    """The prior is weak (factory values of one robot lie a factor 9 off another source's): the data win."""
+    springs = K * factor ** np.array([1, -1, 1, -1, 1, -1])
+    result = identified(tmp_path, springs)
     assert result.code == 0, result
-    for p, k in zip(stiffness(tmp_path)["parameters"], K * factor, strict=True):
+    for p, k in zip(stiffness(tmp_path)["parameters"], springs, strict=True):
         assert abs(p["estimate"] - k) < 5 * p["std"] + 0.01 * k
+
+
+@pytest.mark.parametrize(("factor", "unit"), [
+    (1 / 9.80665, "kgf"), (1 / 4.44822, "lbf"), (25.4, "mil"), (10.0, "0.01 mm"), (1000.0, "mm")])
+def test_one_factor_on_all_joints_is_a_unit(tmp_path: Path, factor: float, unit: str) -> None:
+    result = identified(tmp_path, K * factor)
+    assert result.code == 1
+    assert f"in {unit}, not in" in result.err
+    assert "CS1018" in result.err
 
 
 # ---- refused ---------------------------------------------------------------------------------------------------------------
