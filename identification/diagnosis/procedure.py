@@ -104,7 +104,7 @@ class Procedure:
         if swing is None:
             return judgement
         again = replace(self, data=allowed_for(self.data, swing, judgement.plain)).of_good_rows()
-        if again.verdict == "unknown":
+        if again.verdict in ("unknown", "mistake"):
             return judgement
         return replace(again, swing=swing, verdict="named" if again.verdict == "adequate" else again.verdict)
 
