@@ -1,4 +1,4 @@
-"""Ordinary postures: the tool pose with the wrist turned least, poses in front where they cost little, cell.yaml's windows."""
+"""Ordinary postures: the tool pose with the wrist turned least, poses in front where they cost little, windows of cell.yaml."""
 
 from __future__ import annotations
 
