@@ -1,15 +1,15 @@
 """Does `compstiff diagnose` find what is hidden in the data? The virtual cell hides an effect, the diagnosis is judged.
 
-    OMP_NUM_THREADS=1 python benchmarks/hidden_effects.py [CASES] [FIRST_SEED] [--design DESIGN]
+    OMP_NUM_THREADS=1 python benchmarks/hidden_effects.py [CASES] [FIRST_SEED] [--design DESIGN] [--noise STRATUM]
 
 Seeds FIRST_SEED … FIRST_SEED + CASES - 1, none skipped, for every design (paper5, poses20, ladder12: tests/virtual_cell) and
 four kinds of data: one effect of the dictionary, drawn with joint and size (0.5 to 2 times typical); nothing hidden; an effect
 that the dictionary does not know; two effects at once. Poses, stiffnesses and noise are the same for all kinds of one seed; the
-noise is realistic and the cell file states it only nominally. Six further poses, three loads each, are kept for validation.
+noise is realistic and the cell file states it only nominally; --noise takes another stratum of tests/virtual_cell/noise.py. Six
+further poses, three loads each, are kept for validation.
 
-Before anything is diagnosed, the noise-free truth says what the data could tell (tests/runs/hidden_effects/visible.py).
-Tables come
-first over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
+Before anything is diagnosed, the noise-free truth says what the data could tell (tests/runs/hidden_effects/visible.py). Tables come first
+over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
 Baselines, on the same data, for single effects, under the stated sigma alone: `t-tests` 5 % each, the strongest is the name;
 `max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated. How many further loads a set of
 names takes until one is certain: benchmarks/next_loads.py.
@@ -48,6 +48,7 @@ from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, an
 from tests.runs.hidden_effects.oracle import OTHER_LAW, oracle, squares_left
 from tests.runs.hidden_effects.visible import Visible, visible
 from tests.virtual_cell.cell import Case, simulate
+from tests.virtual_cell.noise import STRATA
 
 DESIGNS = ("ladder12", "poses20", "paper5")
 BASELINES = ("t-tests", "max-GLR", "BIC")
@@ -99,9 +100,9 @@ class Result:
         return bool(self.seen) and all(one.identifiable for one in self.seen)
 
 
-def one(arguments: tuple[str, str, int]) -> Result:
-    design, kind, seed = arguments
-    case = simulate(seed, design, hidden_in(seed, kind), validation=VALIDATION_POSES)
+def one(arguments: tuple[str, str, str, int]) -> Result:
+    design, noise, kind, seed = arguments
+    case = simulate(seed, design, hidden_in(seed, kind), noise, validation=VALIDATION_POSES)
     seen = tuple(visible(case)) if case.hidden else ()
     with tempfile.TemporaryDirectory() as folder:
         cell_file, file = case.write(folder)
@@ -319,17 +320,18 @@ def main() -> None:
     parser.add_argument("cases", nargs="?", type=int, default=60, metavar="CASES")
     parser.add_argument("first", nargs="?", type=int, default=0, metavar="FIRST_SEED")
     parser.add_argument("--design", choices=DESIGNS, action="append")
+    parser.add_argument("--noise", choices=("realistic", *STRATA), default="realistic")
     parser.add_argument("--kind", choices=KINDS, action="append", help="only these kinds of data")
     options = parser.parse_args()
     with ProcessPoolExecutor(2) as pool:
         for design in options.design or DESIGNS:
-            jobs = [(design, kind, seed) for kind in options.kind or KINDS
+            jobs = [(design, options.noise, kind, seed) for kind in options.kind or KINDS
                     for seed in range(options.first, options.first + options.cases)]
             of: dict[str, list[Result]] = {kind: [] for kind in KINDS}
             for result in pool.map(one, jobs):
                 of[result.kind].append(result)
             everything = [result for kind in KINDS for result in of[kind]]
-            print(f"{design}: {options.cases} cases of each kind, seeds from {options.first}", flush=True)
+            print(f"{design}, {options.noise}: {options.cases} cases of each kind, seeds from {options.first}", flush=True)
             if of["single"]:
                 singles_report(of["single"])
                 confusion(of["single"])

@@ -129,6 +129,8 @@ TABLE = [
     M("deflections in millimetres", "measurements.csv", columns(READINGS, 1e-3), IDENTIFY, 1, ""),
     M("deflections in metres", "measurements.csv", columns(READINGS, 1e-6), IDENTIFY, 0, ""),
     M("forces in kilonewtons", "measurements.csv", columns(FORCES, 1e-3), IDENTIFY, 1, ""),
+    M("forces in kgf", "measurements.csv", columns(FORCES, 1 / 9.80665), IDENTIFY, 1, "CS1018"),
+    M("forces in lbf", "measurements.csv", columns(FORCES, 1 / 4.44822), IDENTIFY, 1, "CS1018"),
     M("deflections with the wrong sign", "measurements.csv", columns(READINGS, -1), IDENTIFY, 1, "CS1010"),
     M("x and y of the forces swapped", "measurements.csv", columns(["fx_n", "fy_n"], lambda f: f[:, ::-1]), IDENTIFY, 0, ""),
     M("the sign of z wrong", "measurements.csv", columns(["dz_um"], -1), IDENTIFY, 0, "CS1013"),
@@ -182,6 +184,7 @@ LOG = [
     M("half of the log lost", "forces.csv", lines(lambda rows: rows[:30]), CORRECT, 0, "CS3012"),
     M("a bias that nobody took off", "forces.csv", columns(FORCES, lambda f: f + np.array([300, -150, 80])), CORRECT, 0,
       "CS3087"),
+    M("a tare inside a cut", "forces.csv", same, call("--tare", "4:6"), 1, "CS3039"),
     M("the tare behind the program", "forces.csv", same, call("--tare", "90:95"), 1, "CS3006"),
 ]
 CALL = [
