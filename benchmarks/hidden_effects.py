@@ -8,8 +8,8 @@ that the dictionary does not know; two effects at once. Poses, stiffnesses and n
 noise is realistic and the cell file states it only nominally; --noise takes another stratum of tests/virtual_cell/noise.py. Six
 further poses, three loads each, are kept for validation.
 
-Before anything is diagnosed, the noise-free truth says what the data could tell (tests/runs/hidden_effects/visible.py). Tables come first
-over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
+Before anything is diagnosed, the noise-free truth says what the data could tell (tests/runs/hidden_effects/visible.py). Tables
+come first over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
 Baselines, on the same data, for single effects, under the stated sigma alone: `t-tests` 5 % each, the strongest is the name;
 `max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated. How many further loads a set of
 names takes until one is certain: benchmarks/next_loads.py.

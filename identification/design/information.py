@@ -6,8 +6,8 @@ under f_l is `D_l 1` with
     D_l = J diag(J^T f_l) diag(c)          (3, 6), the derivative by ln c; J the position rows of the springs' Jacobian
 
 and the noise of row l is `N_l = S + G F_l G^T` with the sensor's variances S, the first-order compliance `G = J diag(c) J^T`
-and the force error's variances F_l = force_std^2 + (relative f_l)^2; all rows of the run share one re-seating offset of
-variance O. With B = sum N_l^-1 D_l, T = sum N_l^-1 and R = O^1/2, Woodbury's identity gives
+and the force error's variances F_l = force_std^2 + (relative f_l)^2, none where nothing pushes; all rows of the run share one
+re-seating offset of variance O. With B = sum N_l^-1 D_l, T = sum N_l^-1 and R = O^1/2, Woodbury's identity gives
 
     m(run) = sum D_l^T N_l^-1 D_l - B^T R (1 + R T R)^-1 R B     (6, 6).
 
@@ -65,7 +65,8 @@ class _Parts:
 def _parts(rig: Instrument, columns: Array, loads: Loads) -> _Parts:
     softened = columns * rig.compliance
     carried = softened @ np.swapaxes(columns, 1, 2)
-    variance = rig.force**2 + (rig.relative * loads.force) ** 2
+    loaded = np.any(loads.force != 0, axis=-1, keepdims=True)
+    variance = loaded * rig.force**2 + (rig.relative * loads.force) ** 2
     noise = np.diag(rig.sensor**2) + (carried[:, None] * variance[:, :, None, :]) @ np.swapaxes(carried, 1, 2)[:, None]
     precision = np.asarray(np.linalg.inv(noise), dtype=float)
     design = softened[:, None] * (loads.force @ columns)[:, :, None, :]

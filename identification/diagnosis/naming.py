@@ -15,7 +15,7 @@ from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
-from identification.model.effects_in_force import EFFECTS, split
+from identification.model.effects_in_force import SPRINGS
 from identification.model.law_of import uncertain
 
 # A name is given when this much probability is on it; the set of names holds as much.
@@ -114,13 +114,19 @@ def _typical_sizes(term: Term, values: np.ndarray) -> float:
 
 def of_nothing(extended: Posterior) -> set[str]:
     """Labels of terms whose parameters, but for those that only shape them, all lie within two of their own standard deviations
-    of nothing."""
-    means, spreads = split(extended.mean[EFFECTS], extended.terms), split(
-        np.sqrt(np.diag(extended.covariance))[EFFECTS], extended.terms)
-    nothing = set()
-    for term, mean, spread in zip(extended.terms, means, spreads, strict=True):
-        of_size = np.array([not parameter.shape for parameter in term.effect.parameters])
-        if np.all((np.abs(mean - term.neutral) < NOTHING * spread)[of_size]):
+    of nothing, one by one and together: several that the rows know by their sum alone are something."""
+    from scipy.stats import chi2, norm
+
+    place, nothing = len(extended.mean[SPRINGS]), set()
+    for term in extended.terms:
+        size = len(term.effect.parameters)
+        of_size = place + np.flatnonzero([not parameter.shape for parameter in term.effect.parameters])
+        place += size
+        off = extended.mean[of_size] - term.neutral[of_size - place + size]
+        covariance = extended.covariance[np.ix_(of_size, of_size)]
+        alone = np.all(np.abs(off) < NOTHING * np.sqrt(np.diag(covariance)))
+        together = off @ np.linalg.solve(covariance, off) < chi2.isf(2 * norm.sf(NOTHING), len(off))
+        if alone and together:
             nothing.add(term.label)
     return nothing
 

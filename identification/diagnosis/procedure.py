@@ -181,7 +181,9 @@ class Procedure:
         clear = mistakes.sure or beyond_the_fit(plain)
         if clear is not None:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
-        found = converged(plain, self.catalogue, 2)
+        # The parts of the noise that came in for want of a cause must not hide it from the search.
+        usual = posterior(plain.data, (), plain.log_compliance, usual_noise=True)
+        found = converged(usual, self.catalogue, 2)
         adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
             again = converged(found.fitted, self.catalogue, MOST_CAUSES)

@@ -150,29 +150,38 @@ class _Scan:
     def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:
         """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
 
-        The laws of one gear share out what they have together by what tells them apart whatever the gear's real law, which is
-        none of the dictionary's exactly: each may differ by a mixture of all of them, of LAW_SHARE of its size. Rows in which
-        a force error decides on which side of its play the gear rests tell nothing.
+        The laws of one gear share out what they have together by the rows in which no force error decides on which side of its
+        play the gear rests: those rows tell play from friction by chance alone. Laws that imitate each other share it out by
+        what tells them apart whatever the gear's real law, which is none of the dictionary's exactly: each may differ by a
+        mixture of all of them, of LAW_SHARE of its size.
         """
         dictionary, scored = self.dictionary, scores(base, self.dictionary)
         evidence = scored.evidence
         for joint in range(1, 7):
-            entries = dictionary.gear_laws(joint)
-            counts = [len(dictionary.entries[k].signatures) for k in entries]
-            signatures = [s for k in entries for s in dictionary.entries[k].signatures]
+            laws = dictionary.gear_laws(joint)
             undecided = dictionary.undecided(self.state, self.noise, joint)
-            if not signatures or (evidence[signatures].max() < WORTH_SHARING and not undecided.shape[2]):
+            if undecided.shape[2]:
+                self._share(evidence, base, laws, undecided)
+            family = [k for k in laws if dictionary.entries[k].effect.law_family]
+            signatures = [s for k in family for s in dictionary.entries[k].signatures]
+            if not signatures or evidence[signatures].max() < WORTH_SHARING:
                 continue
-            share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
             likeliest = signatures[int(np.argmax(evidence[signatures]))]
             size = scored.size[likeliest] * dictionary.amplitude(likeliest)
-            open_law = [dictionary.columns[:, :, s, :1] * (size / dictionary.amplitude(s)) for s in signatures]
-            of_share = LAW_SHARE / np.sqrt(len(open_law)) / PRIOR_SIZES
-            doubts = np.concatenate([undecided, *(of_share * column for column in open_law)], axis=2)
-            decided = scores(base.extended(doubts), dictionary.part(entries)).evidence
-            together = np.logaddexp.reduce(evidence[signatures] + share)
-            evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
+            of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
+            self._share(evidence, base, family, np.concatenate([undecided, *(
+                of_share / dictionary.amplitude(s) * dictionary.columns[:, :, s, :1] for s in signatures)], axis=2))
         return evidence, scored.visible
+
+    def _share(self, evidence: Array, base: Base, laws: list[int], doubts: Array) -> None:
+        """Shares out the evidence (S,) that these laws have together by what they have where `doubts` (n, 3, d) are free."""
+        dictionary = self.dictionary
+        counts = [len(dictionary.entries[k].signatures) for k in laws]
+        signatures = [s for k in laws for s in dictionary.entries[k].signatures]
+        share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
+        decided = scores(base.extended(doubts), dictionary.part(laws)).evidence
+        together = np.logaddexp.reduce(evidence[signatures] + share)
+        evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
 
 
 def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, int]:

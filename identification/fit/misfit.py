@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SENSOR
+from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SENSOR, SETUP
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict
 from identification.model.load_state import LoadState
@@ -34,7 +34,10 @@ READINGS_A_COLUMN = 4
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more, with 95 %
 # confidence.
 GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
-PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating"}
+# No loading device is set up by more than 1 % or half a degree anew each time.
+SETUPS_GRANTED = 10.0
+PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
+         SETUP: "force error between set-ups (0.1 % is usual)"}
 
 
 @dataclass(frozen=True)
@@ -113,10 +116,13 @@ def _p_value(fitted: Posterior, columns: Array) -> float:
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
-    confidence: how many times the stated size each is."""
+    confidence: how many times the stated size each is; and set-ups beyond what any could be."""
     if np.any(fitted.data.rows.machined_pass != ""):
         # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
         return {}
-    multiples, log_std, stated = fitted.components.values, fitted.components_log_std, fitted.at_map.noise.stated
-    return {name: float(multiples[part]) for part, name in PARTS.items()
-            if stated[part] and np.log(multiples[part] / granted) > ONE_SIDED_95 * log_std[part]}
+    noise, multiples, log_std = fitted.at_map.noise, fitted.components.values, fitted.components_log_std
+    allowed = {part: granted for part in PARTS if noise.stated[part]}
+    if noise.active[SETUP]:
+        allowed[SETUP] = SETUPS_GRANTED
+    return {PARTS[part]: float(multiples[part]) for part, most in allowed.items()
+            if np.log(multiples[part] / most) > ONE_SIDED_95 * log_std[part]}

@@ -139,8 +139,11 @@ class Posterior:
             at_map=replace(at, design=at.design[:, :, SPRINGS], prior=prior, x=at.x[SPRINGS]), terms=())
 
 
-def posterior(data: LoadTest, terms: Sequence[Term] = (), start: Array | None = None) -> Posterior:
-    """The posterior from these rows, with the terms in force; start (6,): ln c to begin with, where it is known.
+def posterior(
+    data: LoadTest, terms: Sequence[Term] = (), start: Array | None = None, *, usual_noise: bool = False,
+) -> Posterior:
+    """The posterior from these rows, with the terms in force; start (6,): ln c to begin with, where it is known. usual_noise:
+    without the parts that come in only where the rows ask for them.
 
     Raises CompstiffError: CS1009 no loaded row, CS1010 data that prefer all compliances negative, CS1011 no convergence.
     """
@@ -158,7 +161,7 @@ def posterior(data: LoadTest, terms: Sequence[Term] = (), start: Array | None = 
         noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
-        if number == 1:
+        if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
             further = asked_for(at, components)
             noise = noise.with_parts(*further)

@@ -110,7 +110,7 @@ def test_replicates_follow_the_stated_noise(tmp_path: Path) -> None:
     """With known components the noise drawn has the covariance its weights invert: r^T Sigma^-1 r is chi-squared."""
     cell, rows = read(simulate(0, "ladder12"), tmp_path)
     fit = posterior(LoadTest.of(cell, rows))
-    noise = FittedNoise(fit.at_map.noise, fit.components, 1e-12 * np.eye(3), np.ones(len(rows)))
+    noise = FittedNoise(fit.at_map.noise, fit.components, 1e-12 * np.eye(6), np.ones(len(rows)))
     drawn = noise.draw(np.random.default_rng(0), 300)
     weights = fit.at_map.noise.weights(fit.components)
     squares = np.sum(drawn * weights.apply(drawn), axis=(0, 1))

@@ -133,7 +133,7 @@ TABLE = [
     M("forces in lbf", "measurements.csv", columns(FORCES, 1 / 4.44822), IDENTIFY, 1, "CS1018"),
     M("deflections with the wrong sign", "measurements.csv", columns(READINGS, -1), IDENTIFY, 1, "CS1010"),
     M("x and y of the forces swapped", "measurements.csv", columns(["fx_n", "fy_n"], lambda f: f[:, ::-1]), IDENTIFY, 0, ""),
-    M("the sign of z wrong", "measurements.csv", columns(["dz_um"], -1), IDENTIFY, 0, "CS1013"),
+    M("the sign of z wrong", "measurements.csv", columns(["dz_um"], -1), IDENTIFY, 1, "CS1700"),
     M("one reading ten times", "measurements.csv", columns(READINGS, lambda d: d * np.where(np.arange(len(d)) == 7, 10,
       1)[:, None]),
       IDENTIFY, 0, "CS1013"),

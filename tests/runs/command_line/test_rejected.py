@@ -11,19 +11,20 @@ from tests.support import compstiff
 SAMPLES = Path(__file__).parents[3] / "samples"
 
 
-def swapped(folder: Path) -> Path:
-    """The sample's measurements with dy and dz under each other's name."""
+def turned(folder: Path) -> Path:
+    """The sample's measurements with another zero of joint 2."""
     rows = [line for line in csv.reader((SAMPLES / "measurements.csv").read_text().splitlines()) if not line[0].startswith("#")]
-    y, z = rows[0].index("dy_um"), rows[0].index("dz_um")
-    rows[0][y], rows[0][z] = "dz_um", "dy_um"
-    file = folder / "swapped.csv"
+    place = rows[0].index("q2_deg")
+    for row in rows[1:]:
+        row[place] = str(float(row[place]) + 4)
+    file = folder / "turned.csv"
     file.write_text("\n".join(",".join(row) for row in rows) + "\n")
     return file
 
 
 def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
     cell, stiffness = SAMPLES / "cell.yaml", tmp_path / "stiffness.json"
-    identified = compstiff("identify", cell, swapped(tmp_path), "-o", stiffness)
+    identified = compstiff("identify", cell, turned(tmp_path), "-o", stiffness)
     assert identified.returncode == 0, identified.stderr
     assert "CS1021" in identified.stderr
     assert "next: compstiff diagnose" in identified.stderr

@@ -47,7 +47,7 @@ def workshop(robot: str) -> Workshop:
         angles.append(q)
         frames.append(USER.inv() @ at)
     moves = [kit.move(kit.robtarget(frame, kit.confdata(q), digits=4)) for frame, q in zip(frames, angles, strict=True)]
-    force = np.array([[0, 0, 0] if i in AIR else [80.0 + 4 * i, 120.0 - 3 * i, -150.0] for i in range(TARGETS)])
+    force = np.array([[0, 0, 0] if i in AIR else [80.0 + 4 * i, -120.0 - 3 * i, -150.0] for i in range(TARGETS)])
     rng = np.random.default_rng(11)
     logged = [(i, frames[i].p * 1e3, force[i] + rng.normal(0, 1.0, 3)) for i in range(TARGETS) for _ in range(5)]
     return Workshop(robot, {
