@@ -196,7 +196,9 @@ class Procedure:
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         share = explained(plain, extended)
-        to_the_noise = adequacy.p_value > INADEQUATE and not scatter
+        # A name that leaves the test as it was has explained nothing.
+        enough = max(INADEQUATE, min(judgement.detection.p_value, self.alarm))
+        to_the_noise = adequacy.p_value > enough and not scatter
         nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
         judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter, lost=found.lost,
                             law_differs=nearly and not to_the_noise)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -152,7 +152,12 @@ def fit_stiffness(
     bad = with_mends(test, fitted, whole.data.rows)
     identify = np.isin(measurements.row, fitted.data.rows.row)
     conflicts = subset_conflicts(fitted)
+    mistaken = _mistakes(fitted, conflicts)
     check = model_check(fitted, conflicts)
+    possible = [finding.message for finding in mistaken if finding.code == "CS1701"]
+    if possible and not check.rejected:
+        # The noise took the misfit up, and a mistake explains it better.
+        check = replace(check, rejected=True, seen=possible[0])
     grades = grade_joints(fitted, check)
     residual = measurements.deflection - predicted_deflection(every, fitted.mean)
     held_out = None
@@ -166,7 +171,7 @@ def fit_stiffness(
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
                             tuple(grade.grade for grade in grades), figures,
                             interval=fitted.draws.interval(0.95))
-    findings = (*measurements.findings, *_rejected(measurements.source, check),
+    findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
                 *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
                 *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),
                 *validation_findings(validation, measurements.source))
@@ -215,7 +220,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_mistakes(fitted, conflicts), *_against_prior(fitted, grades), *_larger_noise(fitted),
+    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted),
                  *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:

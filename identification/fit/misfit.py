@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import ABSOLUTE, FORCE, OFFSET, SENSOR, SETUP
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import Conflict
 from identification.model.load_state import LoadState
@@ -34,10 +34,11 @@ READINGS_A_COLUMN = 4
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more, with 95 %
 # confidence.
 GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
-# No loading device is set up by more than 1 % or half a degree anew each time.
-SETUPS_GRANTED = 10.0
+# No loading device is set up by more than 1 % or half a degree anew each time; and readings that are alike by more than 0.86
+# follow something that happens while a pose is measured.
+UNSTATED_GRANTED = {SETUP: 10.0, MEMORY: 60.0}
 PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
-         SETUP: "force error between set-ups (0.1 % is usual)"}
+         SETUP: "force error between set-ups (0.1 % is usual)", MEMORY: "memory of the readings (odds of 0.1 are usual)"}
 
 
 @dataclass(frozen=True)
@@ -116,13 +117,12 @@ def _p_value(fitted: Posterior, columns: Array) -> float:
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     """The parts of the noise that cell.yaml (or the rows) state and that the data put above `granted` times that, with 95 %
-    confidence: how many times the stated size each is; and set-ups beyond what any could be."""
+    confidence: how many times the stated size each is; and parts that no file states, beyond what any could be."""
     if np.any(fitted.data.rows.machined_pass != ""):
         # What is stated holds for a reading at rest, not for the mean of a stretch of a pass.
         return {}
     noise, multiples, log_std = fitted.at_map.noise, fitted.components.values, fitted.components_log_std
     allowed = {part: granted for part in PARTS if noise.stated[part]}
-    if noise.active[SETUP]:
-        allowed[SETUP] = SETUPS_GRANTED
+    allowed |= {part: most for part, most in UNSTATED_GRANTED.items() if noise.active[part]}
     return {PARTS[part]: float(multiples[part]) for part, most in allowed.items()
             if np.log(multiples[part] / most) > ONE_SIDED_95 * log_std[part]}

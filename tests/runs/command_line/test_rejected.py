@@ -16,7 +16,7 @@ def turned(folder: Path) -> Path:
     rows = [line for line in csv.reader((SAMPLES / "measurements.csv").read_text().splitlines()) if not line[0].startswith("#")]
     place = rows[0].index("q2_deg")
     for row in rows[1:]:
-        row[place] = str(float(row[place]) + 4)
+        row[place] = str(float(row[place]) + 8)
     file = folder / "turned.csv"
     file.write_text("\n".join(",".join(row) for row in rows) + "\n")
     return file
