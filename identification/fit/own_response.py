@@ -77,7 +77,7 @@ def own_response(columns: Array, precision: Array, prior: Array, residual: Array
     ridge = prior + SEEN * np.diag(square.sum(axis=0).reshape(count, count)).max(initial=0.0)
     weight = np.ones((residual.shape[2], n))
     for _ in range(ROUNDS):
-        covariance: Array = np.linalg.inv((weight @ square).reshape(-1, count, count) + np.diag(ridge))
+        covariance = np.asarray(np.linalg.inv((weight @ square).reshape(-1, count, count) + np.diag(ridge)), dtype=float)
         coefficients = np.einsum("bpq,bq->bp", covariance, np.einsum("bn,bnp->bp", weight, pull))
         left = residual - np.einsum("nip,bp->nib", columns, coefficients)
         distance = np.einsum("nib,nib->bn", left, precision @ left)
