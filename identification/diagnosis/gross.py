@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import DEGREES, distances, residual_std, tails
+from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
+from identification.fit.student import DEGREES, distances, tails
 
 Array = NDArray[np.float64]
 # Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.

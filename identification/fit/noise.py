@@ -39,8 +39,6 @@ USUAL_ODDS = 0.1
 REMEMBERED = 8
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
-# Degrees of freedom that are tried; the last is the normal distribution, the prior's favourite.
-DEGREES = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
 
 
 @dataclass(frozen=True)
@@ -356,58 +354,3 @@ def residual_std(data: LoadTest, components: VarianceComponents, compliance: Arr
     shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (SETUP, noise.setups), (OFFSET, noise.rotation * noise.offset)))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))
-
-
-def distances(
-    model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
-) -> tuple[Array, NDArray[np.int_]]:
-    """Squared distance (n,) of each row's residual (n, 3), what its visit shares taken out, in its own noise, and the count of
-    its components."""
-    own = np.where(model.measured, residual - weights.shared(residual), 0.0)
-    return np.einsum("ni,nij,nj->n", own, model.of_rows_alone(components), own), model.measured.sum(axis=1)
-
-
-def student_weights(
-    model: NoiseModel, components: VarianceComponents, weights: Weights, residual: Array
-) -> tuple[Array, float]:
-    """Row weights (n,) and degrees of freedom of a Student likelihood for the residual (n, 3), offsets taken out.
-
-    The degrees of freedom are those of the largest likelihood, each doubling of heaviness costing one unit of ln
-    likelihood: without evidence of gross errors the weights are all 1.
-    """
-    distance, count = distances(model, components, weights, residual)
-    degrees, _ = tails(distance, count)
-    if np.isinf(degrees):
-        return np.ones(len(distance)), degrees
-    return (degrees + count) / (degrees + distance), degrees
-
-
-def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
-    """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
-    best, chosen = -np.inf, (np.inf, 1.0)
-    for degrees in DEGREES:
-        scale = _student_scale(distance, count, degrees)
-        value = float(np.sum(_student_log_density(distance / scale, count, degrees) - 0.5 * count * np.log(scale)))
-        value -= np.log2(100.0 / min(degrees, 100.0))
-        if value > best:
-            best, chosen = value, (degrees, scale)
-    return chosen
-
-
-def _student_scale(distance: Array, count: NDArray[np.int_], degrees: float) -> float:
-    """Common factor on the variances that fits best, by fixed-point iteration."""
-    scale = 1.0
-    for _ in range(30):
-        weight = np.ones_like(distance) if np.isinf(degrees) else (degrees + count) / (degrees + distance / scale)
-        scale = max(float(np.sum(weight * distance) / np.sum(count)), 1e-12)
-    return scale
-
-
-def _student_log_density(distance: Array, count: NDArray[np.int_], degrees: float) -> Array:
-    """ln density of multivariate Student (normal where degrees is infinite) at a squared distance (n,)."""
-    from scipy.special import gammaln
-
-    if np.isinf(degrees):
-        return np.asarray(-0.5 * distance - 0.5 * count * np.log(2 * np.pi))
-    return np.asarray(gammaln(0.5 * (degrees + count)) - gammaln(0.5 * degrees) - 0.5 * count * np.log(degrees * np.pi)
-                      - 0.5 * (degrees + count) * np.log1p(distance / degrees))

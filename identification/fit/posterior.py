@@ -30,8 +30,9 @@ from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
-from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model, student_weights
+from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model
 from identification.fit.priors import PriorModel
+from identification.fit.student import student_weights
 from identification.fit.variance_components import ComponentPosterior, asked_for, likeliest, log_covariance, trial_components
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from itertools import permutations, product
 
@@ -135,7 +136,7 @@ def _in_frames(data: LoadTest) -> list[Mistake]:
     return found
 
 
-def _to_base(rotation: Array, moves: bool, chosen: tuple[str, ...]):  # type: ignore[no-untyped-def]
+def _to_base(rotation: Array, moves: bool, chosen: tuple[str, ...]) -> Callable[[LoadTest], dict[str, Array]]:
     def change(data: LoadTest) -> dict[str, Array]:
         if not moves:
             return turned(data, rotation, chosen)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,7 +68,7 @@ def unit_mistake(fitted: Posterior) -> Mistake | None:
         "cell.yaml", _scaled(quantity, by))
 
 
-def _scaled(quantity: str, by: float):  # type: ignore[no-untyped-def]
+def _scaled(quantity: str, by: float) -> Callable[[LoadTest], dict[str, Array]]:
     def change(data: LoadTest) -> dict[str, Array]:
         if quantity == "force":
             return {"wrench": data.rows.wrench * by}

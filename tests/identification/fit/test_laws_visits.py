@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.diagnosis.diagnose import diagnose
-from identification.fit.fit import fit_stiffness
+from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import slips_of_pen
 from identification.fit.posterior import posterior
@@ -49,8 +49,8 @@ def other_sign(text: str) -> str:
     return text[1:] if text.startswith("-") else "-" + text
 
 
-def codes(found: object) -> list[str]:
-    return [finding.code for finding in found.findings]                                         # type: ignore[attr-defined]
+def codes(found: Fit | Diagnosis) -> list[str]:
+    return [finding.code for finding in found.findings]
 
 
 @pytest.mark.parametrize(("design", "seed", "pose"), [("ladder12", 71001, "P7"), ("poses20", 71002, "P12")])
