@@ -12,7 +12,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.screen import linear, sums
-from identification.fit.mistakes.sizes import SIZES
+from identification.fit.mistakes.sizes import SIZES, Size
 from identification.fit.mistakes.units import time_mistake
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -74,7 +74,7 @@ def test_the_quick_look_is_generalised_least_squares(data: LoadTest) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: size.name)
-def test_a_size_shows_as_the_mended_model_says(data: LoadTest, size) -> None:  # type: ignore[no-untyped-def]
+def test_a_size_shows_as_the_mended_model_says(data: LoadTest, size: Size) -> None:
     """The term beside the springs against the whole model with the TCP, the angles or the forces changed, to first order."""
     compliance = 1 / data.cell.prior.stiffness
     for joint in size.places:
