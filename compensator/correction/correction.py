@@ -112,7 +112,7 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
     Raises CompstiffError (CS4108) where that is more than RESIDUAL_LIMIT.
     """
     model, targets, wrench = loaded.model, loaded.targets, loaded.wrench
-    rest = resting_angles(loaded) if model.effects else loaded.theta
+    rest = loaded.theta if model.of_springs_alone else resting_angles(loaded)
     theta, rotation, position = np.empty((len(targets), 6)), np.empty((len(targets), 3, 3)), np.empty((len(targets), 3))
     for tool, places in loaded.each_tool():
         yielded = model.compliance * joint_torque(model.robot, rest[places], tool, wrench[places])

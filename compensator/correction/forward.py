@@ -34,10 +34,28 @@ DAMPING = 1e-6
 
 def loaded_tool(loaded: LoadedPath, theta: Array) -> Frame:
     """base_from_tcp (M) of the targets under their force, when the robot is commanded to theta (M, 6) [rad] there and to the
-    planned angles elsewhere.
+    planned angles elsewhere: where an unloaded robot would have to be commanded to, to stand there, its own weight and all.
 
     Raises CompstiffError (CS1101) where the springs find no equilibrium.
     """
+    pose, rest = _plain(loaded, theta)
+    if loaded.model.of_springs_alone or not len(loaded.targets):
+        return pose
+    return displaced(pose, loaded.model.added(load_state_of(loaded, rest))[loaded.targets])
+
+
+def deviated_tool(loaded: LoadedPath, theta: Array) -> Frame:
+    """base_from_tcp (M) as `loaded_tool`, but as one sees it who measures from where the unloaded robot stands at theta: the
+    weight that the load moves is in it."""
+    pose, rest = _plain(loaded, theta)
+    if loaded.model.of_springs_alone or not len(loaded.targets):
+        return pose
+    rows = load_state_of(loaded, rest)
+    return displaced(pose, (loaded.model.added(rows) + rows.of_weight - rows.of_sag)[loaded.targets])
+
+
+def _plain(loaded: LoadedPath, theta: Array) -> tuple[Frame, Array]:
+    """base_from_tcp (M) under the springs alone, and the angles (M, 6) [rad] at which an unloaded robot stands there."""
     path, model, targets, wrench = loaded.path, loaded.model, loaded.targets, loaded.wrench
     rotation, position, rest = np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)), np.empty((len(targets), 6))
     for tool, places in loaded.each_tool():
@@ -52,10 +70,7 @@ def loaded_tool(loaded: LoadedPath, theta: Array) -> Frame:
         rest[places] = loaded_angles(model.robot, theta[places], state.deflection)
         plain = forward(model.robot, rest[places], tool)
         rotation[places], position[places] = plain.rotation, plain.position
-    pose = Frame(rotation, position)
-    if not model.effects or not len(targets):
-        return pose
-    return displaced(pose, model.added(load_state_of(loaded, rest))[targets])
+    return Frame(rotation, position), rest
 
 
 def load_state_of(loaded: LoadedPath, rest: Array) -> LoadState:

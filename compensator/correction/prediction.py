@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.forward import StateChange, load_state_of, loaded_tool, state_changes
+from compensator.correction.forward import StateChange, deviated_tool, load_state_of, state_changes
 from compensator.correction.loaded_path import LoadedPath
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
@@ -53,8 +53,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     _check_tools(loaded)
     model, targets, theta, wrench = loaded.model, loaded.targets, loaded.theta, loaded.wrench
     count = len(targets)
-    pose = loaded_tool(loaded, theta)
-    of_effects = None
+    pose, of_effects = deviated_tool(loaded, theta), None
     if model.effects and count:
         of_effects = model.slopes(load_state_of(loaded, theta))[targets]
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2

@@ -41,6 +41,7 @@ from identification.fit.visit_findings import mending, sentence, validation_find
 from identification.fit.visits import bad_visits
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
@@ -169,8 +170,8 @@ def fit_stiffness(
     figures = _figures(fitted, rms(residual[identify])) | {"model_check": check.as_dict()}
     validation = judge_validation(fitted, every)
     model = IdentifiedModel(cell.robot, cell.flange_from_tcp, fitted.mean, fitted.covariance,
-                            tuple(grade.grade for grade in grades), figures,
-                            interval=fitted.draws.interval(0.95))
+                            tuple(grade.grade for grade in grades), figures, (), fall_in_base(cell.world_from_base),
+                            cell.tool_mass, cell.tool_centre, interval=fitted.draws.interval(0.95))
     findings = (*measurements.findings, *_rejected(measurements.source, check), *mistaken,
                 *visit_findings(test, bad, measurements.source, _changed(whole, fitted)),
                 *_findings(fitted, grades, conflicts), *moving_zero(fitted), *_not_better(measurements.source, held_out),

@@ -37,10 +37,7 @@ def predicted_deflection(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -
     if not terms and cell.robot.link_mass is None:
         return equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, compliance).position
     state = data.load_state(compliance)
-    plain = state.elastic[:, :3]
-    if cell.robot.link_mass is not None:
-        plain = plain + data.yields_to_gravity(state)
-    return np.asarray(plain + added(state, terms, x[EFFECTS])[:, :3])
+    return np.asarray((state.elastic + state.of_weight + added(state, terms, x[EFFECTS]))[:, :3])
 
 
 def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Array, Array]:
@@ -49,8 +46,7 @@ def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Arra
     state = data.load_state(compliance)
     position, slope = sensitivity(cell.robot, state.theta, cell.flange_from_tcp, data.rows.wrench, compliance)
     slope = slope * compliance
-    if cell.robot.link_mass is not None:
-        position = position + data.yields_to_gravity(state)
+    position = position + state.of_weight[:, :3]
     if not terms:
         return position, slope
     base = added(state, terms, values)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.compliance import deviation, displacement, equilibrium, loaded_angles, loaded_pose, regressor
+from identification.model.compliance import displacement, equilibrium, loaded_angles, loaded_pose, regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, EffectInForce, added, displaced, slopes
 from identification.model.gravity import DOWN
 from identification.model.kinematics import forward
@@ -132,23 +132,35 @@ class IdentifiedModel:
         return load_state(self.robot, flange_from_tcp, theta, wrench, self.compliance, fall=self.fall, tool_mass=self.tool_mass,
                          tool_centre=self.tool_centre, at_load=True, dwell=dwell)
 
+    @property
+    def of_springs_alone(self) -> bool:
+        """True where nothing is added to what six springs do: no effect in force, and no weights of links known."""
+        return not self.effects and self.robot.link_mass is None
+
     def added(self, rows: LoadState) -> Array:
-        """What the effects in force add to the plain model's deviation (N, 6) [m, rad]."""
-        return added(rows, self.effects, self.values)
+        """What the sag and the effects in force add to the plain model's deviation (N, 6) [m, rad].
+
+        The weight that the load moves is left out: a loaded robot that is corrected stands where the unloaded one would, and
+        its weight with it.
+        """
+        return np.asarray(rows.of_sag + added(rows, self.effects, self.values))
 
     def slopes(self, rows: LoadState) -> Array:
-        """Derivative (N, 6, 6 + P) of `added` by (ln c, parameters)."""
+        """Derivative (N, 6, 6 + P) by (ln c, parameters) of what the effects add; that of the sag is a few thousandths
+        of the springs' own and left out."""
         return slopes(rows, self.effects, self.values)
 
     def loaded_pose(self, theta: Array, wrench: Array, flange_from_tcp: Frame) -> Frame:
-        """base_from_tcp (N) of the robot that is commanded to theta (N, 6) [rad] and yields under wrench (N, 6), effects in
-        force included. The rows are one visit, in the order of their loads, from zero load."""
-        if not self.effects:
+        """base_from_tcp (N) of the robot that is commanded to theta (N, 6) [rad] and yields under wrench (N, 6), its own weight
+        (where the robot file has `links`) and effects in force included. The rows are one visit, in the order of their
+        loads, from zero load."""
+        if self.of_springs_alone:
             return loaded_pose(self.robot, theta, flange_from_tcp, wrench, self.compliance)
         state = equilibrium(self.robot, theta, flange_from_tcp, wrench, self.compliance)
         rest = loaded_angles(self.robot, theta, state.deflection)
         plain = forward(self.robot, rest, flange_from_tcp)
-        return displaced(plain, self.added(self.load_state(rest, wrench, flange_from_tcp)))
+        rows = self.load_state(rest, wrench, flange_from_tcp)
+        return displaced(plain, self.added(rows) + rows.of_weight - rows.of_sag)
 
     def predict(self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None) -> tuple[Array, Array, Array]:
         """Predicted TCP deviation and its posterior covariance.
@@ -158,10 +170,7 @@ class IdentifiedModel:
         `sum over i, j of (J_i tau_i c_i) Sigma_ij (J_j tau_j c_j)`.
         """
         tool = self.flange_from_tcp if flange_from_tcp is None else flange_from_tcp
-        if self.effects:
-            position, rotation = displacement(self.loaded_pose(theta, wrench, tool), forward(self.robot, theta, tool))
-        else:
-            position, rotation = deviation(self.robot, theta, tool, wrench, self.compliance)
+        position, rotation = displacement(self.loaded_pose(theta, wrench, tool), forward(self.robot, theta, tool))
         return position, rotation, self.deviation_covariance(theta, wrench, tool)
 
     def deviation_covariance(

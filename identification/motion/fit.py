@@ -11,6 +11,7 @@ import numpy as np
 from identification.common.findings import Finding
 from identification.model.cell import Cell
 from identification.model.effects_in_force import EffectInForce
+from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 from identification.motion.band import BAND
 from identification.motion.causes import LogCause
@@ -79,7 +80,8 @@ def identified_model(
     fit = {"rows": max((joint.samples for joint in joints), default=0), "measured": "joint deflection log", "band_hz": BAND,
            "residual_rms_urad": residual_urad, "joints": [joint.as_dict() for joint in joints]}
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, np.array(mean), np.diag(variance), grades, fit,
-                           tuple(EffectInForce(cause.shape.effect, cause.joint) for cause in kept))
+                           tuple(EffectInForce(cause.shape.effect, cause.joint) for cause in kept),
+                           fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre)
 
 
 def stiffness_findings(logs: Sequence[MotionLog], joints: Sequence[AxisStiffness]) -> tuple[Finding, ...]:

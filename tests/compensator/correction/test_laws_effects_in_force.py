@@ -33,6 +33,7 @@ from tests.compensator.correction.virtual_job import (
     plant_of,
     rigid,
     there_and_back,
+    unloaded,
 )
 from tests.support import compstiff
 from tests.virtual_cell.cell import Hidden
@@ -71,23 +72,28 @@ def commanded(done: Corrected) -> np.ndarray:
 
 @pytest.mark.parametrize("hidden", CASES, ids=lambda hidden: f"{hidden.effect}{hidden.joint or ''}")
 def test_the_loaded_tool_stands_on_the_plan(tmp_path: Path, hidden: Hidden) -> None:
-    """By the forward model to 1e-8 m; on the independent plant with that effect, far nearer than with the plain model."""
+    """By the forward model to 1e-8 m; on the independent plant with that effect, far nearer than with the plain model. The plan
+    is where the plant stands unloaded: it sags under its weight, loaded or not."""
     path = varied()
     done, plain = corrected(tmp_path / "extended", path, [hidden]), corrected(tmp_path / "plain", path)
     targets, plan = done.correction.targets, done.predicted.path
     assert len(targets) == 24
     assert done.correction.residual.max() < 1e-8
     assert done.residual.max() < 1e-7                           # with the numbers as written
-    goal, plant = plan.base_from_tcp.position[targets], plant_of([hidden])
-    assert_allclose(rigid(plan.theta[targets]), goal, atol=1e-9)
+    plant = plant_of([hidden])
+    assert_allclose(rigid(plan.theta[targets]), plan.base_from_tcp.position[targets], atol=1e-9)
+    goal = unloaded(plant, plan.theta[targets])
     left, left_plain = (rms(driven(plant, commanded(one), path.wrench)[targets] - goal) for one in (done, plain))
     effect = rms(done.predicted.prediction.position - plain.predicted.prediction.position)
     print(f"{hidden.effect}: effect {1e6 * effect:.1f} um; left {1e6 * left:.3f} um, by the plain model {1e6 * left_plain:.1f}")
     assert left_plain > 1e-6
     # The plant's laws of gears are smooth where the dictionary's have corners.
-    assert left < (0.2 if hidden.effect in ("backlash", "soft_zone", "hysteresis") else 0.005) * left_plain
+    # Without its rod the plant sags otherwise, which the model of one with it does not know.
+    far = {"backlash": 0.2, "soft_zone": 0.2, "hysteresis": 0.2, "parallelogram": 0.01}
+    assert left < far.get(hidden.effect, 0.005) * left_plain
     deviation = driven(plant, plan.theta, path.wrench)[targets] - goal
-    assert rms(done.predicted.prediction.position - deviation) < 1.5 * left + 1e-8
+    # How the effect's own part moves the weight is left out.
+    assert rms(done.predicted.prediction.position - deviation) < 1.5 * left + 0.005 * effect
 
 
 def test_several_effects_at_once(tmp_path: Path) -> None:
@@ -95,9 +101,10 @@ def test_several_effects_at_once(tmp_path: Path) -> None:
     path = there_and_back()
     done = corrected(tmp_path, path, hidden)
     targets = done.correction.targets
-    goal = done.predicted.path.base_from_tcp.position[targets]
+    plant = plant_of(hidden)
     assert done.correction.residual.max() < 1e-8
-    assert rms(driven(plant_of(hidden), commanded(done), path.wrench)[targets] - goal) < 0.3e-6
+    goal = unloaded(plant, done.predicted.path.theta[targets])
+    assert rms(driven(plant, commanded(done), path.wrench)[targets] - goal) < 0.3e-6
 
 
 def test_the_orientation_comes_back_too(tmp_path: Path) -> None:
@@ -285,6 +292,8 @@ def test_resting_angles_are_the_plan_where_nothing_is_displaced(tmp_path: Path) 
     absent = Hidden("spindle_compliance", parameters={"radial_m_per_n": 0.0})
     predicted = predict_files(job(tmp_path, there_and_back(), [absent]))
     loaded = predicted.loaded
+    weightless = replace(loaded.model, robot=replace(loaded.model.robot, link_mass=None, link_centre=None))
+    loaded = replace(loaded, model=weightless)
     assert_allclose(resting_angles(loaded), loaded.theta, atol=1e-12)
     assert state_changes(loaded) == []
     again = loaded_tool(loaded, loaded.theta)

@@ -92,7 +92,7 @@ def corrected(folder: Path, path: Path6, hidden: Sequence[Hidden] = ()) -> Corre
     return correct(predict_files(job(folder, path, hidden)))
 
 
-def plant_of(hidden: Sequence[Hidden], gravity: bool = False) -> Plant:
+def plant_of(hidden: Sequence[Hidden], gravity: bool = True) -> Plant:
     """The independent plant with these effects."""
     plant = Plant(STIFFNESS, TOOL, gravity)
     design = _design(np.zeros((1, 6)), np.zeros((1, 6)))
@@ -104,8 +104,7 @@ def plant_of(hidden: Sequence[Hidden], gravity: bool = False) -> Plant:
 def driven(plant: Plant, theta: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """Where the plant's TCP (n, 3) [m] is, driven along theta (n, 6) [rad] under the forces, its gears remembering the way."""
     moved = plant.displacement(_design(theta, wrench))[0]
-    start = plant.solver.solve(theta[0], lambda torque: plant.compliance @ torque, np.zeros(3), rod_ratio=plant.rod_ratio)
-    return start.tcp + moved
+    return unloaded(plant, theta[:1]) + moved
 
 
 def _design(theta: np.ndarray, wrench: np.ndarray) -> Design:
@@ -113,6 +112,12 @@ def _design(theta: np.ndarray, wrench: np.ndarray) -> Design:
     count = len(theta)
     return Design(theta, wrench[:, :3], np.arange(count, dtype=float), np.ones(count), np.ones(count, dtype=int),
                   np.zeros(count, dtype=bool))
+
+
+def unloaded(plant: Plant, theta: np.ndarray) -> np.ndarray:
+    """Where the plant's TCP (n, 3) [m] is at theta (n, 6) [rad] without a force, sagging under its weight."""
+    return np.array([plant.solver.solve(q, lambda torque: plant.compliance @ torque, np.zeros(3), rod_ratio=plant.rod_ratio).tcp
+                     for q in theta])
 
 
 def rigid(theta: np.ndarray) -> np.ndarray:
