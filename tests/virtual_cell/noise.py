@@ -36,13 +36,13 @@ class Noise:
 
 
 # What real cells have beyond the realistic one; each is a kind of `draw_noise`.
-STRATA = ("sheet", "unstated force", "worse", "heavy tails", "wandering", "coarse", "set-ups", "bare")
+STRATA = ("sheet", "unstated force", "worse", "heavy tails", "heavy re-seating", "wandering", "coarse", "set-ups", "bare")
 
 
 def draw_noise(kind: str, rng: np.random.Generator) -> Noise:
     """The noise of a case: "realistic", "white" (5 um, exactly stated), "none", or one of STRATA: as the sheet says; an
     absolute force error of which the file says nothing; a sensor and a force cell worse than their sheets; heavy tails of
-    readings and re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at each
+    the readings; of the re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at each
     pose; a file that says nothing of noise."""
     if kind == "none":
         return Noise()
@@ -70,7 +70,9 @@ def _beyond(kind: str, sensor: float, rng: np.random.Generator) -> dict[str, flo
         return {"stated_sensor_um": sensor / float(rng.uniform(1.2, 1.6)), "force_relative": float(rng.uniform(0.006, 0.014)),
                 "pose_offset_um": float(rng.uniform(2, 6)), "stated_force_n": None}
     if kind == "heavy tails":
-        return {"degrees_of_freedom": 3, "offset_degrees": 3}
+        return {"degrees_of_freedom": 3}
+    if kind == "heavy re-seating":
+        return {"offset_degrees": 3}
     if kind == "wandering":
         return {"memory": float(rng.uniform(0.4, 0.8))}
     if kind == "coarse":
