@@ -129,7 +129,7 @@ def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -
     named, entries = set(diagnosed.names), survey.dictionary.entries
     listed = tuple(hypothesis for hypothesis in survey.hypotheses
                    if {(entries[k].effect.name, entries[k].joint) for k in hypothesis.entries} <= named)
-    return rivals_of(data, replace(survey, hypotheses=listed), found.fitted.log_compliance)
+    return rivals_of(data, replace(survey, hypotheses=listed), found.fitted)
 
 
 def discriminating_design(

@@ -158,11 +158,11 @@ def _best(separation: Separation, chosen: list[int], group: Indices) -> int:
     return int(np.argmin(mistaken))
 
 
-def rivals_of(data: LoadTest, survey: Survey, start: Array) -> Rivals:
-    """The likeliest hypotheses fitted to the data, with their probabilities; start (6,): ln c to begin with."""
+def rivals_of(data: LoadTest, survey: Survey, near: Posterior) -> Rivals:
+    """The likeliest hypotheses fitted to the data, with their probabilities; near: a fit to begin near."""
     rivals = {}
     for hypothesis in survey.hypotheses[:MOST_RIVALS]:
-        fitted = attempt(data, survey.terms(hypothesis), start)
+        fitted = attempt(data, survey.terms(hypothesis), near)
         if fitted is not None:
             rivals[survey.name(hypothesis)] = (fitted, hypothesis.probability)
     return rivals

@@ -62,7 +62,7 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
             return Named(seen, likeliest, fits[likeliest.key], tuple(lost.values()))
         if len(fits) == MAX_ROUNDS or len(lost) == MOST_LOST:
             return Named(seen, best, fitted, tuple(lost.values()))
-        candidate = attempt(fitted.data, seen.terms(likeliest), fitted.log_compliance)
+        candidate = attempt(fitted.data, seen.terms(likeliest), fitted)
         if candidate is None:
             lost[likeliest.key] = seen.name(likeliest)
             continue
@@ -83,7 +83,7 @@ def _without(extended: Posterior, slight: set[str]) -> Posterior:
     if not slight or len(slight) == len(extended.terms):
         return extended
     kept = [term for term in extended.terms if term.label not in slight]
-    return attempt(extended.data, kept, extended.log_compliance) or extended
+    return attempt(extended.data, kept, extended) or extended
 
 
 def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> set[str]:
@@ -100,7 +100,7 @@ def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator)
             continue
         for label in [label for label, value in strength.items() if value < BESIDE * strength[term.label]]:
             others = [other for other in extended.terms if other.label != label]
-            without = attempt(extended.data, others, extended.log_compliance)
+            without = attempt(extended.data, others, extended)
             if without is not None and gain(data, without, extended, rng).support < -AGAINST:
                 slight.add(label)
     return slight
@@ -136,7 +136,7 @@ def with_free_laws(extended: Posterior) -> Posterior:
     does not converge."""
     terms = tuple(replace(term, start=values) for term, values in zip(extended.terms, extended.term_values, strict=True))
     free = discrepancies(extended.load_state, terms)
-    return (attempt(extended.data, (*terms, *free), extended.log_compliance) if free else None) or extended
+    return (attempt(extended.data, (*terms, *free), extended) if free else None) or extended
 
 
 def inclusion(seen: Survey) -> tuple[Cause, ...]:

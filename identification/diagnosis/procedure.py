@@ -128,7 +128,7 @@ class Procedure:
         if not local or judgement.verdict not in ("named", "ambiguous"):
             return ()
         others = [term for term in judgement.extended.terms if "pose" not in term.effect.where]
-        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended.log_compliance), self.seed)
+        test = bad_visits(posterior(judgement.extended.data, others, judgement.extended), self.seed)
         if test.rest is None:
             return ()
         return tuple(bad for bad in with_mends(test, test.rest, judgement.rows) if bad.score.name in local)
@@ -182,7 +182,7 @@ class Procedure:
         if clear is not None:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
-        usual = posterior(plain.data, (), plain.log_compliance, usual_noise=True)
+        usual = posterior(plain.data, (), plain, usual_noise=True)
         found = converged(usual, self.catalogue, 2)
         adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
@@ -222,7 +222,7 @@ class Procedure:
             if not _certain(sum(hypothesis.probability for hypothesis in kin), causes):
                 return self.ambiguous(judgement, seen, best)
             # Which of its laws the gear follows is open: that matters where a correction would be another.
-            laws = rivals_of(judgement.plain.data, replace(seen, hypotheses=kin), extended.log_compliance)
+            laws = rivals_of(judgement.plain.data, replace(seen, hypotheses=kin), extended)
             difference = robot_difference([with_free_laws(model) for model, _ in laws.values()])
             if difference > OPEN_LAWS_DIFFER * rms(judgement.expected_std):
                 return self.ambiguous(judgement, seen, best)
@@ -255,7 +255,7 @@ class Procedure:
         names = credible(seen, best)
         if len(names) < 2:
             return self.unknown(judgement, seen, judgement.detection)
-        rivals = rivals_of(judgement.plain.data, seen, judgement.extended.log_compliance)
+        rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
         return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
 
@@ -270,7 +270,7 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     if not extended.terms:
         return found.log_evidence
     if found.plain.data is not extended.data:
-        extended = posterior(found.plain.data, extended.terms, extended.log_compliance)
+        extended = posterior(found.plain.data, extended.terms, extended)
     size = min(len(extended.terms), len(PRIOR_OF_SIZE))
     return log_evidence(extended) + float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
 

@@ -77,6 +77,10 @@ class VarianceComponents:
         """With no part but the sensor's above so many times the stated, or usual."""
         return replace(self, **{part: min(getattr(self, part), multiple) for part in PARTS[1:]})
 
+    def of_the_usual_parts(self) -> VarianceComponents:
+        """Without the parts that come in only where the rows ask for them."""
+        return replace(self, setup=0.0, memory=0.0)
+
     def with_logs(self, logs: Array) -> VarianceComponents:
         """The same degrees of freedom with other multiples (6,)."""
         sensor, force, absolute, offset, setup, memory = (float(value) for value in np.exp(logs))

@@ -141,10 +141,10 @@ class Posterior:
 
 
 def posterior(
-    data: LoadTest, terms: Sequence[Term] = (), start: Array | None = None, *, usual_noise: bool = False,
+    data: LoadTest, terms: Sequence[Term] = (), near: Posterior | None = None, *, usual_noise: bool = False,
 ) -> Posterior:
-    """The posterior from these rows, with the terms in force; start (6,): ln c to begin with, where it is known. usual_noise:
-    without the parts that come in only where the rows ask for them.
+    """The posterior from these rows, with the terms in force; near: that of about the same rows, whose springs and noise the
+    search begins with. usual_noise: without the parts that come in only where the rows ask for them.
 
     Raises CompstiffError: CS1009 no loaded row, CS1010 data that prefer all compliances negative, CS1011 no convergence.
     """
@@ -153,9 +153,9 @@ def posterior(
         raise error("CS1009", "no loaded row has the purpose identify: all are kept for validation", file=rows.source)
     model = _FittedModel(data, tuple(terms), np.nan_to_num(rows.deflection), with_terms(data.prior, terms))
     _check_sign(data, model.readings)
-    start = _start(data, model.readings) if start is None else start
-    x = np.concatenate([start, *(term.start for term in terms)])
-    components, row_weight = VarianceComponents(), np.ones(len(rows))
+    x = np.concatenate([_start(data, model.readings) if near is None else near.log_compliance, *(term.start for term in terms)])
+    components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
+    row_weight = np.ones(len(rows))
     further: tuple[int, ...] = ()
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight

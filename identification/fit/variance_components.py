@@ -25,6 +25,10 @@ WORTH_A_PART = 2.0
 SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
 # Newton steps of the search, and their ends.
 MAX_STEPS, LONGEST, ENOUGH = 12, 1.5, 2e-3
+# The curvature changes slowly and costs four gradients.
+CURVATURE_EVERY = 4
+# Of the differences by which slopes are taken, in ln of a component.
+STEP = 0.1
 # Components that are tried for the posterior: so many, fewer where each costs many rows.
 TRIALS, FEWEST_TRIALS, TRIAL_ROWS = 512, 64, 200_000
 # Wider than the curvature says, and with heavier tails: trials must cover what is there.
@@ -91,9 +95,12 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
     logs = components.logs
     logs[free] = np.maximum(logs[free], -3.0)
     value = float(posterior(logs[None])[0][0])
-    for _ in range(MAX_STEPS):
-        gradient, hessian = _slopes(posterior, logs, free)
-        eigenvalues, vectors = np.linalg.eigh(hessian)
+    for number in range(MAX_STEPS):
+        if number % CURVATURE_EVERY == 0:
+            gradient, hessian = _slopes(posterior, logs, free)
+            eigenvalues, vectors = np.linalg.eigh(hessian)
+        else:
+            gradient = _gradient(posterior, logs, free)
         step = vectors @ ((vectors.T @ gradient) / np.maximum(np.abs(eigenvalues), 0.3))
         step *= min(1.0, LONGEST / max(float(np.linalg.norm(step)), 1e-300))
         trials = np.repeat(logs[None], 5, axis=0)
@@ -127,18 +134,25 @@ def asked_for(at: Linearised, components: VarianceComponents) -> tuple[int, ...]
     return tuple(asked)
 
 
+def _gradient(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> Array:
+    """Of ln posterior (f,) by the free logarithms, by differences."""
+    unit = STEP * np.eye(len(logs))[free]
+    ahead, behind = np.split(posterior(logs + np.concatenate([unit, -unit]))[0], 2)
+    return np.asarray((ahead - behind) / (2 * STEP))
+
+
 def _slopes(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
     """Gradient (f,) of ln posterior by the free logarithms, and the negative Hessian (f, f), by differences."""
-    step, unit = 0.1, np.eye(len(logs))[free]
+    step, unit = STEP, np.eye(len(logs))[free]
     pairs = [(i, j) for i in range(len(free)) for j in range(i)]
-    moves = [np.zeros(len(logs)), *unit, *-unit, *(a * unit[i] + b * unit[j] for i, j in pairs for a, b in (
-        (1, 1), (1, -1), (-1, 1), (-1, -1)))]
+    moves = [np.zeros(len(logs)), *unit, *-unit, *(sign * (unit[i] + unit[j]) for i, j in pairs for sign in (1, -1))]
     value, count = posterior(logs + step * np.array(moves))[0], len(free)
     ahead, behind = value[1: 1 + count], value[1 + count: 1 + 2 * count]
-    hessian = np.diag(2 * value[0] - ahead - behind) / step**2
-    for number, (i, j) in enumerate(pairs):
-        both, first, second, neither = value[1 + 2 * count + 4 * number: 5 + 2 * count + 4 * number]
-        hessian[i, j] = hessian[j, i] = -(both - first - second + neither) / (4 * step**2)
+    single = 2 * value[0] - ahead - behind
+    hessian = np.diag(single) / step**2
+    for (i, j), both in zip(pairs, value[1 + 2 * count:].reshape(-1, 2), strict=True):
+        # Of i and j moved together, less what each alone does.
+        hessian[i, j] = hessian[j, i] = (2 * value[0] - both.sum() - single[i] - single[j]) / (2 * step**2)
     return (ahead - behind) / (2 * step), hessian
 
 

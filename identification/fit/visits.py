@@ -116,7 +116,7 @@ def bad_visits(fitted: Posterior, seed: int = 0) -> VisitTest:
             return replace(test, too_many=True)
         kept = ~np.isin(rows.row, np.concatenate([score.rows for score in out]))
         try:
-            rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted.log_compliance)
+            rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted)
         except CompstiffError:
             # Without these visits there is no fit to judge them by.
             return test
@@ -126,7 +126,7 @@ def bad_visits(fitted: Posterior, seed: int = 0) -> VisitTest:
                   and not _one_reading(rest, fitted.data, score)), key=lambda score: -score.surprise)
     if bad and len(bad) < len(out):
         kept = ~np.isin(rows.row, np.concatenate([score.rows for score in bad]))
-        rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted.log_compliance)
+        rest = posterior(fitted.data.with_rows(rows.select(kept)), fitted.terms, fitted)
     return replace(test, bad=tuple(bad), rest=rest if bad else None)
 
 

@@ -252,11 +252,11 @@ def _with_size(plain: Posterior, guess: _Guess) -> Candidate:
     assert guess.start is not None
     size, data, moved = guess.size, plain.data, np.zeros(len(guess.start))
     term = size.term(guess.joint, guess.start)
-    model = posterior(data, [term], plain.log_compliance)
+    model = posterior(data, [term], plain)
     if np.max(np.abs(model.map[EFFECTS]) / term.scale) > 1:
         moved = model.map[EFFECTS]
         mended = size.mistake(data, guess.joint, moved, moved).mended(data)
-        model = posterior(mended, [size.term(guess.joint, np.zeros(len(moved)))], model.log_compliance)
+        model = posterior(mended, [size.term(guess.joint, np.zeros(len(moved)))], model)
     off, width = model.map[EFFECTS], model.prior.term_std
     values, std = moved + off, np.sqrt(np.diag(model.covariance)[EFFECTS])
     # The prior of the size is about none, wherever the second fit began.

@@ -105,7 +105,7 @@ def test_the_search_ends_on_a_ridge(tmp_path: Path) -> None:
     plain = posterior(data)
     soft, state = effects()["soft_zone"], plain.load_state
     term = Term(soft, 6, np.array([0.00022546112878274954, 280.0]), soft.typical(state, 6), soft.neutral(state))
-    fitted = posterior(data, (term,), plain.log_compliance)
+    fitted = posterior(data, (term,), plain)
     column, of_plain = fitted.at_map.residual[:, :, None], plain.at_map.residual[:, :, None]
     assert float(fitted.weights.inner(column, column)[0, 0]) <= float(fitted.weights.inner(of_plain, of_plain)[0, 0]) + 0.5
 
