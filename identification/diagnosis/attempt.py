@@ -13,8 +13,8 @@ NOT_CONVERGED = "CS1011"
 
 
 def attempt(data: LoadTest, terms: Sequence[Term], near: Posterior) -> Posterior | None:
-    """The posterior with these terms, its search begun near another; None where it does not converge. Raises what else `posterior`
-    raises."""
+    """The posterior with these terms, its search begun near another; None where it does not converge. Raises what else
+    `posterior` raises."""
     try:
         return posterior(data, terms, near)
     except CompstiffError as stopped:

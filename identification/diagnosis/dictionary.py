@@ -73,7 +73,7 @@ class Dictionary:
         sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
         columns = [move * (values * mask * (state.visit == visit))[:, None]
                    for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
-        return np.asarray(noise.rotation @ np.stack(columns, axis=2))
+        return np.asarray(noise.whitening @ np.stack(columns, axis=2))
 
     def gear_laws(self, joint: int) -> list[int]:
         """The entries that are laws of this joint's gear."""
@@ -120,6 +120,6 @@ def dictionary_of(state: LoadState, noise: NoiseModel, catalogue: dict[str, Effe
     columns = np.zeros((len(state), 3, len(signatures), WIDEST))
     for k, shape in enumerate(signatures):
         columns[:, :, k, : shape.rows.shape[2]] = shape.rows * shape.scale
-    whitened = (noise.rotation @ columns.reshape(len(state), 3, -1)).reshape(columns.shape)
+    whitened = (noise.whitening @ columns.reshape(len(state), 3, -1)).reshape(columns.shape)
     return Dictionary(tuple(entries), tuple(signatures), whitened, np.array([shape.rows.shape[2] for shape in signatures]),
                       np.array([shape.positive for shape in signatures]), left_out)

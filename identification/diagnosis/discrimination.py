@@ -118,7 +118,7 @@ def separation(trial: Measurements, rivals: Rivals) -> Separation:
     for a, b in pairs:
         (readings_a, slope_a), (readings_b, slope_b) = expected[a], expected[b]
         columns = np.concatenate([slope_a, -slope_b, (readings_a - readings_b)[:, :, None]], axis=2)
-        columns = noise.rotation @ columns
+        columns = noise.whitening @ columns
         shape = (count, -1, columns.shape[2])
         grams.append(np.swapaxes(columns.reshape(shape), 1, 2) @ weights.apply(columns).reshape(shape))
         covariance = [2 * np.linalg.inv(models[k].covariance) for k in (a, b)]

@@ -31,7 +31,7 @@ def explained(plain: Posterior, extended: Posterior) -> Explained:
     weights = noise.weights(components.at_most(ORDINARY))
 
     def chi2(model: Posterior) -> float:
-        whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(model.residual))[:, :, None]
+        whitened = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(model.residual))[:, :, None]
         return float(weights.inner(whitened, whitened)[0, 0]) / max(plain.readings - 6, 1)
 
     before, after = chi2(plain), chi2(extended)

@@ -60,7 +60,7 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
     weights = noise.weights(extended.components)
 
     def misfit(residual: Array) -> float:
-        whitened = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(residual))[:, :, None]
+        whitened = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))[:, :, None]
         return 0.5 * float(weights.inner(whitened, whitened)[0, 0])
 
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])

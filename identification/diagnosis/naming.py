@@ -93,7 +93,7 @@ def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator)
     for term, values in zip(extended.terms, extended.term_values, strict=True):
         if _typical_sizes(term, values) < SLIGHT:
             slight.add(term.label)
-        added = extended.at_map.noise.rotation @ term.contribution(extended.load_state, values)[:, :3, None]
+        added = extended.at_map.noise.whitening @ term.contribution(extended.load_state, values)[:, :3, None]
         strength[term.label] = float(np.sqrt(extended.weights.inner(added, added)[0, 0]))
     for term in extended.terms:
         if not uncertain(term.effect):

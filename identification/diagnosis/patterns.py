@@ -65,7 +65,7 @@ def patterns_of(state: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
     for name, every in columns.items():
         seen = [column for column in every if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
         if seen:
-            patterns.append(Pattern(name, noise.rotation @ np.stack(seen, axis=2)))
+            patterns.append(Pattern(name, noise.whitening @ np.stack(seen, axis=2)))
     return tuple(patterns)
 
 

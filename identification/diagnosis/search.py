@@ -89,10 +89,10 @@ class Survey:
 def base_at(data: LoadTest, log_compliance: Array, noise: NoiseModel, weights: Weights) -> Base:
     """The plain model linearised at ln c (6,)."""
     position, slope = response(data, log_compliance)
-    residual = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(data.rows.deflection) - position)
+    residual = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(data.rows.deflection) - position)
     precision = data.prior.precision(log_compliance)
     shift = np.asarray(-np.linalg.solve(precision, data.prior.gradient(log_compliance)))
-    return Base(noise.rotation @ slope, residual, weights, precision, shift)
+    return Base(noise.whitening @ slope, residual, weights, precision, shift)
 
 
 def survey(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Survey:

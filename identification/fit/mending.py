@@ -182,10 +182,10 @@ class _Visit:
 
     def _response(self, force: Array, readings: Array) -> tuple[LoadColumns, OwnResponse]:
         """The own response of readings (n, 3) [m] to these forces."""
-        loads, rotation = LoadColumns.of(force), self._noise.rotation
-        columns = rotation @ np.concatenate([loads.columns, np.tile(np.eye(3), (len(force), 1, 1))], axis=2)
+        loads, whitening = LoadColumns.of(force), self._noise.whitening
+        columns = whitening @ np.concatenate([loads.columns, np.tile(np.eye(3), (len(force), 1, 1))], axis=2)
         prior = np.concatenate([np.zeros(loads.columns.shape[2]), np.zeros(3) if loads.has_offset else 1 / self._seat**2])
-        whitened = np.einsum("nij,nj->ni", rotation, readings)[:, :, None]
+        whitened = np.einsum("nij,nj->ni", whitening, readings)[:, :, None]
         return loads, own_response(columns, self._precision, prior, whitened)
 
 

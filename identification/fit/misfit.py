@@ -96,7 +96,7 @@ def _p_value(fitted: Posterior, columns: Array) -> float:
 
     at, weights = fitted.at_map, fitted.weights
     scale = np.sqrt(np.mean(columns**2, axis=(0, 1)))
-    columns = at.noise.rotation @ (columns[:, :, scale > 0] / scale[scale > 0])
+    columns = at.noise.whitening @ (columns[:, :, scale > 0] / scale[scale > 0])
     inverse = np.linalg.inv(fitted.information + fitted.prior.precision(fitted.map))
     residual = at.residual[:, :, None]
     cross, of_residual = weights.inner(at.design, columns), weights.inner(at.design, residual)[:, 0]

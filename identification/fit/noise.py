@@ -18,11 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.load_test import LoadTest
+from identification.fit.own_noise import RememberingRows, RowsAlone, stretches
 from identification.model import cell as cells
 from identification.model.compliance import compliance_matrix
 
@@ -35,8 +37,8 @@ USUAL_FORCE_N = 0.4
 # No file states these: forces of one visit against the next, relative, and the odds rho / (1 - rho) of a sensor's memory.
 USUAL_SETUP = 0.001
 USUAL_ODDS = 0.1
-# Rows of a visit whose memory of each other counts.
-REMEMBERED = 8
+# Rows of a visit whose memory of each other counts; a longer one is taken in stretches.
+REMEMBERED = 64
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
 
@@ -101,13 +103,13 @@ def memory_of(multiple: Array) -> Array:
 class NoiseModel:
     """The noise of n rows in units of each component's sensor sigma.
 
-    rotation (n, 3, 3): S^-1/2, zero where a component was not measured. force, absolute (n, 3, 3): roots of the two parts of
+    whitening (n, 3, 3): S^-1/2, zero where a component was not measured. force, absolute (n, 3, 3): roots of the two parts of
     the force error in these units. setups (n, 3, 9): what one visit's forces do to its rows. measured (n, 3). visit (n,): pose
     visit, from 0. offset (3,): stated standard deviation of the re-seating offset [m]. stated (6,): which of PARTS the cell
     file states. active (6,): which of PARTS there are.
     """
 
-    rotation: Array
+    whitening: Array
     force: Array
     absolute: Array
     setups: Array
@@ -135,44 +137,36 @@ class NoiseModel:
     def of_rows(self, rows: NDArray[np.bool_]) -> NoiseModel:
         """The noise of some of the rows."""
         _, visit = np.unique(self.visit[rows], return_inverse=True)
-        return replace(self, rotation=self.rotation[rows], force=self.force[rows], absolute=self.absolute[rows],
+        return replace(self, whitening=self.whitening[rows], force=self.force[rows], absolute=self.absolute[rows],
                        setups=self.setups[rows], measured=self.measured[rows], visit=visit.astype(np.intp))
+
+    @cached_property
+    def _by_visit(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The rows visit by visit, and where each visit starts."""
+        order = np.argsort(self.visit, kind="stable")
+        return order, np.searchsorted(self.visit[order], np.arange(self.visits))
 
     def by_visit(self, values: Array) -> Array:
         """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
-        order = np.argsort(self.visit, kind="stable")
-        return np.asarray(np.add.reduceat(values[order], np.searchsorted(self.visit[order], np.arange(self.visits)), axis=0))
+        order, starts = self._by_visit
+        return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
     def of_rows_alone(self, components: VarianceComponents) -> Array:
         """Precision (n, 3, 3) of each row by itself, without what its visit shares; nothing where a component was not
         measured."""
-        alone = replace(self, active=(*self.active[:MEMORY], False))
-        precision = np.empty((len(self.visit), 3, 3))
-        precision[alone.blocks[:, 0]] = alone.own(components.values[None], np.ones(len(precision)))[0][0]
-        return precision * (self.measured[:, :, None] & self.measured[:, None, :])
+        alone = replace(self, active=(*self.active[:MEMORY], False)).own(components.values[None], np.ones(len(self.visit)))
+        assert isinstance(alone, RowsAlone)
+        return np.asarray(alone.precision[0] * (self.measured[:, :, None] & self.measured[:, None, :]))
 
     @cached_property
-    def blocks(self) -> NDArray[np.intp]:
-        """Rows (b, B) whose noise goes together, visit by visit, -1 where a block is shorter: single rows without a memory."""
-        order = np.argsort(self.visit, kind="stable")
-        if not self.active[MEMORY]:
-            return order[:, None]
-        visit = self.visit[order]
-        place = np.arange(len(order)) - np.searchsorted(visit, visit)
-        first = np.flatnonzero(place % REMEMBERED == 0)
-        size = np.diff(np.append(first, len(order)))
-        within = first[:, None] + np.arange(size.max())
-        return np.where(np.arange(size.max()) < size[:, None], order[np.minimum(within, len(order) - 1)], -1)
-
-    @cached_property
-    def block_starts(self) -> NDArray[np.intp]:
-        """Where each visit's blocks start."""
-        return np.searchsorted(self.visit[self.blocks[:, 0]], np.arange(self.visits))
+    def steps(self) -> tuple[NDArray[np.intp], ...]:
+        """The rows at each place of their visit, or of their stretch of a long one."""
+        return stretches(self.visit, REMEMBERED)
 
     @cached_property
     def loading(self) -> Array:
         """What a visit has in common, as columns (n, 3, r) of unit size: its offset, then its set-up."""
-        offset = self.rotation * self.offset
+        offset = self.whitening * self.offset
         return np.concatenate([offset, self.setups], axis=2) if self.active[SETUP] else offset
 
     def loading_scale(self, values: Array) -> Array:
@@ -180,67 +174,28 @@ class NoiseModel:
         columns = [OFFSET] * 3 + [SETUP] * (self.loading.shape[2] - 3)
         return np.asarray(values[..., columns])
 
-    def in_blocks(self, values: Array) -> Array:
-        """Values (n, 3, p) as (b, 3 B, p), zero where a block is shorter."""
-        gathered = values[self.blocks]
-        gathered[self.blocks < 0] = 0.0
-        return np.asarray(gathered.reshape(len(self.blocks), -1, values.shape[2]))
-
-    def out_of_blocks(self, values: Array) -> Array:
-        """The rows (n, 3, p) of blocks (b, 3 B, p)."""
-        rows = np.empty((len(self.visit), 3, values.shape[2]))
-        there = self.blocks >= 0
-        rows[self.blocks[there]] = values.reshape(*self.blocks.shape, 3, -1)[there]
-        return rows
-
-    def own(self, values: Array, row_weight: Array) -> tuple[Array, Array]:
-        """Precision (S, b, 3 B, 3 B) of each block without what visits share, and its ln determinant (S,), for multiples (S, 6)
-        and row weights (n,)."""
-        count, (blocks, size) = len(values), self.blocks.shape
-        there, rows = (self.blocks >= 0)[:, :, None, None], self.blocks
-        squared = values**2
-        parts = np.zeros((count, blocks, size, 3, 3))
+    def own(self, values: Array, row_weight: Array) -> RowsAlone | RememberingRows:
+        """The noise without what visits share, for multiples (S, 6) and row weights (n,)."""
+        squared, own = values**2, np.zeros((len(values), *self.whitening.shape))
         for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute)):
             if self.active[part]:
-                covariance = np.where(there, root[rows] @ np.swapaxes(root[rows], 2, 3), 0.0)
-                parts += squared[:, part, None, None, None, None] * covariance
-        sensor = squared[:, SENSOR, None]
-        measured = self.measured[rows] & there[..., 0]
-        if size == 1:
-            single, determinant = inverse_of_three(parts[:, :, 0] + sensor[:, :, None, None] * np.eye(3))
-            weight = row_weight[rows[:, 0]]
-            missing = 3 - measured.sum(axis=(1, 2))
-            log_determinant = np.log(determinant) - missing * np.log(sensor) - (3 - missing) * np.log(weight)
-            return single * weight[:, None, None], log_determinant.sum(axis=1)
-        apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
-        alike = (memory_of(values[:, MEMORY])[:, None, None] ** apart)[:, None, :, :, None] * (
-            measured[:, :, None, :] & measured[:, None, :, :])
-        alike = np.where((apart == 0)[None, None, :, :, None], 1.0, alike)
-        covariance = np.zeros((count, blocks, size, 3, size, 3))
-        for axis in range(3):
-            covariance[:, :, :, axis, :, axis] = sensor[:, :, None, None] * alike[..., axis]
-        index = np.arange(size)
-        covariance[:, :, index, :, index, :] += np.moveaxis(parts, 2, 0)
-        root_weight: Array = np.repeat(np.sqrt(np.where(rows >= 0, row_weight[rows], 1.0)), 3, axis=1)
-        root = np.asarray(np.linalg.cholesky(covariance.reshape(count, blocks, 3 * size, 3 * size)), dtype=float)
-        inverse: Array = np.asarray(np.linalg.inv(covariance.reshape(root.shape)), dtype=float)
-        precision: Array = inverse * (root_weight[:, :, None] * root_weight[:, None, :])
-        log_determinant = 2 * np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=(1, 2))
-        seen = measured.reshape(blocks, -1)
-        log_determinant -= np.log(sensor[:, 0]) * (~seen).sum() + 2 * np.log(root_weight[seen]).sum()
-        return precision, log_determinant
+                own += squared[:, part, None, None, None] * (root @ np.swapaxes(root, 1, 2))
+        sensor = values[:, SENSOR]
+        if not self.active[MEMORY]:
+            return RowsAlone.of(own, sensor, self.measured, row_weight)
+        return RememberingRows.of(own, sensor, memory_of(values[:, MEMORY]), self.measured, row_weight, self.steps)
 
     def weights(self, components: VarianceComponents, row_weight: Array | None = None) -> Weights:
         """Sigma^-1 for these variance components and row weights (n,)."""
         row_weight = np.ones(len(self.visit)) if row_weight is None else row_weight
         values = components.values
-        precision, log_determinant = self.own(values[None], row_weight)
-        loading = self.in_blocks(self.loading * self.loading_scale(values))
-        total = np.add.reduceat(np.swapaxes(loading, 1, 2) @ precision[0] @ loading, self.block_starts, axis=0)
+        own = self.own(values[None], row_weight)
+        loading = self.loading * self.loading_scale(values)
+        carried = own.solve(loading)
         # Woodbury, so written that a part of no size stays finite: (I + L^T P L)^-1.
-        inner = np.eye(loading.shape[2]) + total
-        log_total = float(log_determinant[0] + np.sum(np.linalg.slogdet(inner)[1]))
-        return Weights(self, components, precision[0], loading, np.asarray(np.linalg.inv(inner), dtype=float), log_total)
+        inner = np.eye(loading.shape[2]) + self.by_visit(np.swapaxes(loading, 1, 2) @ carried)
+        log_total = float(own.log_determinant[0] + np.sum(np.linalg.slogdet(inner)[1]))
+        return Weights(self, components, own, loading, carried, np.asarray(np.linalg.inv(inner), dtype=float), log_total)
 
     def draw(self, values: Array, row_weight: Array, rng: np.random.Generator) -> Array:
         """Noise (n, 3, S) of these rows, one draw for each of the multiples (S, 6); row_weight (n,), or (n, S)."""
@@ -248,9 +203,8 @@ class NoiseModel:
         sensor = rng.standard_normal((n, 3, count))
         if self.active[MEMORY]:
             rho = memory_of(values[:, MEMORY])
-            for before, block in zip(self.blocks.T[:-1], self.blocks.T[1:], strict=True):
-                there = block >= 0
-                sensor[block[there]] = rho * sensor[before[there]] + np.sqrt(1 - rho**2) * sensor[block[there]]
+            for before, rows in pairwise(self.steps):
+                sensor[rows] = rho * sensor[before[: len(rows)]] + np.sqrt(1 - rho**2) * sensor[rows]
         own = values[:, SENSOR] * sensor
         for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute)):
             if self.active[part]:
@@ -262,59 +216,42 @@ class NoiseModel:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """Sigma^-1: of each block its own precision (b, 3 B, 3 B), less what each visit shares: loading (b, 3 B, r) and
-    shared_inverse (visits, r, r). log_determinant: of Sigma, without the constant of the coordinates."""
+    """Sigma^-1: that of the rows' own noise, less what each visit shares: loading (n, 3, r), what the own noise makes of it
+    (n, 3, r), and shared_inverse (visits, r, r). log_determinant: of Sigma, without the constant of the coordinates."""
 
     model: NoiseModel
     components: VarianceComponents
-    precision: Array
+    own: RowsAlone | RememberingRows
     loading: Array
+    carried: Array
     shared_inverse: Array
     log_determinant: float
 
     def inner(self, left: Array, right: Array) -> Array:
         """left^T Sigma^-1 right (p, q) for left (n, 3, p) and right (n, 3, q) in the model's coordinates."""
-        of_left, of_right = self.model.in_blocks(left), self.model.in_blocks(right)
-        weighted = self.precision @ of_right
-        total = of_left.reshape(-1, left.shape[2]).T @ weighted.reshape(-1, right.shape[2])
-        gathered = self._by_visit(weighted)
-        other = gathered if left is right else self._by_visit(self.precision @ of_left)
+        total = left.reshape(-1, left.shape[2]).T @ self.own.solve(right).reshape(-1, right.shape[2])
+        gathered = self._by_visit(right)
+        other = gathered if left is right else self._by_visit(left)
         common = (self.shared_inverse @ gathered).reshape(-1, right.shape[2])
         return np.asarray(total - other.reshape(-1, left.shape[2]).T @ common)
 
     def apply(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), all in the model's coordinates."""
-        weighted = self.precision @ self.model.in_blocks(columns)
-        common = self.shared_inverse @ self._by_visit(weighted)
-        return self.model.out_of_blocks(weighted - self.precision @ (self.loading @ common[self._visit_of_block]))
+        common = self.shared_inverse @ self._by_visit(columns)
+        return np.asarray(self.own.solve(columns) - self.carried @ common[self.model.visit])
 
     def shared(self, residual: Array) -> Array:
         """Best estimate (n, 3) of what the rows of a visit share, in the model's coordinates, from a residual (n, 3)."""
-        common = self.shared_inverse @ self._by_visit(self.precision @ self.model.in_blocks(residual[:, :, None]))
-        return self.model.out_of_blocks(self.loading @ common[self._visit_of_block])[:, :, 0]
+        common = self.shared_inverse @ self._by_visit(residual[:, :, None])
+        return np.asarray(self.loading @ common[self.model.visit])[:, :, 0]
 
     def offsets(self, residual: Array) -> Array:
         """Best estimate of each visit's re-seating offset (visits, 3) [m] from a residual (n, 3)."""
-        common = self.shared_inverse @ self._by_visit(self.precision @ self.model.in_blocks(residual[:, :, None]))
+        common = self.shared_inverse @ self._by_visit(residual[:, :, None])
         return np.asarray(self.components.offset * self.model.offset * common[:, :3, 0])
 
-    def _by_visit(self, weighted: Array) -> Array:
-        return np.asarray(np.add.reduceat(np.swapaxes(self.loading, 1, 2) @ weighted, self.model.block_starts, axis=0))
-
-    @cached_property
-    def _visit_of_block(self) -> NDArray[np.intp]:
-        return self.model.visit[self.model.blocks[:, 0]]
-
-
-def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
-    """Inverse (..., 3, 3) and determinant (...) of symmetric positive definite matrices, by cofactors: many are small work."""
-    a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2]
-    d, e, f = matrix[..., 1, 1], matrix[..., 1, 2], matrix[..., 2, 2]
-    first, second, third = d * f - e * e, c * e - b * f, b * e - c * d
-    determinant = a * first + b * second + c * third
-    middle, crossed, last = a * f - c * c, b * c - a * e, a * d - b * b
-    cofactors = np.stack([first, second, third, second, middle, crossed, third, crossed, last], axis=-1)
-    return np.asarray((cofactors / determinant[..., None]).reshape(matrix.shape)), determinant
+    def _by_visit(self, columns: Array) -> Array:
+        return self.model.by_visit(np.swapaxes(self.carried, 1, 2) @ columns)
 
 
 def force_error(noise: cells.Noise) -> tuple[Array, float]:
@@ -328,8 +265,8 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     cell, rows, noise = data.cell, data.rows, data.cell.noise
     measured = ~np.isnan(rows.deflection)
     sensor = sensor_sigma(data)
-    rotation = np.where(measured, 1.0 / sensor, 0.0)[:, :, None] * np.eye(3)
-    carried = rotation @ compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3]
+    whitening = np.where(measured, 1.0 / sensor, 0.0)[:, :, None] * np.eye(3)
+    carried = whitening @ compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3]
     load, (absolute, relative) = rows.wrench[:, :3], force_error(noise)
     loaded = np.any(load != 0, axis=1)[:, None]
     setups = USUAL_SETUP * (carried[:, :, :, None] * load[:, None, None, :]).reshape(len(load), 3, 9)
@@ -337,7 +274,7 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
     sensor_stated = noise.deflection_stated or not np.isnan(rows.sigma).all()
     return NoiseModel(
-        rotation, carried * (relative * load)[:, None, :], carried * (absolute * loaded)[:, None, :], setups, measured,
+        whitening, carried * (relative * load)[:, None, :], carried * (absolute * loaded)[:, None, :], setups, measured,
         visit.astype(np.intp), offset,
         (sensor_stated, noise.force_relative_stated, noise.force_stated, noise.offset_stated, False, False),
         (True, relative > 0, bool(np.any(absolute > 0)), bool(offset.any()), False, False))
@@ -356,5 +293,5 @@ def residual_std(data: LoadTest, components: VarianceComponents, compliance: Arr
     # A Student distribution's variance is more than its scale squared.
     heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
     shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
-        (SETUP, noise.setups), (OFFSET, noise.rotation * noise.offset)))
+        (SETUP, noise.setups), (OFFSET, noise.whitening * noise.offset)))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))

@@ -199,13 +199,13 @@ class _FittedModel:
     def linearised(self, noise: NoiseModel, row_weight: Array, x: Array) -> Linearised:
         """The model at x in the coordinates of `noise`."""
         position, slope = response(self.data, x, self.terms)
-        residual = np.einsum("nij,nj->ni", noise.rotation, self.readings - position)
-        return Linearised(noise, noise.rotation @ slope, residual, row_weight, self.prior, x)
+        residual = np.einsum("nij,nj->ni", noise.whitening, self.readings - position)
+        return Linearised(noise, noise.whitening @ slope, residual, row_weight, self.prior, x)
 
     def residual(self, noise: NoiseModel, x: Array) -> Array:
         """Residual (n, 3) at x in the coordinates of `noise`."""
         predicted = predicted_deflection(self.data, x, self.terms)
-        return np.asarray(np.einsum("nij,nj->ni", noise.rotation, self.readings - predicted))
+        return np.asarray(np.einsum("nij,nj->ni", noise.whitening, self.readings - predicted))
 
     @property
     def step_limit(self) -> Array:
@@ -262,9 +262,9 @@ def _start(data: LoadTest, readings: Array) -> Array:
     x = -np.log(lognormal.prior.stiffness)
     noise, columns = noise_model(data, np.exp(x)), _regressor(data)
     weights = noise.weights(VarianceComponents())
-    a = noise.rotation @ columns
+    a = noise.whitening @ columns
     information = weights.inner(a, a)
-    projected = weights.inner(a, np.einsum("nij,nj->ni", noise.rotation, readings)[:, :, None])[:, 0]
+    projected = weights.inner(a, np.einsum("nij,nj->ni", noise.whitening, readings)[:, :, None])[:, 0]
 
     def objective(x: Array) -> float:
         c = np.exp(x)
@@ -298,8 +298,8 @@ def _check_sign(data: LoadTest, readings: Array) -> None:
     prior_compliance = 1 / data.cell.prior.stiffness
     noise = noise_model(data, prior_compliance)
     weights = noise.weights(VarianceComponents())
-    shape = noise.rotation @ (_regressor(data) * prior_compliance)
-    reading = np.einsum("nij,nj->ni", noise.rotation, readings)[:, :, None]
+    shape = noise.whitening @ (_regressor(data) * prior_compliance)
+    reading = np.einsum("nij,nj->ni", noise.whitening, readings)[:, :, None]
     along, strength = weights.inner(shape, reading)[:, 0], np.sqrt(np.diag(weights.inner(shape, shape)))
     whole = shape.sum(axis=2, keepdims=True)
     factor = float(weights.inner(whole, reading)[0, 0] / weights.inner(whole, whole)[0, 0])

@@ -39,4 +39,4 @@ def sag_columns(state: LoadState, noise: NoiseModel) -> Array:
         angle = state.theta[:, i]
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
-    return np.asarray(noise.rotation @ np.stack(columns, axis=2))
+    return np.asarray(noise.whitening @ np.stack(columns, axis=2))

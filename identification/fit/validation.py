@@ -103,12 +103,12 @@ def _rows(fitted: Posterior, kept: LoadTest, residual: Array) -> tuple[OutlyingR
 
     noise = noise_model(kept, fitted.compliance)
     precision = noise.of_rows_alone(fitted.components)
-    design = noise.rotation @ response(kept, fitted.map, fitted.terms)[1]
-    seat = noise.rotation * (fitted.components.offset * noise.offset)
+    design = noise.whitening @ response(kept, fitted.map, fitted.terms)[1]
+    seat = noise.whitening * (fitted.components.offset * noise.offset)
     allowed = seat @ np.swapaxes(seat, 1, 2) + design @ fitted.laplace @ np.swapaxes(design, 1, 2)
     measured = noise.measured
     allowed += np.linalg.inv(precision + np.where(measured, 0.0, 1.0)[:, :, None] * np.eye(3))
-    off = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(residual))
+    off = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(residual))
     squared = np.einsum("ni,ni->n", off, np.linalg.solve(allowed, off[:, :, None])[:, :, 0])
     count = np.maximum(measured.sum(axis=1), 1)
     degrees = tails(fitted.components.degrees, len(fitted.data.rows))

@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import LARGEST_LOG, MEMORY, PARTS, REMEMBERED, SETUP, NoiseModel, VarianceComponents
+from identification.fit.noise import LARGEST_LOG, MEMORY, PARTS, SETUP, NoiseModel, VarianceComponents
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]
 
 # The components are estimated from at most so many rows, taken as whole pose visits evenly over the file.
 NOISE_ROWS = 6000
+# Of few long visits, stretches of so many rows.
+STRETCH = 32
 # ln likelihood that a part of which no file says anything must bring.
 WORTH_A_PART = 2.0
 # Sizes of such a part that are tried, as multiples of the usual one.
@@ -31,6 +33,8 @@ CURVATURE_EVERY = 4
 STEP = 0.1
 # Components that are tried for the posterior: so many, fewer where each costs many rows.
 TRIALS, FEWEST_TRIALS, TRIAL_ROWS = 512, 64, 200_000
+# A row whose sensor remembers costs as much as so many others.
+REMEMBERING_COSTS = 4
 # Wider than the curvature says, and with heavier tails: trials must cover what is there.
 TRIAL_STRETCH, TRIAL_DEGREES = 1.3, 4.0
 
@@ -85,7 +89,7 @@ def _subset(noise: NoiseModel) -> NDArray[np.bool_]:
     if count <= NOISE_ROWS:
         return np.ones(count, dtype=bool)
     every = int(np.ceil(count / NOISE_ROWS))
-    number = noise.visit if noise.visits >= 2 * every else np.arange(count) // (4 * REMEMBERED)
+    number = noise.visit if noise.visits >= 2 * every else np.arange(count) // STRETCH
     return np.asarray(number % every == 0)
 
 
@@ -171,7 +175,8 @@ def trial_components(posterior: ComponentPosterior, components: VarianceComponen
     """Components spread over their posterior about the likeliest, with importance weights; covariance (6, 6) of their ln."""
     from scipy.special import gammaincinv, ndtri
 
-    count = int(np.clip(TRIAL_ROWS // (posterior.rows * posterior.noise.blocks.shape[1]), FEWEST_TRIALS, TRIALS))
+    cost = posterior.rows * (REMEMBERING_COSTS if posterior.noise.active[MEMORY] else 1)
+    count = int(np.clip(TRIAL_ROWS // cost, FEWEST_TRIALS, TRIALS))
     free = np.flatnonzero(posterior.noise.active)
     uniform = _even(count, len(free) + 1)
     normal = ndtri(uniform[:, :-1])

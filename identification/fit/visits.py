@@ -158,15 +158,15 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
     row_weight = np.ones(len(rows))
     row_weight[was_fitted] = _matched(fitted, rows.row[was_fitted])
     position, slope = response(data, fitted.map, fitted.terms)
-    residual = np.einsum("nij,nj->ni", noise.rotation, np.nan_to_num(rows.deflection) - position)[:, :, None]
+    residual = np.einsum("nij,nj->ni", noise.whitening, np.nan_to_num(rows.deflection) - position)[:, :, None]
     count = 0 if len(rows) > MANY_ROWS else replicates
     stiff = compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, fitted.compliance)[:, :3, :3]
     drawn = _drawn(noise, fitted, rng, count)
     if not noise.active[SETUP]:
-        drawn += noise.rotation @ _shared(stiff, rows.wrench[:, :3], noise, rng, count)
+        drawn += noise.whitening @ _shared(stiff, rows.wrench[:, :3], noise, rng, count)
     residual = np.concatenate([residual, drawn], axis=2)
     sag = sag_columns(data.load_state(fitted.compliance), noise)
-    design = np.concatenate([noise.rotation @ slope, sag], axis=2)
+    design = np.concatenate([noise.whitening @ slope, sag], axis=2)
     others = _Others(fitted, noise, row_weight, was_fitted, design, residual)
     precision = noise.of_rows_alone(fitted.components)
     seat = np.maximum(fitted.components.offset * noise.offset, 1e-9)
@@ -178,7 +178,7 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
             continue
         loads = LoadColumns.of(rows.wrench[mine, :3])
         k = loads.columns.shape[2]
-        columns = noise.rotation[mine] @ np.concatenate([loads.columns, np.tile(np.eye(3), (len(mine), 1, 1))], axis=2)
+        columns = noise.whitening[mine] @ np.concatenate([loads.columns, np.tile(np.eye(3), (len(mine), 1, 1))], axis=2)
         free = loads.has_offset
         prior = np.concatenate([np.zeros(k), np.zeros(3) if free else 1 / seat**2])
         own = own_response(columns, precision[mine], prior, residual[mine])

@@ -42,8 +42,8 @@ STRATA = ("sheet", "unstated force", "worse", "heavy tails", "heavy re-seating",
 def draw_noise(kind: str, rng: np.random.Generator) -> Noise:
     """The noise of a case: "realistic", "white" (5 um, exactly stated), "none", or one of STRATA: as the sheet says; an
     absolute force error of which the file says nothing; a sensor and a force cell worse than their sheets; heavy tails of
-    the readings; of the re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at each
-    pose; a file that says nothing of noise."""
+    the readings; of the re-seating; readings that remember the one before; steps of 1 um; forces stretched and turned anew at
+    each pose; a file that says nothing of noise."""
     if kind == "none":
         return Noise()
     if kind == "white":

@@ -204,7 +204,7 @@ def _chi2(fitted: Posterior, mended: Posterior, components: VarianceComponents) 
     data = mended.data if fitted is mended else fitted.data
     residual = np.nan_to_num(fitted.residual_of(data))
     own = np.isin(data.rows.row, mended.data.rows.row)
-    whitened = np.einsum("nij,nj->ni", noise.rotation, residual[own])[:, :, None]
+    whitened = np.einsum("nij,nj->ni", noise.whitening, residual[own])[:, :, None]
     return float(noise.weights(components).inner(whitened, whitened)[0, 0])
 
 

@@ -93,7 +93,8 @@ def test_a_run_tells_what_identify_would_make_of_its_rows(cell, domain, pool, lo
     for theta in pool.theta[::400]:
         rows = rows_of(theta, loads.forces)
         noise = noise_model(LoadTest.of(cell, rows), rig.compliance)
-        design = noise.rotation @ (regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] * rig.compliance)
+        columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3]
+        design = noise.whitening @ (columns * rig.compliance)
         expected = noise.weights(VarianceComponents()).inner(design, design)
         found = run_information(rig, domain.look(theta[None]).columns, loads_of(loads))[0]
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

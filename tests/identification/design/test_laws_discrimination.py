@@ -84,7 +84,7 @@ def test_a_set_of_runs_separates_by_what_its_readings_differ(hard):
     kept = np.isin(trial.visit, chosen)
     size = int(kept.sum())
     unit = np.eye(3 * len(trial)).reshape(len(trial), 3, -1)
-    precision = noise.weights(models[0].components).inner(noise.rotation @ unit, noise.rotation @ unit)
+    precision = noise.weights(models[0].components).inner(noise.whitening @ unit, noise.whitening @ unit)
     mine = np.repeat(kept, 3)
     covariance = np.linalg.inv(precision[np.ix_(mine, mine)])
     for k, (a, b) in enumerate(combinations(range(len(models)), 2)):

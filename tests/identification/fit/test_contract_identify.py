@@ -136,7 +136,7 @@ def test_the_paper_s_prior_gives_the_minimum_of_its_equation_12(tmp_path, width)
     def objective(share: np.ndarray) -> float:
         k = share * prior.stiffness
         predicted = equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, 1 / k).position
-        r = np.einsum("nij,nj->ni", at.noise.rotation, rows.deflection - predicted)[:, :, None]
+        r = np.einsum("nij,nj->ni", at.noise.whitening, rows.deflection - predicted)[:, :, None]
         return float(0.5 * fit.posterior.weights.inner(r, r)[0, 0] + np.sum(((k - prior.stiffness) / std) ** 2))
 
     best = minimize(objective, np.exp(-fit.posterior.map) / prior.stiffness, method="Nelder-Mead",

@@ -25,19 +25,20 @@ BARE = CELL[:-2] + "}\n"
 
 @pytest.mark.parametrize("remembers", [False, True])
 def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
-    """Seven rows on three visits, a component missing, an axis without re-seating, row weights, three components at once; the
-    same for `Weights`, and noise that is drawn has that covariance."""
+    """Eighteen rows on three visits, the longest of eleven, components missing, an axis without re-seating, row weights, three
+    components at once; the same for `Weights`, and noise that is drawn has that covariance."""
     rng = np.random.default_rng(0)
-    measured = np.ones((7, 3), dtype=bool)
-    measured[2, 1] = False
+    measured = np.ones((18, 3), dtype=bool)
+    measured[[2, 9, 10], [1, 0, 0]] = False
+    measured[13] = False
 
     def seen(values: np.ndarray) -> np.ndarray:
         return np.where(measured[:, :, None], values, 0.0)
 
-    rotation, force, absolute, setups = (seen(rng.standard_normal((7, 3, columns))) for columns in (3, 3, 3, 9))
-    visit, offset = np.array([0, 2, 1, 0, 2, 2, 1]), np.array([0.7, 0.0, 1.9])
-    design, residual = seen(rng.standard_normal((7, 3, 4))), np.where(measured, rng.standard_normal((7, 3)), 0.0)
-    weight = rng.uniform(0.2, 1.3, 7)
+    rotation, force, absolute, setups = (seen(rng.standard_normal((18, 3, columns))) for columns in (3, 3, 3, 9))
+    visit, offset = np.array([0, 2, 1, 0, 2, 2, 1, *[2] * 8, 0, 1, 0]), np.array([0.7, 0.0, 1.9])
+    design, residual = seen(rng.standard_normal((18, 3, 4))), np.where(measured, rng.standard_normal((18, 3)), 0.0)
+    weight = rng.uniform(0.2, 1.3, 18)
     model = NoiseModel(rotation, force, absolute, setups, measured, visit, offset, (True,) * 6, (*[True] * 5, remembers))
     logs = rng.normal(0, 0.6, (3, 6)) + np.array([0, 0, 0, 0, 0, 2])
     gram, log_determinant = NoiseGram(model, weight, design, residual)(logs)
@@ -46,8 +47,8 @@ def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
     for (sensor, relative, floor, seat, turned, multiple), found, determinant in zip(
             np.exp(logs), gram, log_determinant, strict=True):
         rho = 0.1 * multiple / (1 + 0.1 * multiple) if remembers else 0.0
-        sigma = np.zeros((21, 21))
-        for i in range(7):
+        sigma = np.zeros((54, 54))
+        for i in range(18):
             for j in np.flatnonzero(visit == visit[i]):
                 apart = abs(int(np.sum(visit[:i] == visit[i])) - int(np.sum(visit[:j] == visit[j])))
                 block = sensor**2 * rho**apart / np.sqrt(weight[i] * weight[j]) * np.eye(3)
@@ -55,15 +56,15 @@ def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
                 if i == j:
                     block += (relative**2 * force[i] @ force[i].T + floor**2 * absolute[i] @ absolute[i].T) / weight[i]
                 sigma[3 * i: 3 * i + 3, 3 * j: 3 * j + 3] = block
-        inside, flat = sigma[np.ix_(kept, kept)], columns.reshape(21, 5)[kept]
+        inside, flat = sigma[np.ix_(kept, kept)], columns.reshape(54, 5)[kept]
         assert_allclose(found, flat.T @ np.linalg.solve(inside, flat), rtol=1e-9, atol=1e-9)
         assert_allclose(determinant, np.linalg.slogdet(inside)[1], rtol=1e-9)
     components = VarianceComponents().with_logs(logs[-1])
     weights = model.weights(components, weight)
     assert_allclose(weights.inner(columns, columns), gram[-1], rtol=1e-9)
-    assert_allclose(weights.apply(columns).reshape(21, 5)[kept], np.linalg.solve(inside, flat), rtol=1e-8, atol=1e-10)
+    assert_allclose(weights.apply(columns).reshape(54, 5)[kept], np.linalg.solve(inside, flat), rtol=1e-8, atol=1e-10)
     assert weights.log_determinant == pytest.approx(log_determinant[-1])
-    drawn = model.draw(np.repeat(components.values[None], 40_000, axis=0), weight, rng).reshape(21, -1)[kept]
+    drawn = model.draw(np.repeat(components.values[None], 40_000, axis=0), weight, rng).reshape(54, -1)[kept]
     size = np.sqrt(np.diag(inside))
     assert np.max(np.abs((drawn @ drawn.T / 40_000 - inside) / np.outer(size, size))) < 0.04
 

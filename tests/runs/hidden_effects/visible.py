@@ -96,7 +96,7 @@ def _linearised(case: Case) -> tuple[Base, Dictionary, np.ndarray]:
     data = LoadTest.of(cell, rows.select(~rows.validate))
     noise = noise_model(data, 1 / case.stiffness)
     base = base_at(data, -np.log(case.stiffness), noise, noise.weights(VarianceComponents()))
-    return base, dictionary_of(data.load_state(1 / case.stiffness), noise, effects()), noise.rotation
+    return base, dictionary_of(data.load_state(1 / case.stiffness), noise, effects()), noise.whitening
 
 
 def _with_residual(base: Base, residual: np.ndarray) -> Base:
