@@ -16,6 +16,7 @@ from identification.fit.fit import Fit, fit_stiffness
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import slips_of_pen
 from identification.fit.posterior import posterior
+from identification.fit.visit_findings import visit_findings
 from identification.fit.visits import bad_visits
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
@@ -183,3 +184,20 @@ def test_a_zero_that_moves_between_poses_is_said(offset_um: float, said: bool, t
     case = simulate(71040, "ladder12", noise=replace(SHEET, pose_offset_um=offset_um))
     cell, measurements = read(case, tmp_path)
     assert ("CS1734" in codes(fit_stiffness(cell, measurements))) == said
+
+
+def test_more_than_a_third_of_the_poses_are_no_single_mistakes(tmp_path: Path) -> None:
+    """Five of twelve, each off by 8 to 25 degrees: none is left out, and it is said that they are too many."""
+    case = simulate(71032, "ladder12", noise=SHEET)
+    rng = np.random.default_rng(71032)
+    wrong = rng.choice(list(dict.fromkeys(case.pose)), 5, replace=False)
+    off = rng.choice([-1, 1], 5) * rng.uniform(8, 25, 5)
+
+    def turned(by: float) -> Callable[[str], str]:
+        return lambda text: f"{float(text) + by:.4f}"
+
+    edits = [wrong_angle(pose, int(rng.integers(2, 5)), turned(by)) for pose, by in zip(wrong, off, strict=True)]
+    test = bad_visits(posterior(LoadTest.of(*read(case, tmp_path, *edits))))
+    assert test.too_many
+    assert not test.bad
+    assert [finding.code for finding in visit_findings(test, (), "measurements.csv", "left out")] == ["CS1731"]
