@@ -134,8 +134,8 @@ class NoiseModel:
         """With these parts active too."""
         return replace(self, active=tuple(known or part in parts for part, known in enumerate(self.active)))
 
-    def of_rows(self, rows: NDArray[np.bool_]) -> NoiseModel:
-        """The noise of some of the rows."""
+    def of_rows(self, rows: NDArray[np.bool_ | np.intp]) -> NoiseModel:
+        """The noise of some of the rows, or of all in another order."""
         _, visit = np.unique(self.visit[rows], return_inverse=True)
         return replace(self, whitening=self.whitening[rows], force=self.force[rows], absolute=self.absolute[rows],
                        setups=self.setups[rows], measured=self.measured[rows], visit=visit.astype(np.intp))

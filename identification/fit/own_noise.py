@@ -47,7 +47,7 @@ class RowsAlone:
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""
-        return self.precision[0] @ columns
+        return np.asarray(self.precision[0] @ columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +103,9 @@ class RememberingRows:
             weighted = inverse @ innovation
             gram += _flat(innovation[..., :q]) @ _flat(weighted[..., :q]).swapaxes(1, 2)
             products[:, : innovation.shape[1]] += innovation[..., q:].swapaxes(2, 3) @ weighted
-        by_visit = np.zeros((size, int(visit.max()) + 1, width - q, width))
-        np.add.at(by_visit, (slice(None), visit[self.steps[0]]), products)
-        return gram, by_visit
+        by_visit = np.zeros((int(visit.max()) + 1, size, width - q, width))
+        np.add.at(by_visit, visit[self.steps[0]], products.swapaxes(0, 1))
+        return gram, by_visit.swapaxes(0, 1)
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""

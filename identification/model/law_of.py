@@ -30,15 +30,14 @@ class LawOf(Effect):
     formula_source = "the effect's own law and those near it (docs/effects.md), superposed: engineering judgement"
 
     def __init__(self, of: Effect) -> None:
-        # An effect of the dictionary is a class with a name and parameters of its own; these are one for each effect in force.
         self.of = of
-        self.name = f"{PREFIX}{of.name}"                                                    # type: ignore[misc]
-        self.of_robot = of.of_robot                                                         # type: ignore[misc]
-        self.joints = of.joints                                                             # type: ignore[misc]
+        self.name = f"{PREFIX}{of.name}"
+        self.of_robot = of.of_robot
+        self.joints = of.joints
         near = [effects()[name] for name in of.near_laws if name in effects()]
         self.shapes = [(law, choice) for law in (of, *near)
                        for choice in itertools.product(*(parameter.grid or (None,) for parameter in law.parameters))]
-        self.parameters = tuple(                                                            # type: ignore[misc]
+        self.parameters = tuple(
             Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes)))
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:

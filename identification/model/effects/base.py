@@ -73,13 +73,13 @@ class Effect(ABC):
     or "engineering judgement" with its reason.
     """
 
-    name: ClassVar[str]
+    name: str
     family: ClassVar[Family]
-    of_robot: ClassVar[bool]
+    of_robot: bool
     of_tool: ClassVar[bool] = False
     of_gravity: ClassVar[bool] = False
-    joints: ClassVar[tuple[int, ...]] = ()
-    parameters: ClassVar[tuple[Parameter, ...]]
+    joints: tuple[int, ...] = ()
+    parameters: tuple[Parameter, ...]
     gear_law: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
     law_family: ClassVar[str] = ""

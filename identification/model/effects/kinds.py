@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +51,7 @@ class GearTwist(AtJoint):
     """A gear twists beyond its spring, which moves the TCP by `J_i twist`: one of the laws of a gear."""
 
     family = "gear"
-    joints: ClassVar[tuple[int, ...]] = (1, 2, 3, 4, 5, 6)
+    joints: tuple[int, ...] = (1, 2, 3, 4, 5, 6)
     gear_law = True
 
     @abstractmethod
