@@ -105,7 +105,7 @@ def correct(planned: Predicted) -> Corrected:
     settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged = logged_pass(planned)
     cornered, of_corners = with_zones(planned)
-    predicted, kept = with_intermediate_targets(cornered)
+    predicted, kept, looked_at = with_intermediate_targets(cornered)
     cut = following_the_cut(predicted, kept, logged)
     slope = settings.slope or (np.inf if predicted.forces.named else SLOPE)
     correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, slope))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.fine_grid import ARC_PIECES, Grid
+from compensator.correction.fine_grid import Grid
 from compensator.path.arc_length import circle
 
 Array = NDArray[np.float64]
@@ -13,12 +15,29 @@ Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What the points (G,) of a grid ask for. deviation (G, 3) [m], base frame; own (G, 3) [m]: that of the program's own
+    targets under the mean force of half their moves. allowed (G,) [m] off it; known (G,): there is something to follow.
+    place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
+
+    deviation: Array
+    own: Array
+    allowed: Array
+    known: Mask
+    place: Array
+    weight: Array
+    position: Array
+
+
 def windows(place: Array, at: Indices) -> tuple[Indices, Indices]:
     """The stretch of points, first to before last, that each point `at` stands for: half the way to its nearer neighbour on
-    either side, so that the mean over it is what is there even where the values rise. place (G,) [m] ascending."""
+    either side, alike on both, so that the mean over it is what is there even where the values rise. place (G,) [m] ascending.
+    """
     here = place[at]
     gap = np.diff(here)
-    half = 0.5 * np.minimum(np.append(gap, 0.0), np.insert(gap, 0, 0.0))
+    # A point half way between two belongs to neither.
+    half = (0.5 - 1e-6) * np.minimum(np.append(gap, 0.0), np.insert(gap, 0, 0.0))
     first = np.minimum(np.searchsorted(place, here - half, side="left"), at)
     last = np.maximum(np.searchsorted(place, here + half, side="right"), at + 1)
     narrow = half == 0
@@ -33,58 +52,64 @@ def window_means(values: Array, weight: Array, first: Indices, last: Indices, at
     return np.where(size > 0, (total[last] - total[first]) / np.where(size > 0, size, 1.0), values[at])
 
 
-def needed_points(deviation: Array, allowed: Array, length: Array, weight: Array, own: Mask, may: Mask) -> Mask:
-    """Which points (G,) a path needs so that straight lines between them follow the deviation to what is allowed.
+def untouched(own: Mask, at: Indices) -> Mask:
+    """Which of the points `at` (K,) are the program's own with none but its own beside them: they keep their own mean."""
+    mine = own[at]
+    return np.asarray(mine & np.append(mine[1:], True) & np.insert(mine[:-1], 0, True))
 
-    deviation (G, 3) [m] at path lengths (G,) [m], weight (G,) of each in means over `windows`; own (G,): there from the start;
-    may (G,): can be added. Each round adds the worst point between two neighbours.
+
+def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
+    """The points (G,) that a program needs, its own among them, so that straight lines and arcs between them follow the
+    deviation to what is allowed; and its arcs (P, 2), each by its first point and the points to its circle point.
+
+    Each round adds the worst point between two neighbours, and halves the arcs that are too coarse.
     """
-    have = own.copy()
-    place = np.maximum.accumulate(np.nan_to_num(length))
+    own = ~grid.further
+    have, arcs = own.copy(), grid.arcs.copy()
+    have[arcs.sum(axis=1)] = True
+    followed = wanted.position - wanted.deviation
     while True:
         at = np.flatnonzero(have)
-        value = window_means(deviation, weight, *windows(place, at), at)
-        line = np.column_stack([np.interp(place, place[at], value[:, axis]) for axis in range(3)])
-        excess = np.where(may & ~have, np.linalg.norm(line - deviation, axis=1) - allowed, -np.inf)
+        value = window_means(wanted.deviation, wanted.weight, *windows(wanted.place, at), at)
+        alone = untouched(own, at)
+        value[alone] = wanted.own[at[alone]]
+        line = np.column_stack([np.interp(wanted.place, wanted.place[at], value[:, axis]) for axis in range(3)])
+        excess = np.where(grid.may & wanted.known & ~have, np.linalg.norm(line - wanted.deviation, axis=1) - wanted.allowed,
+                          -np.inf)
         worst = np.maximum.reduceat(excess, at)
-        if not (worst > 0).any():
-            return have
+        coarse = _coarse(grid, wanted, arcs, wanted.position - line, followed)
+        if not (worst > 0).any() and not coarse.any():
+            return have, arcs
         gap = np.cumsum(have) - 1
         have |= (excess > 0) & (excess == worst[gap])
+        first, step = arcs[coarse, 0], arcs[coarse, 1]
+        arcs = np.concatenate([arcs[~coarse], np.column_stack([first, step // 2]), np.column_stack([first + step, step // 2])])
+        have[arcs.sum(axis=1)] = True
 
 
-def arc_parts(grid: Grid, vias: Indices, wanted: Array, allowed: Array) -> dict[int, int]:
-    """Into how many arcs each half of a MoveC must be cut, by its circle point, where the corrected arc alone is not enough.
-
-    vias (V,): the circle points of the program; wanted (G, 3) [m] corrected positions of the grid's points; allowed (G,) [m].
-    """
-    parts: dict[int, int] = {}
-    for via in vias:
-        if not (grid.owner == via).any():       # a short arc, or one that does not stand by itself
-            continue
-        first = grid.kept[via - 1]
-        point, room = (values[first:first + 2 * ARC_PIECES + 1] for values in (wanted, allowed))
-        if np.isinf(room).any():
-            continue
-        for count in (0, 1, 2, 4):
-            step = 2 * ARC_PIECES if count == 0 else ARC_PIECES // count
-            pieces = [slice(i, i + step + 1) for i in range(0, 2 * ARC_PIECES, step)]
-            if all(_off_circle(point[piece]) <= room[piece].min() for piece in pieces):
-                break
-        if count:
-            parts[int(via)] = count
-    return parts
+def _coarse(grid: Grid, wanted: Wanted, arcs: Indices, commanded: Array, followed: Array) -> Mask:
+    """The arcs (P,) that can be halved and are off what is wanted, commanded (G, 3) and followed (G, 3) [m] being the corrected
+    points of the grid with the points there are, and with all."""
+    if not len(arcs):
+        return np.zeros(0, dtype=bool)
+    first, step = arcs.T
+    count = 2 * step + 1
+    piece = np.repeat(np.arange(len(arcs)), count)
+    point = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[piece]
+    off = off_circles(*(commanded[first + k * step] for k in range(3)), piece, followed[point])
+    over = (off > wanted.allowed[point]) & wanted.known[point] & grid.further[point]
+    return np.asarray((np.bincount(piece, over) > 0) & (step > 1) & grid.divisible[first + step])
 
 
-def _off_circle(points: Array) -> float:
-    """Largest distance [m] of points (n, 3) from the circle through the first, the middle and the last of them."""
-    start, middle, end = points[0], points[len(points) // 2], points[-1]
-    straight, centre, axis = circle(start[None], middle[None], end[None])
-    if straight[0]:
-        along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
-        off = (points - start) - ((points - start) @ along)[:, None] * along
-        return float(np.linalg.norm(off, axis=1).max())
-    radius = points - centre[0]
-    height = radius @ axis[0]
-    across = np.linalg.norm(radius - height[:, None] * axis[0], axis=1) - np.linalg.norm(start - centre[0])
-    return float(np.hypot(across, height).max())
+def off_circles(start: Array, via: Array, end: Array, which: Indices, points: Array) -> Array:
+    """Distance (n,) [m] of points (n, 3) from the circle `which` (n,) of those through start, via and end (P, 3); from the line
+    where these are in line."""
+    straight, centre, axis = circle(start, via, end)
+    along = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1), 1e-12)[:, None]
+    from_start = points - start[which]
+    beside = np.linalg.norm(from_start - np.einsum("ni,ni->n", from_start, along[which])[:, None] * along[which], axis=1)
+    safe = np.where(straight[:, None], start, centre)
+    radius = points - safe[which]
+    height = np.einsum("ni,ni->n", radius, axis[which])
+    across = np.linalg.norm(radius - height[:, None] * axis[which], axis=1) - np.linalg.norm(start - safe, axis=1)[which]
+    return np.asarray(np.where(straight[which], beside, np.hypot(across, height)))

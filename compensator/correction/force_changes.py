@@ -1,0 +1,105 @@
+"""The moves worth looking at between their targets: those along which the log shows another force than a straight line from one
+target's force to the next, and long ones, along which the arm's posture changes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.predict import Predicted
+from compensator.forces.placement import ForceLog
+from compensator.path.arc_length import nearest_target
+from identification.model.compliance import compliance_matrix
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+# Along a move of this length [m] the posture changes the deviation by up to a micrometre.
+LONG = 30e-3
+# The scatter of a mean force is not what the tolerance asks for: so many of its sigmas do not count.
+SIGMAS = 3.0
+# A median of absolute values of a normal distribution, in sigmas.
+MEDIAN = 0.6745
+# Pieces of a move, and places at which the arm's softness is looked at; moves that need less than this share of the
+# tolerance are passed over.
+MOST_PIECES, PLACES, SHARE = 1000, 50, 0.5
+# So many second differences tell the noise.
+FEWEST = 12
+
+
+def moves_to_look_at(planned: Predicted, spacing: Array) -> Mask:
+    """The moves (N,), each from the target before, along which the correction may vary by more than half the tolerance.
+
+    spacing (N,) [m]: the closest targets each move may have. A log that names targets tells nothing of the way between them.
+    """
+    forced = planned.forces.forced
+    behind = np.insert(forced[:-1], 0, False)
+    step = np.nan_to_num(np.diff(planned.path.length, prepend=np.nan))
+    if planned.forces.named:
+        return np.asarray(forced & behind & (step >= LONG))
+    asking = _asking(planned, step, spacing)
+    # What an added target does to the mean of the program's own beside it is looked at too.
+    around = asking | np.append(asking[1:], False) | np.insert(asking[:-1], 0, False)
+    return np.asarray(around | ((forced | behind) & (step >= LONG)))
+
+
+def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:
+    """The moves (N,) of lengths step (N,) [m] whose force is not a straight line between the means of their targets."""
+    log, length = planned.forces.log, np.maximum.accumulate(np.nan_to_num(planned.path.length))
+    count = len(length)
+    rows = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= length[-1]))
+    move = np.clip(np.searchsorted(length, log.place[rows], side="left"), 1, count - 1)
+    room = np.minimum(step // (2 * spacing), np.bincount(move, minlength=count) // 2)
+    halves = np.clip(np.nan_to_num(room), 1, MOST_PIECES // 2).astype(np.intp)
+    begin = np.cumsum(2 * halves) - 2 * halves
+    share = (log.place[rows] - length[move - 1]) / np.maximum(step[move], 1e-12)
+    piece = begin[move] + np.clip(2 * halves[move] * share, 0, 2 * halves[move] - 1).astype(np.intp)
+    weight, mean = _means(log, rows, piece, int(2 * halves.sum()))
+    target_weight, target = _means(log, rows, nearest_target(planned.path.length, log.place[rows]), count)
+    filled = np.flatnonzero(weight)
+    owner = np.repeat(np.arange(count), 2 * halves)[filled]
+    along = ((filled - begin[owner] + 0.5) / (2 * halves[owner]))[:, None]
+    known = (target_weight[owner] > 0) & (target_weight[owner - 1] > 0)
+    off = mean[filled] - ((1 - along) * target[owner - 1] + along * target[owner])
+    near = planned.forces.forced[owner] | planned.forces.forced[owner - 1]
+    noise = noise_of_one(mean[filled], weight[filled], near)
+    asked = _moves_by(planned, np.abs(off)) - SIGMAS * _moves_by(planned, noise[None]) / np.sqrt(weight[filled])
+    asks = known & (halves[owner] > 0) & (step[owner] >= 2 * spacing[owner]) & (
+        asked > SHARE * planned.settings.correction.tolerance)
+    return np.bincount(owner[asks], minlength=count) > 0
+
+
+def _means(log: ForceLog, rows: Indices, group: Indices, count: int) -> tuple[Array, Array]:
+    """Samples (count,) and mean load (count, 6) [N, N m], as logged, of these rows by group."""
+    weight = np.bincount(group, log.weight[rows], minlength=count)
+    load = (*log.force.T, *log.moment.T) if log.has_moment else tuple(log.force.T)
+    total = [np.bincount(group, log.weight[rows] * values[rows], minlength=count) for values in load]
+    nothing = [np.zeros(count)] * (6 - len(total))
+    return weight, np.column_stack([*total, *nothing]) / np.maximum(weight, 1)[:, None]
+
+
+def noise_of_one(mean: Array, weight: Array, counted: Mask) -> Array:
+    """Standard deviation (c,) of one sample about a force that changes smoothly: from second differences of the means (n, c) of
+    weight (n,) samples, in order, where they and both neighbours are counted (n,). Steps are few, and a median passes them over;
+    0 where there is too little to tell.
+    """
+    if len(mean) < 3:
+        return np.zeros(mean.shape[1])
+    inside = counted[1:-1] & counted[2:] & counted[:-2]
+    if inside.sum() < FEWEST:
+        return np.zeros(mean.shape[1])
+    off = mean[1:-1] - 0.5 * (mean[2:] + mean[:-2])
+    scale = np.sqrt(1 / weight[1:-1] + 0.25 / weight[2:] + 0.25 / weight[:-2])
+    return np.asarray(np.median(np.abs(off[inside]) / scale[inside, None], axis=0) / MEDIAN)
+
+
+def _moves_by(planned: Predicted, load: Array) -> Array:
+    """By how much (n,) [m] loads (n, 6) [N, N m] move the tool where, and in the direction in which, the arm is softest."""
+    some = planned.targets[np.unique(np.linspace(0, len(planned.targets) - 1, PLACES).astype(np.intp))]
+    soft = np.zeros(2)
+    for tool, places in planned.path.each_tool(some):
+        matrix = compliance_matrix(planned.model.robot, planned.path.theta[some[places]], tool, planned.model.compliance)
+        sizes = [np.linalg.norm(part, ord=2, axis=(1, 2)).max() for part in (matrix[:, :3, :3], matrix[:, :3, 3:])]
+        soft = np.maximum(soft, sizes)
+    return np.asarray(soft[0] * np.linalg.norm(load[:, :3], axis=1) + soft[1] * np.linalg.norm(load[:, 3:], axis=1))
