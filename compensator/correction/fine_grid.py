@@ -26,8 +26,6 @@ MOST_PIECES, MOST_POINTS, FEWEST_PIECES = 2000, 200_000, 8
 ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
 # Pieces of half an arc are a power of two, so that arcs can be halved; so many are looked at though it is not.
 MOST_HALVINGS, LOOKED_AT = 9, 4
-# A zone that cuts less than this off a corner [m] is no corner to keep away from.
-STRAIGHT_ON = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +68,16 @@ def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
     return np.fmax(least, shortest * toolpath.feed)
 
 
-def fine_grid(program: RapidProgram, path: RobotPath, moves: Mask, spacing: Array, *, keep: bool) -> Grid | None:
-    """The moves (N,) in pieces of `spacing` (N,) [m] or more; None without any. keep: none of the points may be written."""
+def fine_grid(
+    program: RapidProgram, path: RobotPath, moves: Mask, spacing: Array, tolerance: float, *, keep: bool
+) -> Grid | None:
+    """The moves (N,) in pieces of `spacing` (N,) [m] or more; None without any. Points keep away from corners off which the
+    zone cuts more than the tolerance [m]. keep: none of the points may be written."""
     toolpath, count = path.toolpath, len(path.toolpath)
     usable = np.insert(_usable(path), 0, False)
     vias = np.flatnonzero((toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END) & usable[:-1] & usable[1:]
                           & (moves[:-1] | moves[1:]))
-    zone = _zones_at_corners(path)
+    zone = _zones_at_corners(path, tolerance)
     lines = _on_lines(program, toolpath, usable & moves & (toolpath.move == Move.LINEAR), spacing, zone, keep=keep)
     arcs = [(int(via), half) for via in vias if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep))]
     parts = [lines, *(half for _, halves in arcs for half in halves)]
@@ -108,12 +109,11 @@ def _usable(path: RobotPath) -> Mask:
                       & np.isnan(toolpath.external[1:]).all(axis=1) & posed[:-1] & posed[1:])
 
 
-def _zones_at_corners(path: RobotPath) -> Array:
-    """How far from each target (N,) [m] another one may stand, so that the zone of the corner there stays what it is: a zone
-    takes at most half the way to its neighbours. 0 where the path goes straight on, or the zone is not known."""
-    zone = np.nan_to_num(path.toolpath.zone)
-    _, half_sine = corner_misses(path.toolpath, path.world_position)
-    return np.where(0.5 * zone * half_sine > STRAIGHT_ON, 2 * zone, 0.0)
+def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
+    """How far from each target (N,) [m] another one must stand, so that the zone of the corner there stays what it is: a zone
+    takes at most half the way to its neighbours. 0 where it cuts no more than the tolerance [m] off the corner."""
+    miss, half_sine = corner_misses(path.toolpath, path.world_position)
+    return np.where(miss > 1.001 * tolerance, 4 * miss / np.maximum(half_sine, 1e-9), 0.0)
 
 
 def _on_lines(

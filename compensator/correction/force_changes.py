@@ -24,7 +24,7 @@ MEDIAN = 0.6745
 # Pieces of a move, and places at which the arm's softness is looked at; moves that need less than this share of the
 # tolerance are passed over.
 MOST_PIECES, PLACES, SHARE = 1000, 50, 0.5
-# So many second differences tell the noise.
+# So many places tell the noise.
 FEWEST = 12
 
 
@@ -80,18 +80,20 @@ def _means(log: ForceLog, rows: Indices, group: Indices, count: int) -> tuple[Ar
 
 
 def noise_of_one(mean: Array, weight: Array, counted: Mask) -> Array:
-    """Standard deviation (c,) of one sample about a force that changes smoothly: from second differences of the means (n, c) of
-    weight (n,) samples, in order, where they and both neighbours are counted (n,). Steps are few, and a median passes them over;
-    0 where there is too little to tell.
+    """Standard deviation (c,) of one sample about a force that changes smoothly: from how far means (n, c) of weight (n,)
+    samples, in order, are off the cubic through two neighbours on either side, where all five are counted (n,). Steps are few,
+    and a median passes them over; 0 where there is too little to tell.
     """
-    if len(mean) < 3:
+    if len(mean) < 5:
         return np.zeros(mean.shape[1])
-    inside = counted[1:-1] & counted[2:] & counted[:-2]
+    inside = np.all([counted[k:len(counted) - 4 + k] for k in range(5)], axis=0)
     if inside.sum() < FEWEST:
         return np.zeros(mean.shape[1])
-    off = mean[1:-1] - 0.5 * (mean[2:] + mean[:-2])
-    scale = np.sqrt(1 / weight[1:-1] + 0.25 / weight[2:] + 0.25 / weight[:-2])
-    return np.asarray(np.median(np.abs(off[inside]) / scale[inside, None], axis=0) / MEDIAN)
+    first, before, here, after, last = (mean[k:len(mean) - 4 + k] for k in range(5))
+    off = here - (4 * (before + after) - (first + last)) / 6
+    share = 1 / weight
+    variance = share[2:-2] + (16 * (share[1:-3] + share[3:-1]) + share[:-4] + share[4:]) / 36
+    return np.asarray(np.median(np.abs(off[inside]) / np.sqrt(variance[inside])[:, None], axis=0) / MEDIAN)
 
 
 def _moves_by(planned: Predicted, load: Array) -> Array:

@@ -29,6 +29,8 @@ from identification.model.inverse import configuration
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# Points are added until the grid's points keep so much of the tolerance: the rest is for what lies between those.
+AIM = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,8 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
     with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
         spacing = spacing_of(path.toolpath, *settings.min_spacing)
         moves = moves_to_look_at(planned, spacing) & ~(np.diff(path.length, prepend=np.nan) < settings.long_move)
-        grid = fine_grid(planned.program.text, path, moves, spacing, keep=settings.keep_targets)
+        grid = fine_grid(planned.program.text, path, moves, spacing, settings.tolerance,
+                         keep=settings.keep_targets)
         if grid is None:
             return planned, as_given, None
         looked_at, placed = _needed(planned, grid, robot_path(grid.toolpath, path.cell))
@@ -93,7 +96,7 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     noise[points] = SIGMAS * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
     own[grid.kept[planned.targets]] = planned.prediction.position
     have, arcs = needed_points(grid, Wanted(
-        deviation, own, planned.settings.correction.tolerance + noise, known, _place(path), weight,
+        deviation, own, AIM * planned.settings.correction.tolerance + noise, known, _place(path), weight,
         path.base_from_tcp.position))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed

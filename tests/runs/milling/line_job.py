@@ -154,16 +154,21 @@ class LineJob:
                        stiffness=kit.stiffness_text(robot=self.robot, load_path="drive" if self.arm.parallel_rod else "serial"), forces=log)
 
     def off_um(self, rapid: str) -> np.ndarray:
-        """How far the loaded tool is off the planned curve (n,) [um], every half millimetre of the driven program."""
+        """How far the loaded tool is off the planned curve (n,) [um], every half millimetre of the driven program. The force is
+        that of the place where the loaded tool stands."""
         commanded = controller.drive(controller.legs_of(rapid), STEP_MM)
         base = kit.work_object()
         sharp = controller.drive(self.planned, 0.05, zones=False).position
-        _, s = controller.nearest(commanded.position, sharp)
-        q = self.angles(commanded.position, commanded.turn)
-        rest = controller.loaded(self.arm, q, TOOL.p, self.force(s), K)
-        stands = 1e3 * base.inv().r.apply(rest - base.p)
-        curve = controller.drive(self.planned, 0.05).position
-        return np.asarray(1e3 * controller.nearest(stands, curve)[0])
+        q, stands = self.angles(commanded.position, commanded.turn), commanded.position
+        for _ in range(3):
+            force = self.force(controller.nearest(stands, sharp)[1])
+            rest = controller.loaded(self.arm, q, TOOL.p, force, K)
+            stands = 1e3 * base.inv().r.apply(rest - base.p)
+        return np.asarray(1e3 * controller.nearest(stands, controller.drive(self.planned, 0.05).position)[0])
+
+    def where(self, rapid: str) -> np.ndarray:
+        commanded = controller.drive(controller.legs_of(rapid), STEP_MM)
+        return controller.nearest(commanded.position, controller.drive(self.planned, 0.05, zones=False).position)[1]
 
     def correct(self, by: str, *options: Any, step: float = 0.1) -> tuple[np.ndarray, dict[str, Any], str]:
         """How far off the corrected program is (n,) [um], the result, and the program."""

@@ -1,0 +1,120 @@
+"""What is left between the targets of the written program, by the same model: lines and arcs between the written numbers, each
+point of the looked-at moves under its own force, measured across the planned curve.
+
+Zones are left out: what they cut off corners is said by corners.py. What the scatter of the log may explain is not counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.engagement import LoggedPass, following_the_cut
+from compensator.correction.forward import loaded_tool
+from compensator.correction.intermediate_targets import LookedAt
+from compensator.path.arc_length import circle, turned_angle
+from compensator.path.legs import Poses
+from identification.common.arrays import Array, read_only, rms
+from identification.common.findings import Finding, counted
+from identification.model.inverse import nearest_angles
+from identification.model.rotations import Frame, rotation_matrix, rotation_vector
+
+Indices = NDArray[np.intp]
+# Fewer micrometres over the tolerance are its own rounding [m].
+ROUNDING = 0.2e-6
+
+
+@dataclass(frozen=True, eq=False)
+class BetweenTargets:
+    """left (P,) [m]: how far the loaded tool is off the planned curve at points between targets, beyond what the log's scatter
+    explains; owner (P,): the targets, as given, that these moves go to; moves: how many there are."""
+
+    left: Array
+    owner: Indices
+    findings: tuple[Finding, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values, micrometres."""
+        return {"moves": len(np.unique(self.owner)), "largest": float(1e6 * self.left.max(initial=0.0)),
+                "rms": 1e6 * rms(self.left) if len(self.left) else 0.0}
+
+    def line(self) -> str:
+        """The same for the terminal."""
+        figures = self.as_dict()
+        return (f"left between targets, by the same model: largest {figures['largest']:.2f} um, RMS {figures['rms']:.2f} um "
+                f"({counted(figures['moves'], 'move')} looked at)")
+
+
+def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> BetweenTargets:
+    """The points between the targets of a program that commands these poses (N). logged: the pass the forces are of; with a
+    cutting stiffness they are those of the corrected pass."""
+    grid, fine, at = looked_at.grid, looked_at.fine, looked_at.at
+    points = fine.targets[grid.further[fine.targets]]
+    loaded = replace(following_the_cut(fine, grid.kept, logged).loaded, targets=points)
+    pose = _commanded(looked_at, commanded.base_from_tcp, points)
+    path = fine.path
+    theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
+    reached = ~np.isnan(theta).any(axis=1)
+    points, loaded = points[reached], replace(loaded, targets=points[reached])
+    planned = path.base_from_tcp.position
+    off = loaded_tool(loaded, theta[reached]).position - planned[points]
+    # Further points stand evenly on their move: their neighbours show its direction.
+    along = planned[points + 1] - planned[points - 1]
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
+    across = off - np.einsum("ni,ni->n", off, along)[:, None] * along
+    left = np.maximum(np.linalg.norm(across, axis=1) - looked_at.noise[points], 0.0)
+    owner = grid.owner[points]
+    read_only(left, owner)
+    return BetweenTargets(left, owner, _findings(looked_at, points, left, np.isin(points, at)))
+
+
+def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:
+    """Where the program commands the tool at points (n,) of the grid, with targets (N) at its points `at`."""
+    at, place = looked_at.at, np.maximum.accumulate(np.nan_to_num(looked_at.fine.path.length))
+    start = np.clip(np.searchsorted(at, points, side="right") - 1, 0, len(at) - 2)
+    share = (place[points] - place[at[start]]) / np.maximum(place[at[start + 1]] - place[at[start]], 1e-12)
+    position = target.position[start] + share[:, None] * (target.position[start + 1] - target.position[start])
+    begin, turned, end = start.copy(), share.copy(), start + 1
+    if len(looked_at.arcs):
+        arcs = looked_at.arcs[np.argsort(looked_at.arcs[:, 0])]
+        via = np.searchsorted(at, arcs.sum(axis=1))
+        straight, centre, axis = circle(*(target.position[via + k] for k in (-1, 0, 1)))
+        arc = np.clip(np.searchsorted(arcs[:, 0], points, side="right") - 1, 0, len(arcs) - 1)
+        inside = (points >= arcs[arc, 0]) & (points <= arcs[arc, 0] + 2 * arcs[arc, 1])
+        begin[inside], end[inside] = via[arc[inside]] - 1, via[arc[inside]] + 1
+        turned[inside] = ((place[points] - place[at[begin]]) / (place[at[end]] - place[at[begin]]))[inside]
+        round_ = np.flatnonzero(inside & ~straight[arc])
+        of = arc[round_]
+        first, last = (target.position[start[round_] + k] - centre[of] for k in (0, 1))
+        angle = (share[round_] * turned_angle(axis[of], first, last))[:, None]
+        position[round_] = centre[of] + np.einsum("nij,nj->ni", rotation_matrix(angle * axis[of]), first)
+    change = rotation_vector(target.rotation[end] @ np.swapaxes(target.rotation[begin], 1, 2))
+    return Frame(rotation_matrix(turned[:, None] * change) @ target.rotation[begin], position)
+
+
+def _findings(looked_at: LookedAt, points: Indices, left: Array, written: NDArray[np.bool_]) -> tuple[Finding, ...]:
+    """CS3091, CS3092: where the tolerance is not kept between the targets, and why."""
+    settings, grid, path = looked_at.fine.settings.correction, looked_at.grid, looked_at.fine.path
+    over = (left > settings.tolerance + ROUNDING) & ~written
+    beside = grid.beside_zone[points]
+    spacing = f"{1e3 * settings.min_spacing.length:g} mm or {1e3 * settings.min_spacing.time:g} ms (--min-spacing)"
+    near = grid.may[points] | grid.divisible[points]
+    reasons = (
+        (over & beside, "CS3092", "warning", "the zone of a corner leaves no room for a target",
+         "--tighten-zones makes zones smaller that cut corners"),
+        (over & ~beside & near, "CS3091", "note", f"the force changes within {spacing}, or a correction is held back",
+         "the entry into and the exit from a cut are such places"),
+        (over & ~beside & ~near, "CS3091", "warning", "no target can be added to the move" if not settings.keep_targets else
+         "no target is added (--keep-targets)", "inline moves that follow each other directly can be refined"))
+    findings = []
+    for mask, code, level, why, hint in reasons:
+        if mask.any():
+            worst = points[mask][np.argmax(left[mask])]
+            moves = len(np.unique(grid.owner[points[mask]]))
+            findings.append(path.finding(
+                int(worst), code, level, f"between targets the tool stays up to {1e6 * left[mask].max():.1f} um off the plan in "
+                f"{counted(moves, 'move')}, more than the tolerance of {1e6 * settings.tolerance:g} um: {why}", hint))
+    return tuple(findings)
