@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.forward import loaded_tool
 from compensator.correction.intermediate_targets import LookedAt
+from compensator.correction.needed_targets import ENOUGH, beyond_noise
 from compensator.path.arc_length import circle, turned_angle
 from compensator.path.legs import Poses
 from identification.common.arrays import Array, read_only, rms
@@ -30,22 +31,25 @@ ROUNDING = 0.2e-6
 @dataclass(frozen=True, eq=False)
 class BetweenTargets:
     """left (P,) [m]: how far the loaded tool is off the planned curve at points between targets, beyond what the log's scatter
-    explains; owner (P,): the targets, as given, that these moves go to; moves: how many there are."""
+    explains, which is noise (P,) [m], 1 sigma; owner (P,): the targets, as given, that these moves go to; moves: how many there are."""
 
     left: Array
+    noise: Array
     owner: Indices
     findings: tuple[Finding, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values, micrometres."""
         return {"moves": len(np.unique(self.owner)), "largest": float(1e6 * self.left.max(initial=0.0)),
-                "rms": 1e6 * rms(self.left) if len(self.left) else 0.0}
+                "rms": 1e6 * rms(self.left) if len(self.left) else 0.0,
+                "scatter_rms": 1e6 * rms(self.noise) if len(self.noise) else 0.0}
 
     def line(self) -> str:
         """The same for the terminal."""
         figures = self.as_dict()
         return (f"left between targets, by the same model: largest {figures['largest']:.2f} um, RMS {figures['rms']:.2f} um "
-                f"({counted(figures['moves'], 'move')} looked at)")
+                f"({counted(figures['moves'], 'move')} looked at; the scatter of the log, {figures['scatter_rms']:.2f} um RMS a point, "
+                "not counted)")
 
 
 def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> BetweenTargets:
@@ -65,10 +69,10 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
     along = planned[points + 1] - planned[points - 1]
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
     across = off - np.einsum("ni,ni->n", off, along)[:, None] * along
-    left = np.maximum(np.linalg.norm(across, axis=1) - looked_at.noise[points], 0.0)
-    owner = grid.owner[points]
-    read_only(left, owner)
-    return BetweenTargets(left, owner, _findings(looked_at, points, left, np.isin(points, at)))
+    left = beyond_noise(across, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
+    owner, noise = grid.owner[points], looked_at.noise[points]
+    read_only(left, owner, noise)
+    return BetweenTargets(left, noise, owner, _findings(looked_at, points, left, np.isin(points, at)))
 
 
 def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.needed_targets import ENOUGH, beyond_noise
 from compensator.correction.predict import Predicted
 from compensator.forces.placement import ForceLog
 from compensator.path.arc_length import nearest_target
@@ -17,8 +18,6 @@ Mask = NDArray[np.bool_]
 
 # Along a move of this length [m] the posture changes the deviation by up to a micrometre.
 LONG = 30e-3
-# The scatter of a mean force is not what the tolerance asks for: so many of its sigmas do not count.
-SIGMAS = 3.0
 # A median of absolute values of a normal distribution, in sigmas.
 MEDIAN = 0.6745
 # Pieces of a move, and places at which the arm's softness is looked at; moves that need less than this share of the
@@ -63,10 +62,10 @@ def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:
     known = (target_weight[owner] > 0) & (target_weight[owner - 1] > 0)
     off = mean[filled] - ((1 - along) * target[owner - 1] + along * target[owner])
     near = planned.forces.forced[owner] | planned.forces.forced[owner - 1]
-    noise = noise_of_one(mean[filled], weight[filled], near)
-    asked = _moves_by(planned, np.abs(off)) - SIGMAS * _moves_by(planned, noise[None]) / np.sqrt(weight[filled])
-    asks = known & (halves[owner] > 0) & (step[owner] >= 2 * spacing[owner]) & (
-        asked > SHARE * planned.settings.correction.tolerance)
+    soft, tolerance = _softness(planned), planned.settings.correction.tolerance
+    noise = np.linalg.norm(soft * noise_of_one(mean[filled], weight[filled], near)) / np.sqrt(weight[filled])
+    asked = beyond_noise(np.where(known[:, None], soft * off, 0.0), noise, ENOUGH * tolerance)
+    asks = known & (step[owner] >= 2 * spacing[owner]) & (asked > SHARE * tolerance)
     return np.bincount(owner[asks], minlength=count) > 0
 
 
@@ -96,12 +95,13 @@ def noise_of_one(mean: Array, weight: Array, counted: Mask) -> Array:
     return np.asarray(np.median(np.abs(off[inside]) / np.sqrt(variance[inside])[:, None], axis=0) / MEDIAN)
 
 
-def _moves_by(planned: Predicted, load: Array) -> Array:
-    """By how much (n,) [m] loads (n, 6) [N, N m] move the tool where, and in the direction in which, the arm is softest."""
+def _softness(planned: Predicted) -> Array:
+    """By how much a load (6,) [N, N m] moves the tool where, and in the direction in which, the arm is softest (6,) [m/N,
+    1/N]."""
     some = planned.targets[np.unique(np.linspace(0, len(planned.targets) - 1, PLACES).astype(np.intp))]
     soft = np.zeros(2)
     for tool, places in planned.path.each_tool(some):
         matrix = compliance_matrix(planned.model.robot, planned.path.theta[some[places]], tool, planned.model.compliance)
         sizes = [np.linalg.norm(part, ord=2, axis=(1, 2)).max() for part in (matrix[:, :3, :3], matrix[:, :3, 3:])]
         soft = np.maximum(soft, sizes)
-    return np.asarray(soft[0] * np.linalg.norm(load[:, :3], axis=1) + soft[1] * np.linalg.norm(load[:, 3:], axis=1))
+    return np.repeat(soft, 3)

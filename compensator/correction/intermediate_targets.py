@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
-from compensator.correction.force_changes import SIGMAS, moves_to_look_at, noise_of_one
+from compensator.correction.force_changes import moves_to_look_at, noise_of_one
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.needed_targets import Mask, Wanted, needed_points, untouched, window_means, windows
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import TargetForces, place_forces
+from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import MoreMoves, Pose, RapidProgram, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath
@@ -36,7 +37,7 @@ AIM = 0.8
 @dataclass(frozen=True, eq=False)
 class LookedAt:
     """The moves that were looked at between their targets. fine: the program with the points (G,) of the grid, its targets the
-    points of known force. noise (G,) [m]: what the scatter of the force explains of the deviation there; at (N,): the points
+    points of known force. noise (G,) [m]: 1 sigma of the deviation there, from the scatter of the force; at (N,): the points
     that are targets of the program now; arcs (P, 2): its arcs among them, by their first point and the points to the circle
     point."""
 
@@ -93,10 +94,10 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     prediction = predict_path(replace(loaded, model=exact))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
     deviation[points] = prediction.position
-    noise[points] = SIGMAS * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
+    noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
     own[grid.kept[planned.targets]] = planned.prediction.position
     have, arcs = needed_points(grid, Wanted(
-        deviation, own, AIM * planned.settings.correction.tolerance + noise, known, _place(path), weight,
+        deviation, own, AIM * planned.settings.correction.tolerance, noise, known, _place(path), weight,
         path.base_from_tcp.position))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
@@ -129,7 +130,7 @@ def _placed(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
         # The chords of an arc are shorter than it is.
         log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
-        return place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air])
+        return _centred(place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air]), fine)
     own = np.zeros(len(fine.toolpath), dtype=bool)
     own[kept] = True
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
@@ -145,6 +146,26 @@ def _placed(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
     forced = forces.forced[low] & (own | forces.forced[high])
     return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
                    standard_error=between(forces.standard_error), forced=forced)
+
+
+def _centred(placed: TargetForces, fine: RobotPath) -> TargetForces:
+    """The forces of the points (G,) where they stand, out of the means of their samples, whose middle may lie beside them: moved
+    by the lesser of the slopes on either side, which at a step is none."""
+    log, place, count = placed.log, _place(fine), len(placed.samples)
+    on = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= place[-1]))
+    point = nearest_target(fine.length, log.place[on])
+    weight = np.bincount(point, log.weight[on], minlength=count)
+    middle = np.bincount(point, log.weight[on] * log.place[on], minlength=count) / np.maximum(weight, 1)
+    inner = 1 + np.flatnonzero(placed.forced[:-2] & placed.forced[1:-1] & placed.forced[2:])
+    before, behind = middle[inner] - middle[inner - 1], middle[inner + 1] - middle[inner]
+    aside = place[inner] - middle[inner]
+    near = (before > 0) & (behind > 0) & (np.abs(aside) <= 0.5 * np.minimum(before, behind))
+    inner, aside, before, behind = (values[near] for values in (inner, aside, before, behind))
+    wrench = placed.wrench.copy()
+    rising, following = ((wrench[inner] - wrench[inner - 1]) / before[:, None], (wrench[inner + 1] - wrench[inner]) / behind[:, None])
+    slope = np.where(rising * following > 0, np.sign(rising) * np.minimum(np.abs(rising), np.abs(following)), 0.0)
+    wrench[inner] += slope * aside[:, None]
+    return replace(placed, wrench=wrench)
 
 
 def _averaged(planned: Predicted, looked_at: LookedAt, placed: TargetForces) -> TargetForces:

@@ -13,17 +13,22 @@ from compensator.path.arc_length import circle
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+# What may be scatter does not count: so many sigmas of a point, or of the mean over so many neighbours on either side.
+# Where they are less than this share of the tolerance no mean is needed.
+SIGMAS, HALVES, ENOUGH = 3.0, (1, 4, 13, 40), 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
     """What the points (G,) of a grid ask for. deviation (G, 3) [m], base frame; own (G, 3) [m]: that of the program's own
-    targets under the mean force of half their moves. allowed (G,) [m] off it; known (G,): there is something to follow.
+    targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation, from the scatter
+    of the force; known (G,): there is something to follow.
     place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
 
     deviation: Array
     own: Array
-    allowed: Array
+    tolerance: float
+    noise: Array
     known: Mask
     place: Array
     weight: Array
@@ -74,8 +79,8 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         alone = untouched(own, at)
         value[alone] = wanted.own[at[alone]]
         line = np.column_stack([np.interp(wanted.place, wanted.place[at], value[:, axis]) for axis in range(3)])
-        excess = np.where(grid.may & wanted.known & ~have, np.linalg.norm(line - wanted.deviation, axis=1) - wanted.allowed,
-                          -np.inf)
+        off = beyond_noise(np.where(wanted.known[:, None], line - wanted.deviation, 0.0), wanted.noise, ENOUGH * wanted.tolerance)
+        excess = np.where(grid.may & wanted.known & ~have, off - wanted.tolerance, -np.inf)
         worst = np.maximum.reduceat(excess, at)
         coarse = _coarse(grid, wanted, arcs, wanted.position - line, followed)
         if not (worst > 0).any() and not coarse.any():
@@ -97,19 +102,43 @@ def _coarse(grid: Grid, wanted: Wanted, arcs: Indices, commanded: Array, followe
     piece = np.repeat(np.arange(len(arcs)), count)
     point = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[piece]
     off = off_circles(*(commanded[first + k * step] for k in range(3)), piece, followed[point])
-    over = (off > wanted.allowed[point]) & wanted.known[point] & grid.further[point]
+    seen = beyond_noise(np.where(wanted.known[point, None], off, 0.0), wanted.noise[point],
+                        ENOUGH * wanted.tolerance)
+    over = (seen > wanted.tolerance) & wanted.known[point] & grid.further[point]
     return np.asarray((np.bincount(piece, over) > 0) & (step > 1) & grid.divisible[first + step])
 
 
 def off_circles(start: Array, via: Array, end: Array, which: Indices, points: Array) -> Array:
-    """Distance (n,) [m] of points (n, 3) from the circle `which` (n,) of those through start, via and end (P, 3); from the line
-    where these are in line."""
+    """Points (n, 3) seen from the nearest place (n, 3) of the circle `which` (n,) of those through start, via and end (P, 3);
+    of the line where these are in line."""
     straight, centre, axis = circle(start, via, end)
     along = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1), 1e-12)[:, None]
     from_start = points - start[which]
-    beside = np.linalg.norm(from_start - np.einsum("ni,ni->n", from_start, along[which])[:, None] * along[which], axis=1)
+    beside = from_start - np.einsum("ni,ni->n", from_start, along[which])[:, None] * along[which]
     safe = np.where(straight[:, None], start, centre)
     radius = points - safe[which]
-    height = np.einsum("ni,ni->n", radius, axis[which])
-    across = np.linalg.norm(radius - height[:, None] * axis[which], axis=1) - np.linalg.norm(start - safe, axis=1)[which]
-    return np.asarray(np.where(straight[which], beside, np.hypot(across, height)))
+    height = np.einsum("ni,ni->n", radius, axis[which])[:, None] * axis[which]
+    flat = radius - height
+    size = np.linalg.norm(flat, axis=1)
+    across = (1 - np.linalg.norm(start - safe, axis=1)[which] / np.maximum(size, 1e-12))[:, None] * flat
+    return np.asarray(np.where(straight[which, None], beside, across + height))
+
+
+def beyond_noise(off: Array, noise: Array, enough: float) -> Array:
+    """How far points (n,) in order are off for certain, off (n, k) [m] with 1 sigma (n,) [m] of each: less SIGMAS of it, and
+    where these are over `enough` [m], the largest over means of more and more neighbours, less SIGMAS of the mean's sigma."""
+    sum_off = np.concatenate([np.zeros((1, off.shape[1])), np.cumsum(off, axis=0)])
+    sum_square = np.concatenate([[0.0], np.cumsum(noise**2)])
+    number, count = np.arange(len(off)), len(off)
+    unsure = SIGMAS * noise
+    certain = np.linalg.norm(off, axis=1) - unsure
+    for half in HALVES:
+        wanting = unsure > enough
+        if not wanting.any():
+            break
+        first, last = np.maximum(number - half, 0), np.minimum(number + half + 1, count)
+        size = last - first
+        mean = np.linalg.norm(sum_off[last] - sum_off[first], axis=1) / size
+        unsure = SIGMAS * np.sqrt(np.maximum(sum_square[last] - sum_square[first], 0.0)) / size
+        certain = np.where(wanting, np.maximum(certain, mean - unsure), certain)
+    return np.maximum(certain, 0.0)
