@@ -17,7 +17,6 @@ from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
-from compensator.correction.settings import SLOPE
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
@@ -119,8 +118,7 @@ def correct(planned: Predicted) -> Corrected:
     cornered, of_corners = with_zones(planned)
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     cut = following_the_cut(predicted, kept, logged)
-    slope = settings.slope or (np.inf if predicted.forces.named else SLOPE)
-    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, slope))
+    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope))
     written = rewrite(predicted.program.text, correction.targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
     content, of_marks = written.content, tuple[Finding, ...]()

@@ -69,16 +69,16 @@ def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
 
 
 def fine_grid(
-    program: RapidProgram, path: RobotPath, moves: Mask, spacing: Array, tolerance: float, *, keep: bool
+    program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool
 ) -> Grid | None:
-    """The moves (N,) in pieces of `spacing` (N,) [m] or more; None without any. Points keep away from corners off which the
-    zone cuts more than the tolerance [m]. keep: none of the points may be written."""
+    """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from corners with a zone, so
+    that these are driven as planned, but for the tolerance [m]. keep: none of the points may be written."""
     toolpath, count = path.toolpath, len(path.toolpath)
     usable = np.insert(_usable(path), 0, False)
     vias = np.flatnonzero((toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END) & usable[:-1] & usable[1:]
-                          & (moves[:-1] | moves[1:]))
+                          & np.isfinite(np.minimum(spacing[:-1], spacing[1:])))
     zone = _zones_at_corners(path, tolerance)
-    lines = _on_lines(program, toolpath, usable & moves & (toolpath.move == Move.LINEAR), spacing, zone, keep=keep)
+    lines = _on_lines(program, toolpath, usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR), spacing, zone, keep=keep)
     arcs = [(int(via), half) for via in vias if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep))]
     parts = [lines, *(half for _, halves in arcs for half in halves)]
     points = _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__annotations__))
@@ -110,10 +110,10 @@ def _usable(path: RobotPath) -> Mask:
 
 
 def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
-    """How far from each target (N,) [m] another one must stand, so that the zone of the corner there stays what it is: a zone
-    takes at most half the way to its neighbours. 0 where it cuts no more than the tolerance [m] off the corner."""
+    """How far from each target (N,) [m] another one must stand, so that the corner there is driven as planned, but for the
+    tolerance [m]: a zone takes at most half the way to its neighbours, and a smaller one cuts less off the corner."""
     miss, half_sine = corner_misses(path.toolpath, path.world_position)
-    return np.where(miss > 1.001 * tolerance, 4 * miss / np.maximum(half_sine, 1e-9), 0.0)
+    return np.asarray(4 * np.maximum(miss - tolerance, 0.0) / np.maximum(half_sine, 1e-9))
 
 
 def _on_lines(
@@ -147,7 +147,7 @@ def _on_arc(
     to_middle, whole = (float(turned_angle(axis, start - centre, point - centre)[0]) for point in (middle, end))
     angles = (to_middle, whole - to_middle)
     radius = float(np.linalg.norm(middle - centre))
-    closest = max(float(spacing[via]), ARC_SPACING, zone[via - 1], zone[via + 1], radius * ARC_ANGLE)
+    closest = max(float(spacing[via:via + 2].min()), ARC_SPACING, zone[via - 1], zone[via + 1], radius * ARC_ANGLE)
     halvings = int(np.clip(np.log2(min(angles) * radius / closest), 0, MOST_HALVINGS))
     divisible = halvings > 0 and not keep and follows_directly(program, via)
     pieces = 2**halvings if divisible else max(2**halvings, LOOKED_AT)

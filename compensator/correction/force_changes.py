@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-# Along a move of this length [m] the posture changes the deviation by up to a micrometre.
-LONG = 30e-3
+# Along a move of this length [m] the posture changes the deviation by up to a micrometre; pieces as long as that [m] show it.
+LONG, SLOWLY = 30e-3, 3e-3
 # A median of absolute values of a normal distribution, in sigmas.
 MEDIAN = 0.6745
 # Pieces of a move, and places at which the arm's softness is looked at; moves that need less than this share of the
@@ -27,20 +27,24 @@ MOST_PIECES, PLACES, SHARE = 1000, 50, 0.5
 FEWEST = 12
 
 
-def moves_to_look_at(planned: Predicted, spacing: Array) -> Mask:
-    """The moves (N,), each from the target before, along which the correction may vary by more than half the tolerance.
+def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
+    """In how short pieces each move (N,), from the target before, is worth looking at [m]: inf where the correction along it
+    does not vary by more than half the tolerance.
 
     spacing (N,) [m]: the closest targets each move may have. A log that names targets tells nothing of the way between them.
     """
     forced = planned.forces.forced
     behind = np.insert(forced[:-1], 0, False)
     step = np.nan_to_num(np.diff(planned.path.length, prepend=np.nan))
-    if planned.forces.named:
-        return np.asarray(forced & behind & (step >= LONG))
+    named = planned.forces.named
+    long = (forced & behind if named else forced | behind) & (step >= LONG)
+    pieces = np.where(long, np.maximum(spacing, SLOWLY), np.inf)
+    if named:
+        return pieces
     asking = _asking(planned, step, spacing)
     # What an added target does to the mean of the program's own beside it is looked at too.
     around = asking | np.append(asking[1:], False) | np.insert(asking[:-1], 0, False)
-    return np.asarray(around | ((forced | behind) & (step >= LONG)))
+    return np.where(around, spacing, pieces)
 
 
 def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:

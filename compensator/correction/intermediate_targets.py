@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
-from compensator.correction.force_changes import moves_to_look_at, noise_of_one
+from compensator.correction.force_changes import noise_of_one, pieces_to_look_at
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.needed_targets import Mask, Wanted, needed_points, untouched, window_means, windows
 from compensator.correction.predict import Predicted
@@ -59,10 +59,9 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
     if not len(planned.targets):
         return planned, as_given, None
     with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-        spacing = spacing_of(path.toolpath, *settings.min_spacing)
-        moves = moves_to_look_at(planned, spacing) & ~(np.diff(path.length, prepend=np.nan) < settings.long_move)
-        grid = fine_grid(planned.program.text, path, moves, spacing, settings.tolerance,
-                         keep=settings.keep_targets)
+        pieces = pieces_to_look_at(planned, spacing_of(path.toolpath, *settings.min_spacing))
+        pieces = np.where(np.diff(path.length, prepend=np.nan) < settings.long_move, np.inf, pieces)
+        grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets)
         if grid is None:
             return planned, as_given, None
         looked_at, placed = _needed(planned, grid, robot_path(grid.toolpath, path.cell))
@@ -87,17 +86,19 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
     weight = _weight(planned, placed)
-    points = np.flatnonzero(known)
+    near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
+    points = np.flatnonzero(known & near)
     loaded = LoadedPath(path, replace(placed, standard_error=_noise(placed, weight)), planned.model, points)
     # What is left of the covariance is the mean force's.
     exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance))
     prediction = predict_path(replace(loaded, model=exact))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
+    own[grid.kept[planned.targets]] = planned.prediction.position
+    deviation[:] = own
     deviation[points] = prediction.position
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    own[grid.kept[planned.targets]] = planned.prediction.position
     have, arcs = needed_points(grid, Wanted(
-        deviation, own, AIM * planned.settings.correction.tolerance, noise, known, _place(path), weight,
+        deviation, own, AIM * planned.settings.correction.tolerance, noise, planned.slope, known, _place(path), weight,
         path.base_from_tcp.position))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed

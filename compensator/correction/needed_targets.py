@@ -22,13 +22,14 @@ SIGMAS, HALVES, ENOUGH = 3.0, (1, 4, 13, 40), 0.25
 class Wanted:
     """What the points (G,) of a grid ask for. deviation (G, 3) [m], base frame; own (G, 3) [m]: that of the program's own
     targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation, from the scatter
-    of the force; known (G,): there is something to follow.
+    of the force; slope [m/m]: the steepest change that is made between targets; known (G,): there is something to follow.
     place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
 
     deviation: Array
     own: Array
     tolerance: float
     noise: Array
+    slope: float
     known: Mask
     place: Array
     weight: Array
@@ -80,7 +81,8 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         value[alone] = wanted.own[at[alone]]
         line = np.column_stack([np.interp(wanted.place, wanted.place[at], value[:, axis]) for axis in range(3)])
         off = beyond_noise(np.where(wanted.known[:, None], line - wanted.deviation, 0.0), wanted.noise, ENOUGH * wanted.tolerance)
-        excess = np.where(grid.may & wanted.known & ~have, off - wanted.tolerance, -np.inf)
+        free = grid.may & wanted.known & ~have & ~_too_steep(wanted, at, value, np.cumsum(have) - 1)
+        excess = np.where(free, off - wanted.tolerance, -np.inf)
         worst = np.maximum.reduceat(excess, at)
         coarse = _coarse(grid, wanted, arcs, wanted.position - line, followed)
         if not (worst > 0).any() and not coarse.any():
@@ -90,6 +92,18 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         first, step = arcs[coarse, 0], arcs[coarse, 1]
         arcs = np.concatenate([arcs[~coarse], np.column_stack([first, step // 2]), np.column_stack([first + step, step // 2])])
         have[arcs.sum(axis=1)] = True
+
+
+def _too_steep(wanted: Wanted, at: Indices, value: Array, before: Indices) -> Mask:
+    """Points (G,) from which the way to the target before or behind them would be steeper than the slope, in any coordinate:
+    the correction would be held back there. at (K,): the targets, with their values (K, 3); before (G,): number of the one before.
+    """
+    steep = np.zeros(len(before), dtype=bool)
+    if np.isfinite(wanted.slope):
+        for number in (before, np.minimum(before + 1, len(at) - 1)):
+            change = np.abs(wanted.deviation - value[number]).max(axis=1)
+            steep |= change > wanted.slope * np.abs(wanted.place - wanted.place[at[number]])
+    return steep
 
 
 def _coarse(grid: Grid, wanted: Wanted, arcs: Indices, commanded: Array, followed: Array) -> Mask:

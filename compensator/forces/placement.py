@@ -224,7 +224,9 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
 
 def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
     """Where moves at the air feed show a force it is likely the sensor's bias, or what that has become."""
-    air = np.flatnonzero(moves_in_air(path.toolpath) & (forces.samples > 0))
+    in_air = moves_in_air(path.toolpath)
+    # The stretch of a target reaches into the move behind it, which may cut.
+    air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (forces.samples > 0))
     touched = air[forces.forced[air]]
     if 2 * len(touched) <= len(air):
         return []
