@@ -161,10 +161,10 @@ def hidden(arguments: tuple[str, int, dict[str, float]]) -> Result:
         # Plain springs are refused where a cause is hidden.
         all_the_same = settings(accept_rejected=True)
         ignored, named = job.correct(log, stiffness, all_the_same), job.correct(log, extended, all_the_same)
-        truth = job.mill(job.with_the_truth(named.job.predicted.forces.wrench))
-        rows = [row("effect ignored", job.first, job.mill(ignored.commands), ignored.sigma_um),
-                row("diagnosed first", job.first, job.mill(named.commands), named.sigma_um),
-                row("corrected with the cell itself", job.first, truth, named.sigma_um)]
+        truth = job.mill(job.with_the_truth(named.job.planned.forces.wrench))
+        rows = [row("effect ignored", job.first_with(ignored.part), again_milled(job, ignored), ignored.sigma_um),
+                row("diagnosed first", job.first_with(named.part), again_milled(job, named), named.sigma_um),
+                row("corrected with the cell itself", job.first, truth, named.at_own)]
         causes = ", ".join(f"{cause['effect']}{'' if cause['joint'] is None else ':' + str(cause['joint'])}"
                            for cause in diagnosis["causes"])
         return Result(effect, seed, rows, f"{diagnosis['verdict']} {causes}".strip(), time.perf_counter() - started)

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.forward import loaded_tool
 from compensator.correction.intermediate_targets import LookedAt
-from compensator.correction.needed_targets import ENOUGH, beyond_noise
+from compensator.correction.needed_targets import ENOUGH, SIGMAS, beyond_noise
+from compensator.correction.prediction import Prediction
 from compensator.path.arc_length import circle, turned_angle
 from compensator.path.legs import Poses
+from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted
 from identification.model.inverse import nearest_angles
@@ -55,29 +57,60 @@ class BetweenTargets:
 def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> BetweenTargets:
     """The points between the targets of a program that commands these poses (N). logged: the pass the forces are of; with a
     cutting stiffness they are those of the corrected pass."""
-    grid, fine, at = looked_at.grid, looked_at.fine, looked_at.at
+    grid, fine, path = looked_at.grid, looked_at.fine, looked_at.fine.path
     points = fine.targets[grid.further[fine.targets]]
-    loaded = replace(following_the_cut(fine, grid.kept, logged).loaded, targets=points)
+    under = following_the_cut(fine, grid.kept, logged)
     pose = _commanded(looked_at, commanded.base_from_tcp, points)
-    path = fine.path
     theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
     reached = ~np.isnan(theta).any(axis=1)
-    points, loaded = points[reached], replace(loaded, targets=points[reached])
-    planned = path.base_from_tcp.position
-    off = loaded_tool(loaded, theta[reached]).position - planned[points]
-    # Further points stand evenly on their move: their neighbours show its direction.
-    along = planned[points + 1] - planned[points - 1]
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
-    across = off - np.einsum("ni,ni->n", off, along)[:, None] * along
-    left = beyond_noise(across, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
-    owner, noise = grid.owner[points], looked_at.noise[points]
+    points = points[reached]
+    rest = loaded_tool(replace(under.loaded, targets=points), theta[reached])
+    off = _across(rest.position - path.base_from_tcp.position[points], path, points)
+    left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
+    beside, steps = _steps(looked_at, under.prediction)
+    where, left = np.concatenate([points, beside]), np.concatenate([left, steps])
+    owner, noise = grid.owner[where], looked_at.noise[points]
     read_only(left, owner, noise)
-    return BetweenTargets(left, noise, owner, _findings(looked_at, points, left, np.isin(points, at)))
+    return BetweenTargets(left, noise, owner, _findings(looked_at, where, left))
+
+
+def place_of(looked_at: LookedAt) -> Array:
+    """Path length (G,) [m] of the points, known everywhere and ascending."""
+    return np.maximum.accumulate(np.nan_to_num(looked_at.fine.path.length))
+
+
+def _across(off: Array, path: RobotPath, points: Indices) -> Array:
+    """The part (n, 3) across the planned curve of distances off (n, 3) [m] at further points, which stand evenly on their move:
+    their neighbours show its direction."""
+    along = path.base_from_tcp.position[points + 1] - path.base_from_tcp.position[points - 1]
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
+    return np.asarray(off - np.einsum("ni,ni->n", off, along)[:, None] * along)
+
+
+def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]:
+    """Where targets stand as near to each other as they may, and how far off (n,) [m] the tool may be between the two: half of
+    what the deviation jumps there, beyond the scatter. A jump is what neither side leads up to; on a line it is taken over two
+    pieces, for it may lie within one."""
+    grid, at, count = looked_at.grid, looked_at.at, len(looked_at.grid.owner)
+    deviation = np.full((count, 3), np.nan)
+    deviation[prediction.targets] = prediction.position
+    length = np.maximum(np.diff(place_of(looked_at)), 1e-9)[:, None]
+    slope = np.diff(deviation, axis=0) / length
+    first = at[:-1][(np.diff(at) == 1) & (grid.further[at[:-1]] | grid.further[at[1:]])]
+    first = first[(first > 1) & (first < count - 3)]
+    beside = np.where(grid.further[first], first, first + 1)
+    alone = length[first] * (slope[first] - 0.5 * (slope[first - 1] + slope[first + 1]))
+    around = 0.5 * (slope[first - 2] + slope[first + 1])
+    two = length[first] * (slope[first] - around) + length[first - 1] * (slope[first - 1] - around)
+    jump = np.where(grid.may[beside, None], two, alone)
+    size = 0.5 * np.linalg.norm(_across(jump, looked_at.fine.path, beside), axis=1) - SIGMAS * looked_at.noise[beside]
+    known = ~np.isnan(size)
+    return beside[known], np.maximum(size[known], 0.0)
 
 
 def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:
     """Where the program commands the tool at points (n,) of the grid, with targets (N) at its points `at`."""
-    at, place = looked_at.at, np.maximum.accumulate(np.nan_to_num(looked_at.fine.path.length))
+    at, place = looked_at.at, place_of(looked_at)
     start = np.clip(np.searchsorted(at, points, side="right") - 1, 0, len(at) - 2)
     share = (place[points] - place[at[start]]) / np.maximum(place[at[start + 1]] - place[at[start]], 1e-12)
     position = target.position[start] + share[:, None] * (target.position[start + 1] - target.position[start])
@@ -99,16 +132,16 @@ def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:
     return Frame(rotation_matrix(turned[:, None] * change) @ target.rotation[begin], position)
 
 
-def _findings(looked_at: LookedAt, points: Indices, left: Array, written: NDArray[np.bool_]) -> tuple[Finding, ...]:
+def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Finding, ...]:
     """CS3091, CS3092: where the tolerance is not kept between the targets, and why."""
     settings, grid, path = looked_at.fine.settings.correction, looked_at.grid, looked_at.fine.path
-    over = (left > settings.tolerance + ROUNDING) & ~written
+    over = left > settings.tolerance + ROUNDING
     beside = grid.beside_zone[points]
     spacing = f"{1e3 * settings.min_spacing.length:g} mm or {1e3 * settings.min_spacing.time:g} ms (--min-spacing)"
     near = grid.may[points] | grid.divisible[points]
     reasons = (
         (over & beside, "CS3092", "warning", "the zone of a corner leaves no room for a target",
-         "--tighten-zones makes zones smaller that cut corners"),
+         "--tighten-zones makes zones smaller that cut corners in the cut"),
         (over & ~beside & near, "CS3091", "note", f"the force changes within {spacing}, or a correction is held back",
          "the entry into and the exit from a cut are such places"),
         (over & ~beside & ~near, "CS3091", "warning", "no target can be added to the move" if not settings.keep_targets else

@@ -176,7 +176,7 @@ def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: A
         toolpath, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(toolpath.position, position),
         quaternion=more(toolpath.quaternion, quaternion), external=more(toolpath.external, nothing),
         joints=more(toolpath.joints, nothing),
-        block=more(toolpath.block, np.full(len(at), "", dtype=object)), **like)
+        block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]), **like)
 
 
 def _turned(start: Array, end: Array, share: Array) -> Array:

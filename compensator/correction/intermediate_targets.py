@@ -17,7 +17,7 @@ from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
 from compensator.correction.force_changes import noise_of_one, pieces_to_look_at
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.needed_targets import Mask, Wanted, needed_points, untouched, window_means, windows
+from compensator.correction.needed_targets import Wanted, needed_points, untouched, window_means, windows
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
 from compensator.forces.placement import TargetForces, place_forces

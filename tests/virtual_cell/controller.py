@@ -18,6 +18,7 @@ NUMBER = r"[-+0-9.eE]+"
 POSE = re.compile(rf"\[\[({NUMBER}),({NUMBER}),({NUMBER})\],\[({NUMBER}),({NUMBER}),({NUMBER}),({NUMBER})\]")
 DECLARED = re.compile(r"robtarget\s+(\w+)\s*:=\s*(\[\[[^;]*)", re.IGNORECASE)
 MOVE = re.compile(r"^\s*(Move[LJC])(?:DO)?\s+(.*)$", re.IGNORECASE)
+ZONE = re.compile(rf"zonedata\s+(\w+)\s*:=\s*\[\s*FALSE\s*,\s*({NUMBER})", re.IGNORECASE)
 ZONES_MM = {"fine": 0.0, "z0": 0.3, "z1": 1.0, "z5": 5.0, "z10": 10.0}
 
 
@@ -58,6 +59,7 @@ class Leg:
 def legs_of(rapid: str) -> list[Leg]:
     """The moves of a program from its first target on; the first target is a place, no way."""
     named = dict(DECLARED.findall(rapid))
+    zones = ZONES_MM | {name: float(radius) for name, radius in ZONE.findall(rapid)}
     legs: list[Leg] = []
     here: tuple[np.ndarray, Rotation] | None = None
     for line in rapid.splitlines():
@@ -81,7 +83,7 @@ def legs_of(rapid: str) -> list[Leg]:
             poses.append((values[:3], Rotation.from_quat(np.roll(values[3:], -1))))
         zone = rest.split(",")[1].strip()
         own = re.search(r"\\Z:=([0-9.]+)", zone)
-        radius = float(own[1]) if own else ZONES_MM[zone.partition("\\")[0].strip()]
+        radius = float(own[1]) if own else zones[zone.partition("\\")[0].strip()]
         if here is not None:
             points = np.array([here[0], *(point for point, _ in poses)])
             legs.append(Leg(points, Rotation.concatenate([here[1], poses[-1][1]]), radius))
@@ -128,43 +130,49 @@ def drive(legs: list[Leg], step: float = 0.5, *, zones: bool = True) -> Driven:
     return Driven(np.concatenate(positions), Rotation.concatenate(turns))
 
 
-def _about(axis: int, angle: np.ndarray) -> Rotation:
-    return Rotation.from_rotvec(angle[:, None] * np.eye(3)[axis])
+def _about(axis: int, angle: np.ndarray) -> np.ndarray:
+    c, s, zero, one = np.cos(angle), np.sin(angle), 0 * angle, 0 * angle + 1
+    rows = [[one, zero, zero, zero, c, -s, zero, s, c], [c, zero, s, zero, one, zero, -s, zero, c],
+            [c, -s, zero, s, c, zero, zero, zero, one]][axis]
+    return np.stack(rows, axis=-1).reshape(-1, 3, 3)
 
 
-def flange(arm: Arm, q: np.ndarray) -> tuple[np.ndarray, Rotation]:
-    """`Arm.pose` of many drive angles (n, 6) [rad], without a tool."""
+def stance(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Arm.pose` of many drive angles (n, 6) [rad]: TCP (n, 3) [m], flange's turn (n, 3, 3), and how both move with the drives
+    (n, 6, 6): each turns what hangs on it about its axis; the lower arm of a parallel rod carries the forearm without turning it.
+    """
     column = _about(2, q[:, 0])
-    lower = column * _about(1, q[:, 1])
-    forearm = column * _about(1, q[:, 2] if arm.parallel_rod else q[:, 1] + q[:, 2])
-    wrist = (column.apply([arm.shoulder, 0, arm.height]) + lower.apply([0, 0, arm.lower_arm])
-             + forearm.apply([arm.forearm, 0, arm.elbow]))
-    hand = forearm * _about(0, q[:, 3]) * _about(1, q[:, 4]) * _about(0, q[:, 5])
-    return wrist + hand.apply([arm.flange, 0, 0]), hand * Rotation.from_matrix([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-
-
-def slopes(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-    """d pose / d drive angles (n, 6, 6), central differences."""
-    columns, step = np.empty((len(q), 6, 6)), 1e-5
-    for i in range(6):
-        ahead, behind = q.copy(), q.copy()
-        ahead[:, i] += step
-        behind[:, i] -= step
-        (p, r), (o, s) = flange(arm, ahead), flange(arm, behind)
-        columns[:, :3, i] = p + r.apply(tcp) - o - s.apply(tcp)
-        columns[:, 3:, i] = (r * s.inv()).as_rotvec()
-    return columns / (2 * step)
+    lower = column @ _about(1, q[:, 1])
+    forearm = column @ _about(1, q[:, 2] if arm.parallel_rod else q[:, 1] + q[:, 2])
+    turned = forearm @ _about(0, q[:, 3])
+    bent = turned @ _about(1, q[:, 4])
+    hand = bent @ _about(0, q[:, 5])
+    flange = hand @ np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    shoulder = column @ [arm.shoulder, 0, arm.height]
+    elbow = shoulder + lower @ [0, 0, arm.lower_arm]
+    wrist = elbow + forearm @ [arm.forearm, 0, arm.elbow]
+    place = wrist + hand @ [arm.flange, 0, 0] + flange @ tcp
+    columns = np.empty((len(q), 6, 6))
+    for i, (axis, centre) in enumerate((
+            (np.tile([0.0, 0, 1], (len(q), 1)), np.zeros(3)), (column[:, :, 1], shoulder), (column[:, :, 1], elbow),
+            (forearm[:, :, 0], wrist), (turned[:, :, 1], wrist), (bent[:, :, 0], wrist))):
+        carried = arm.parallel_rod and i == 1
+        columns[:, :3, i] = np.cross(axis, (elbow if carried else place) - centre)
+        columns[:, 3:, i] = 0.0 if carried else axis
+    return place, flange, columns
 
 
 def solve(arm: Arm, position: np.ndarray, turn: Rotation, start: np.ndarray) -> np.ndarray:
     """Drive angles (n, 6) [rad] that put the flange at positions (n, 3) [m] with that turn, by Newton's method from one start."""
-    q = np.tile(start, (len(position), 1))
-    for _ in range(12):
-        p, r = flange(arm, q)
-        miss = np.concatenate([p - position, (r * turn.inv()).as_rotvec()], axis=1)
+    q, aim = np.tile(start, (len(position), 1)), turn.as_matrix()
+    for _ in range(15):
+        p, r, columns = stance(arm, q, np.zeros(3))
+        m = r @ np.swapaxes(aim, 1, 2)
+        vee = np.stack([m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]], axis=1) / 2
+        miss = np.concatenate([p - position, vee], axis=1)
         if np.abs(miss).max() < 1e-12:
             return q
-        q = q - np.linalg.solve(slopes(arm, q, np.zeros(3)), miss[:, :, None])[:, :, 0]
+        q = q - np.linalg.solve(columns, miss[:, :, None])[:, :, 0]
     raise AssertionError(f"{np.abs(miss).max():g} off")
 
 
@@ -172,10 +180,10 @@ def loaded(arm: Arm, q: np.ndarray, tcp: np.ndarray, force: np.ndarray, stiffnes
     """TCP (n, 3) [m] at rest under forces (n, 3) [N] at it, base frame: balance of virtual work, by repeated substitution."""
     at = q
     for _ in range(60):
-        last, at = at, q + np.einsum("nri,nr->ni", slopes(arm, at, tcp)[:, :3], force) / stiffness
+        place, _, columns = stance(arm, at, tcp)
+        last, at = at, q + np.einsum("nri,nr->ni", columns[:, :3], force) / stiffness
         if np.abs(at - last).max() < 1e-11:
-            p, r = flange(arm, at)
-            return np.asarray(p + r.apply(tcp))
+            return place
     raise AssertionError("not at rest")
 
 

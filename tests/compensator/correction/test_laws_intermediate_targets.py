@@ -77,7 +77,7 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
     assert len(job.offsets()) == 4, "one row a target of the program given"
     coarse = job.correct("--json", "--force", "--tolerance", "40").json["result"]["added_targets"]
-    assert coarse < added / 2
+    assert coarse <= added / 2
     assert job.correct("--force", "--keep-targets").code == 0
     assert len(kit.targets_of(job.out.read_text())) == 4
     assert worst_off_the_line(job, path) > 60e-6

@@ -4,7 +4,7 @@ would take the loaded tool off the planned curve, measured across it every half 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,9 @@ FEED_MM_S, STEP_MM = 50.0, 0.5
 RAMP_MM, WAVE_MM = 12.0, 25.0
 TURN_DEG = np.array([2.0, -3.0, 4.0])       # of the tool, along the whole path
 
-# Points of paths in a plane of the work object [mm], and how each is reached; "V" the circle point of the arc to the next.
+AIR_MM_S = 200.0
+# Points of paths in a plane of the work object [mm], and how each is reached; "V" the circle point of the arc to the next, "A" a
+# MoveL in the air.
 LINES = "J 0,0 L 60,0 L 120,0 L 120,40"
 ARCS = "J 0,0 L 10,0 V 40,30 C 10,60 L 0,60 V -30,90 C 0,120 L 20,120"
 SHORT = "J 0,0 " + " ".join(f"L {3 * i:g},{8 * np.sin(i / 9):.3f}" for i in range(1, 46))
@@ -41,7 +43,7 @@ class LineJob:
     feed: str = "v50"
     force_of: Callable[[LineJob, np.ndarray], np.ndarray] | None = None
     noise_n: float = 0.0
-    moves: list[str] = field(init=False)
+    text: str = ""      # a program of the same path, written elsewhere
 
     def __post_init__(self) -> None:
         words = self.path.split()
@@ -68,12 +70,17 @@ class LineJob:
 
     @cached_property
     def program(self) -> str:
+        if self.text:
+            return self.text
         angles = self.angles(np.array([1e3 * pose.p for pose in self.poses]), Rotation.concatenate([p.r for p in self.poses]))
         texts = [kit.robtarget(pose, kit.confdata(q), digits=8) for pose, q in zip(self.poses, angles, strict=True)]
-        tail = rf"{self.feed},{self.zone},tMill\WObj:=wPart;"
         moves, index = [], 0
         while index < len(texts):
-            if self.kinds[index] == "V":
+            air = self.kinds[index] == "A"
+            tail = rf"{'v200' if air else self.feed},{self.zone},tMill\WObj:=wPart;"
+            if air:
+                moves.append(f"    MoveL {texts[index]},{tail}")
+            elif self.kinds[index] == "V":
                 moves.append(f"    MoveC {texts[index]},{texts[index + 1]},{tail}")
                 index += 1
             else:
@@ -144,10 +151,21 @@ class LineJob:
             degrees = np.degrees(self.angles(way.position, way.turn))
             columns = {f"q{i + 1}_deg": degrees[:, i] for i in range(6)}
         else:
-            columns = {"time_s": s / FEED_MM_S}
+            # The logger runs before the program and after it.
+            still = np.arange(0, 4, 0.01)
+            feed = np.where(np.array(self.kinds[1:]) == "A", AIR_MM_S, FEED_MM_S)
+            at = np.interp(s, self.target_lengths, np.append(0.0, np.cumsum(np.diff(self.target_lengths) / feed)))
+            columns = {"time_s": np.concatenate([still, 4 + at, 4 + at[-1] + still])}
+            force = np.concatenate([np.zeros((len(still), 3)), force, np.zeros((len(still), 3))])
         rows = np.column_stack([*columns.values(), force])
         return ",".join([*columns, "fx_n", "fy_n", "fz_n"]) + "\n" + "".join(
             ",".join(f"{value:.7f}" for value in row) + "\n" for row in rows)
+
+    @property
+    def air(self) -> np.ndarray:
+        """Path lengths (n, 2) [mm] between which the tool is in the air."""
+        ends = np.column_stack([self.target_lengths[:-1], self.target_lengths[1:]])
+        return np.asarray(ends[np.array(self.kinds[1:]) == "A"])
 
     def job(self, log: str) -> kit.Job:
         return kit.Job(self.folder, cell=kit.cell_text(self.robot), program=self.program,
