@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.forward import loaded_tool
+from compensator.correction.grid_forces import place_of
 from compensator.correction.intermediate_targets import LookedAt
 from compensator.correction.needed_targets import ENOUGH, SIGMAS, beyond_noise
 from compensator.correction.prediction import Prediction
@@ -21,7 +22,7 @@ from compensator.path.arc_length import circle, turned_angle
 from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only, rms
-from identification.common.findings import Finding, counted
+from identification.common.findings import Finding, Level, counted
 from identification.model.inverse import nearest_angles
 from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 
@@ -32,12 +33,14 @@ ROUNDING = 0.2e-6
 
 @dataclass(frozen=True, eq=False)
 class BetweenTargets:
-    """left (P,) [m]: how far the loaded tool is off the planned curve at points between targets, beyond what the log's scatter
-    explains, which is noise (P,) [m], 1 sigma; owner (P,): the targets, as given, that these moves go to; moves: how many there are."""
+    """left (P,) [m]: how far the loaded tool is off the planned curve between targets, beyond what the log's scatter explains;
+    noise (Q,) [m]: 1 sigma of that, of each point; owner (P,): the targets, as given, that these moves go to. assumed: the log
+    names targets, and the force was taken as straight between them."""
 
     left: Array
     noise: Array
     owner: Indices
+    assumed: bool
     findings: tuple[Finding, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -49,9 +52,10 @@ class BetweenTargets:
     def line(self) -> str:
         """The same for the terminal."""
         figures = self.as_dict()
+        beside = (f"the scatter of the log, {figures['scatter_rms']:.2f} um RMS a point, not counted" if not self.assumed else
+                  "the log names targets: the force is taken as straight from one to the next")
         return (f"left between targets, by the same model: largest {figures['largest']:.2f} um, RMS {figures['rms']:.2f} um "
-                f"({counted(figures['moves'], 'move')} looked at; the scatter of the log, {figures['scatter_rms']:.2f} um RMS a point, "
-                "not counted)")
+                f"({counted(figures['moves'], 'move')} looked at; {beside})")
 
 
 def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> BetweenTargets:
@@ -71,12 +75,7 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])
     owner, noise = grid.owner[where], looked_at.noise[points]
     read_only(left, owner, noise)
-    return BetweenTargets(left, noise, owner, _findings(looked_at, where, left))
-
-
-def place_of(looked_at: LookedAt) -> Array:
-    """Path length (G,) [m] of the points, known everywhere and ascending."""
-    return np.maximum.accumulate(np.nan_to_num(looked_at.fine.path.length))
+    return BetweenTargets(left, noise, owner, fine.forces.named, _findings(looked_at, where, left))
 
 
 def _across(off: Array, path: RobotPath, points: Indices) -> Array:
@@ -94,7 +93,7 @@ def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]
     grid, at, count = looked_at.grid, looked_at.at, len(looked_at.grid.owner)
     deviation = np.full((count, 3), np.nan)
     deviation[prediction.targets] = prediction.position
-    length = np.maximum(np.diff(place_of(looked_at)), 1e-9)[:, None]
+    length = np.maximum(np.diff(place_of(looked_at.fine.path)), 1e-9)[:, None]
     slope = np.diff(deviation, axis=0) / length
     first = at[:-1][(np.diff(at) == 1) & (grid.further[at[:-1]] | grid.further[at[1:]])]
     first = first[(first > 1) & (first < count - 3)]
@@ -110,7 +109,7 @@ def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]
 
 def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:
     """Where the program commands the tool at points (n,) of the grid, with targets (N) at its points `at`."""
-    at, place = looked_at.at, place_of(looked_at)
+    at, place = looked_at.at, place_of(looked_at.fine.path)
     start = np.clip(np.searchsorted(at, points, side="right") - 1, 0, len(at) - 2)
     share = (place[points] - place[at[start]]) / np.maximum(place[at[start + 1]] - place[at[start]], 1e-12)
     position = target.position[start] + share[:, None] * (target.position[start + 1] - target.position[start])
@@ -139,7 +138,7 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
     beside = grid.beside_zone[points]
     spacing = f"{1e3 * settings.min_spacing.length:g} mm or {1e3 * settings.min_spacing.time:g} ms (--min-spacing)"
     near = grid.may[points] | grid.divisible[points]
-    reasons = (
+    reasons: tuple[tuple[NDArray[np.bool_], str, Level, str, str], ...] = (
         (over & beside, "CS3092", "warning", "the zone of a corner leaves no room for a target",
          "--tighten-zones makes zones smaller that cut corners in the cut"),
         (over & ~beside & near, "CS3091", "note", f"the force changes within {spacing}, or a correction is held back",
@@ -150,8 +149,8 @@ def _findings(looked_at: LookedAt, points: Indices, left: Array) -> tuple[Findin
     for mask, code, level, why, hint in reasons:
         if mask.any():
             worst = points[mask][np.argmax(left[mask])]
-            moves = len(np.unique(grid.owner[points[mask]]))
+            moves = counted(len(np.unique(grid.owner[points[mask]])), "move")
             findings.append(path.finding(
-                int(worst), code, level, f"between targets the tool stays up to {1e6 * left[mask].max():.1f} um off the plan in "
-                f"{counted(moves, 'move')}, more than the tolerance of {1e6 * settings.tolerance:g} um: {why}", hint))
+                int(worst), code, level, f"between targets the tool stays up to {1e6 * left[mask].max():.1f} um off the plan "
+                f"in {moves}, more than the tolerance of {1e6 * settings.tolerance:g} um: {why}", hint))
     return tuple(findings)

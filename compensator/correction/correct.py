@@ -29,8 +29,8 @@ Indices = NDArray[np.intp]
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written; between: the same between targets, None where no move may differ there
-    by half the tolerance. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm
+    loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
+    the tolerance. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm
     leaves the tool, None where the force was made to follow the cut. feed: the feed check, and advice: on the posture, where
     they were asked for.
     """

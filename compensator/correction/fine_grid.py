@@ -71,14 +71,16 @@ def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
 def fine_grid(
     program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool
 ) -> Grid | None:
-    """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from corners with a zone, so
-    that these are driven as planned, but for the tolerance [m]. keep: none of the points may be written."""
+    """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from
+    corners with a zone, so that these are driven as planned, but for the tolerance [m]. keep: none may be written."""
     toolpath, count = path.toolpath, len(path.toolpath)
     usable = np.insert(_usable(path), 0, False)
-    vias = np.flatnonzero((toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END) & usable[:-1] & usable[1:]
+    arc = (toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END)
+    vias = np.flatnonzero(arc & usable[:-1] & usable[1:]
                           & np.isfinite(np.minimum(spacing[:-1], spacing[1:])))
     zone = _zones_at_corners(path, tolerance)
-    lines = _on_lines(program, toolpath, usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR), spacing, zone, keep=keep)
+    straight = usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR)
+    lines = _on_lines(program, toolpath, straight, spacing, zone, keep=keep)
     arcs = [(int(via), half) for via in vias if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep))]
     parts = [lines, *(half for _, halves in arcs for half in halves)]
     points = _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__annotations__))
@@ -176,7 +178,8 @@ def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: A
         toolpath, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(toolpath.position, position),
         quaternion=more(toolpath.quaternion, quaternion), external=more(toolpath.external, nothing),
         joints=more(toolpath.joints, nothing),
-        block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]), **like)
+        block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]),
+        **like)
 
 
 def _turned(start: Array, end: Array, share: Array) -> Array:

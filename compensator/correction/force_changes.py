@@ -75,7 +75,7 @@ def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:
 
 def _means(log: ForceLog, rows: Indices, group: Indices, count: int) -> tuple[Array, Array]:
     """Samples (count,) and mean load (count, 6) [N, N m], as logged, of these rows by group."""
-    weight = np.bincount(group, log.weight[rows], minlength=count)
+    weight = np.bincount(group, log.weight[rows], minlength=count).astype(float)
     load = (*log.force.T, *log.moment.T) if log.has_moment else tuple(log.force.T)
     total = [np.bincount(group, log.weight[rows] * values[rows], minlength=count) for values in load]
     nothing = [np.zeros(count)] * (6 - len(total))

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
-from compensator.correction.force_changes import noise_of_one, pieces_to_look_at
+from compensator.correction.force_changes import pieces_to_look_at
+from compensator.correction.grid_forces import averaged, forces_on, noise_of, place_of, weight_of
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.needed_targets import Wanted, needed_points, untouched, window_means, windows
+from compensator.correction.needed_targets import Wanted, needed_points
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.forces.placement import TargetForces, place_forces
-from compensator.path.arc_length import nearest_target
+from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import MoreMoves, Pose, RapidProgram, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath
@@ -70,7 +70,7 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
         text, added = _rewritten(planned.program.text, path, looked_at)
         with_more = robot_path(text.toolpath, path.cell)
     kept = as_given + np.cumsum(added)
-    forces = _averaged(planned, looked_at, placed)
+    forces = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
     targets, _ = targets_to_correct(with_more, forces)
     loaded = LoadedPath(with_more, forces, planned.model, targets)
     air = np.zeros(len(text.toolpath), dtype=bool)
@@ -82,13 +82,12 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
 
 def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, TargetForces]:
     """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid."""
-    placed = _placed(planned, path, grid.kept)
+    placed = forces_on(planned, path, grid.kept)
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
-    weight = _weight(planned, placed)
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
     points = np.flatnonzero(known & near)
-    loaded = LoadedPath(path, replace(placed, standard_error=_noise(placed, weight)), planned.model, points)
+    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points)
     # What is left of the covariance is the mean force's.
     exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance))
     prediction = predict_path(replace(loaded, model=exact))
@@ -98,98 +97,10 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     deviation[points] = prediction.position
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
     have, arcs = needed_points(grid, Wanted(
-        deviation, own, AIM * planned.settings.correction.tolerance, noise, planned.slope, known, _place(path), weight,
-        path.base_from_tcp.position))
+        deviation, own, AIM * planned.settings.correction.tolerance, noise, planned.slope, known, place_of(path),
+        weight_of(placed), path.base_from_tcp.position))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
-
-
-def _place(path: RobotPath) -> Array:
-    """Path length (G,) [m], known everywhere and ascending."""
-    return np.maximum.accumulate(np.nan_to_num(path.length))
-
-
-def _weight(planned: Predicted, placed: TargetForces) -> Array:
-    """What the points (G,) weigh in a mean: their samples; nothing where the log names targets, and the force of each stands."""
-    return np.zeros(len(placed.samples)) if planned.forces.named else placed.samples.astype(float)
-
-
-def _noise(placed: TargetForces, weight: Array) -> Array:
-    """Standard error (G, 3) [N] of the mean forces: from their scatter about a smooth force, not from a force that rises."""
-    sampled = np.flatnonzero(weight)
-    one = noise_of_one(placed.wrench[sampled, :3], weight[sampled], placed.forced[sampled])
-    return np.asarray(one / np.sqrt(np.maximum(weight, 1))[:, None] * (weight > 0)[:, None])
-
-
-def _placed(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
-    """The log on the grid, whose points `kept` (N,) are the program's own. Where it names targets, the points between two with
-    force get forces in between."""
-    forces, log = planned.forces, planned.forces.log
-    if not forces.named:
-        given = planned.path.length
-        known = ~np.isnan(given)
-        # The chords of an arc are shorter than it is.
-        log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
-        air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
-        return _centred(place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air]), fine)
-    own = np.zeros(len(fine.toolpath), dtype=bool)
-    own[kept] = True
-    number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
-    low = np.floor(number).astype(np.intp)
-    high = np.minimum(low + 1, len(kept) - 1)
-    share = (number - low)[:, None]
-
-    def between(values: Array) -> Array:
-        return (1 - share) * values[low] + share * values[high]
-
-    samples = np.zeros(len(own), dtype=np.intp)
-    samples[kept] = forces.samples
-    forced = forces.forced[low] & (own | forces.forced[high])
-    return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
-                   standard_error=between(forces.standard_error), forced=forced)
-
-
-def _centred(placed: TargetForces, fine: RobotPath) -> TargetForces:
-    """The forces of the points (G,) where they stand, out of the means of their samples, whose middle may lie beside them: moved
-    by the lesser of the slopes on either side, which at a step is none."""
-    log, place, count = placed.log, _place(fine), len(placed.samples)
-    on = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= place[-1]))
-    point = nearest_target(fine.length, log.place[on])
-    weight = np.bincount(point, log.weight[on], minlength=count)
-    middle = np.bincount(point, log.weight[on] * log.place[on], minlength=count) / np.maximum(weight, 1)
-    inner = 1 + np.flatnonzero(placed.forced[:-2] & placed.forced[1:-1] & placed.forced[2:])
-    before, behind = middle[inner] - middle[inner - 1], middle[inner + 1] - middle[inner]
-    aside = place[inner] - middle[inner]
-    near = (before > 0) & (behind > 0) & (np.abs(aside) <= 0.5 * np.minimum(before, behind))
-    inner, aside, before, behind = (values[near] for values in (inner, aside, before, behind))
-    wrench = placed.wrench.copy()
-    rising, following = ((wrench[inner] - wrench[inner - 1]) / before[:, None], (wrench[inner + 1] - wrench[inner]) / behind[:, None])
-    slope = np.where(rising * following > 0, np.sign(rising) * np.minimum(np.abs(rising), np.abs(following)), 0.0)
-    wrench[inner] += slope * aside[:, None]
-    return replace(placed, wrench=wrench)
-
-
-def _averaged(planned: Predicted, looked_at: LookedAt, placed: TargetForces) -> TargetForces:
-    """The forces (N,) of the program's targets now out of those of the grid; one without a new neighbour keeps its own."""
-    at, weight = looked_at.at, _weight(planned, placed)
-    first, last = windows(_place(looked_at.fine.path), at)
-    samples = np.concatenate([[0], np.cumsum(placed.samples)])
-    size = np.maximum((samples[last] - samples[first]).astype(float), 1.0)[:, None]
-    error = np.nan_to_num(placed.standard_error) * np.maximum(placed.samples, 1)[:, None]
-    squares = np.concatenate([np.zeros((1, 3)), np.cumsum(error**2, axis=0)])
-    own_error = placed.standard_error[at]
-    wide = (last - first > 1)[:, None] & (weight[at] > 0)[:, None]
-    forced = placed.forced[at]
-    averaged = replace(
-        placed, samples=samples[last] - samples[first], forced=forced,
-        wrench=np.where(forced[:, None], window_means(placed.wrench, weight, first, last, at), 0.0),
-        standard_error=np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error))
-    alone = untouched(~looked_at.grid.further, at)
-    own = np.searchsorted(looked_at.grid.kept, at[alone])
-    values = {name: getattr(averaged, name).copy() for name in ("wrench", "samples", "standard_error", "forced")}
-    for name, into in values.items():
-        into[alone] = getattr(planned.forces, name)[own]
-    return replace(averaged, **values)
 
 
 def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> tuple[RapidProgram, Indices]:

@@ -80,7 +80,8 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         alone = untouched(own, at)
         value[alone] = wanted.own[at[alone]]
         line = np.column_stack([np.interp(wanted.place, wanted.place[at], value[:, axis]) for axis in range(3)])
-        off = beyond_noise(np.where(wanted.known[:, None], line - wanted.deviation, 0.0), wanted.noise, ENOUGH * wanted.tolerance)
+        missing = np.where(wanted.known[:, None], line - wanted.deviation, 0.0)
+        off = beyond_noise(missing, wanted.noise, ENOUGH * wanted.tolerance)
         free = grid.may & wanted.known & ~have & ~_too_steep(wanted, at, value, np.cumsum(have) - 1)
         excess = np.where(free, off - wanted.tolerance, -np.inf)
         worst = np.maximum.reduceat(excess, at)
@@ -96,7 +97,7 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
 
 def _too_steep(wanted: Wanted, at: Indices, value: Array, before: Indices) -> Mask:
     """Points (G,) from which the way to the target before or behind them would be steeper than the slope, in any coordinate:
-    the correction would be held back there. at (K,): the targets, with their values (K, 3); before (G,): number of the one before.
+    the correction would be held back there. at (K,): the targets, values (K, 3) theirs; before (G,): number of the one before.
     """
     steep = np.zeros(len(before), dtype=bool)
     if np.isfinite(wanted.slope):
@@ -115,7 +116,7 @@ def _coarse(grid: Grid, wanted: Wanted, arcs: Indices, commanded: Array, followe
     count = 2 * step + 1
     piece = np.repeat(np.arange(len(arcs)), count)
     point = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + first[piece]
-    off = off_circles(*(commanded[first + k * step] for k in range(3)), piece, followed[point])
+    off = off_circles(commanded[first], commanded[first + step], commanded[first + 2 * step], piece, followed[point])
     seen = beyond_noise(np.where(wanted.known[point, None], off, 0.0), wanted.noise[point],
                         ENOUGH * wanted.tolerance)
     over = (seen > wanted.tolerance) & wanted.known[point] & grid.further[point]
@@ -155,4 +156,4 @@ def beyond_noise(off: Array, noise: Array, enough: float) -> Array:
         mean = np.linalg.norm(sum_off[last] - sum_off[first], axis=1) / size
         unsure = SIGMAS * np.sqrt(np.maximum(sum_square[last] - sum_square[first], 0.0)) / size
         certain = np.where(wanting, np.maximum(certain, mean - unsure), certain)
-    return np.maximum(certain, 0.0)
+    return np.asarray(np.maximum(certain, 0.0))

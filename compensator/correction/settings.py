@@ -41,8 +41,9 @@ class CorrectionSettings:
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
     compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how far the
     correction along a move may be from what its place asks for; min_spacing: how near to each other intermediate targets may
-    stand; long_move [m]: no shorter MoveL, or half a MoveC, gets any; keep_targets: none does. tighten_zones: zones that cut corners by more than the tolerance are made
-    smaller. advise: say which turn about the tool's axis would lower the deviation. correct_again: also a program that a record
+    stand; long_move [m]: no shorter MoveL, or half a MoveC, gets any; keep_targets: none does. tighten_zones: zones that cut
+    corners by more than the tolerance are made smaller. advise: say which turn about the tool's axis would lower the
+    deviation. correct_again: also a program that a record
     names as the output of a correction."""
 
     confidence: float = 0.69

@@ -6,6 +6,7 @@ of its drawing, with springs at the drives. Distances are measured across the cu
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass
 
@@ -109,7 +110,7 @@ def drive(legs: list[Leg], step: float = 0.5, *, zones: bool = True) -> Driven:
     """The legs one behind the other, every `step` [mm] or closer; a fly-by zone takes at most half a leg on either side."""
     positions, turns = [], []
     reach = [0.0]
-    for leg, after in zip(legs[:-1], legs[1:], strict=True):
+    for leg, after in itertools.pairwise(legs):
         reach.append(min(leg.zone, leg.length / 2, after.length / 2) if zones else 0.0)
     reach.append(0.0)
     for number, leg in enumerate(legs):
@@ -139,8 +140,8 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 
 def stance(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`Arm.pose` of many drive angles (n, 6) [rad]: TCP (n, 3) [m], flange's turn (n, 3, 3), and how both move with the drives
-    (n, 6, 6): each turns what hangs on it about its axis; the lower arm of a parallel rod carries the forearm without turning it.
-    """
+    (n, 6, 6): each turns what hangs on it about its axis; the lower arm of a parallel rod carries the forearm, and does not
+    turn it."""
     column = _about(2, q[:, 0])
     lower = column @ _about(1, q[:, 1])
     forearm = column @ _about(1, q[:, 2] if arm.parallel_rod else q[:, 1] + q[:, 2])
@@ -163,7 +164,7 @@ def stance(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def solve(arm: Arm, position: np.ndarray, turn: Rotation, start: np.ndarray) -> np.ndarray:
-    """Drive angles (n, 6) [rad] that put the flange at positions (n, 3) [m] with that turn, by Newton's method from one start."""
+    """Drive angles (n, 6) [rad] that put the flange at positions (n, 3) [m] with that turn, by Newton's method."""
     q, aim = np.tile(start, (len(position), 1)), turn.as_matrix()
     for _ in range(15):
         p, r, columns = stance(arm, q, np.zeros(3))

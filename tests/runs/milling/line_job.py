@@ -1,5 +1,6 @@
-"""A path under a known force, on one of three robots: programs and logs of it in every form, and how far the corrected program
-would take the loaded tool off the planned curve, measured across it every half millimetre (tests/virtual_cell/controller.py)."""
+"""A path under a known force, on one of several robots: programs and logs of it in every form, and how far the corrected
+program would take the loaded tool off the planned curve, measured across it every half millimetre.
+tests/virtual_cell/controller.py drives it."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ RAMP_MM, WAVE_MM = 12.0, 25.0
 TURN_DEG = np.array([2.0, -3.0, 4.0])       # of the tool, along the whole path
 
 AIR_MM_S = 200.0
-# Points of paths in a plane of the work object [mm], and how each is reached; "V" the circle point of the arc to the next, "A" a
-# MoveL in the air.
+# Points of paths in a plane of the work object [mm], and how each is reached; "V" the circle point of the arc to the next, "A"
+# a MoveL in the air.
 LINES = "J 0,0 L 60,0 L 120,0 L 120,40"
 ARCS = "J 0,0 L 10,0 V 40,30 C 10,60 L 0,60 V -30,90 C 0,120 L 20,120"
 SHORT = "J 0,0 " + " ".join(f"L {3 * i:g},{8 * np.sin(i / 9):.3f}" for i in range(1, 46))
@@ -168,8 +169,9 @@ class LineJob:
         return np.asarray(ends[np.array(self.kinds[1:]) == "A"])
 
     def job(self, log: str) -> kit.Job:
+        springs = "drive" if self.arm.parallel_rod else "serial"
         return kit.Job(self.folder, cell=kit.cell_text(self.robot), program=self.program,
-                       stiffness=kit.stiffness_text(robot=self.robot, load_path="drive" if self.arm.parallel_rod else "serial"), forces=log)
+                       stiffness=kit.stiffness_text(robot=self.robot, load_path=springs), forces=log)
 
     def off_um(self, rapid: str) -> np.ndarray:
         """How far the loaded tool is off the planned curve (n,) [um], every half millimetre of the driven program. The force is

@@ -131,7 +131,8 @@ def posted_source(job: LineJob, form: str) -> str:
     def words(*values: float) -> str:
         return ",".join(f"{value:.6f}" for value in values)
 
-    lines = ["UNITS/MM", "MULTAX/ON", "RAPID", f"GOTO/{words(*mm[0], *axis)}", "FEDRAT/3000,MMPM", f"GOTO/{words(*mm[1], *axis)}",
+    lines = ["UNITS/MM", "MULTAX/ON", "RAPID", f"GOTO/{words(*mm[0], *axis)}", "FEDRAT/3000,MMPM",
+             f"GOTO/{words(*mm[1], *axis)}",
              f"CIRCLE/{words(*centre, *normal, 30.0)}", f"GOTO/{words(*mm[3], *axis)}", f"GOTO/{words(*mm[4], *axis)}"]
     return "\n".join(lines) + "\n"
 
@@ -193,7 +194,7 @@ def test_a_force_that_is_straight_needs_no_targets(tmp_path: Path) -> None:
 def test_beside_a_zone_no_target_is_added_and_it_is_said(tmp_path: Path) -> None:
     """The force changes about a corner with z10: it is driven as planned, and the place named."""
     def about_the_corner(job: LineJob, s: np.ndarray) -> np.ndarray:
-        return np.outer(np.exp(-((s - 120) / 6) ** 2), [50.0, 250.0, -90.0]) + [5.0, 5.0, -5.0]
+        return np.outer(np.exp(-((s - 120) / 6) ** 2), [50.0, 250.0, -90.0]) + np.array([5.0, 5.0, -5.0])
 
     job = LineJob(tmp_path, LINES, zone="z10", force_of=about_the_corner)
     _, result, text = job.correct("path_mm")
