@@ -2,11 +2,12 @@
 
     OMP_NUM_THREADS=1 python benchmarks/line_between.py [--robots NAME,NAME] [--noise N]
 
-A path of 130 to 230 mm under a force of up to 260 N that rises over 12 mm, varies, and falls again, written as long MoveL, short
-MoveL (3 mm), targets every millimetre, and MoveC; logged every 0.1 mm by path length, position and joint angles, and by target.
-The program that `correct` writes is driven by tests/virtual_cell/controller.py, which shares no code with the packages: straight
-lines, arcs, even turning, zones as parabolas, springs at the drives. Distance of the loaded tool across the planned curve every
-half millimetre, largest / RMS [um]; in brackets the targets that were added; `said`: the largest that `correct` prints.
+A path of 130 to 230 mm under a force of up to 260 N that rises over 12 mm, varies, and falls again, written as long MoveL,
+short MoveL (3 mm), targets every millimetre, and MoveC; logged every 0.1 mm by path length, position and joint angles, and by
+target. The program that `correct` writes is driven by tests/virtual_cell/controller.py, which shares no code with the
+packages: straight lines, arcs, even turning, zones as parabolas, springs at the drives. Distance of the loaded tool across the
+planned curve every half millimetre, largest / RMS [um]; in brackets the targets that were added; `said`: the largest that
+`correct` prints.
 """
 
 from __future__ import annotations
