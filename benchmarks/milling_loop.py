@@ -23,7 +23,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,11 +31,11 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from compensator.correction.settings import Settings
+from compensator.correction.settings import DEFAULTS
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.compliance import equilibrium
-from tests.runs.milling.milling_job import MillingJob, grown, made_worse, rms, settings
+from tests.runs.milling.milling_job import Correction, MillingJob, grown, made_worse, rms, settings
 from tests.virtual_cell.cell import parse
 from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
@@ -83,6 +83,7 @@ class Result:
     said: str = ""
     seconds: float = 0.0
     cutting_stiffness: float = 0.0
+    targets: tuple[int, int] = (0, 0)
 
 
 def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray) -> Row:
@@ -102,36 +103,43 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         stiffness, truth = job.identify(), job.springs("true.json", job.case.stiffness)
         log = job.log(job.first, job.planned, "pass1.csv")
         found = job.correct(log, stiffness)
-        second = job.mill(found.commands)
-        again = job.correct(job.log(second, found.commands, "pass2.csv"), stiffness)
-        third = job.mill(again.commands)
-        last = job.correct(job.log(third, again.commands, "pass3.csv"), stiffness)
+        second = again_milled(job, found)
+        again = job.correct(job.log(second, found.commands, "pass2.csv", part=found.part), stiffness)
+        third = again_milled(job, again)
+        last = job.correct(job.log(third, again.commands, "pass3.csv", part=again.part), stiffness)
         targets = job.log(job.first, job.planned, "targets.csv", by_target=True)
-        by_target, ahead = job.correct(targets, stiffness), job.correct(targets, stiffness, cell=job.cell_ahead())
-        known = job.correct(log, truth).commands
-        exact = job.perfect_log(job.first, "perfect.csv")
-        perfect = job.correct(exact, truth, settings(tare=()), job.cell_in_base()).commands
-        passes = {
-            "mirrored once, literature k": job.mill(job.mirrored(log, job.springs("prior.json", np.array(PRIOR)))),
-            "mirrored once, least squares k": job.mill(job.mirrored(log, job.springs("lsq.json", least_squares_k(job)))),
-            "corrected: pass 2": second,
-            "corrected again from the log of pass 2: pass 3": third,
-            "and once more: pass 4": job.mill(last.commands),
-            "log by the target moved to, taken for the nearest": job.mill(by_target.commands),
-            "log by the target moved to, and cell.yaml says so": job.mill(ahead.commands),
-            "true k": job.mill(known),
-            "identified k, force of pass 1 held": job.mill(found.commands, job.first.force_n),
-            "true k, force held": job.mill(known, job.first.force_n),
-            "true k, force held, perfect log": job.mill(perfect, job.first.force_n),
-        }
-        rows = [row(name, job.first, done, found.sigma_um) for name, done in passes.items()]
+        known = job.correct(log, truth)
+        perfect = job.correct(job.perfect_log("perfect.csv"), truth, settings(tare=()), job.cell_in_base())
+        literature = job.mirrored(log, job.springs("prior.json", np.array(PRIOR)))
+        least = job.mirrored(log, job.springs("lsq.json", least_squares_k(job)))
+        rows = [row("mirrored once, literature k", job.first, job.mill(literature), found.at_own),
+                row("mirrored once, least squares k", job.first, job.mill(least), found.at_own),
+                *(row(name, job.first_with(one.part), again_milled(job, one, held=held), one.sigma_um) for name, one, held in (
+                    ("corrected: pass 2", found, False),
+                    ("corrected again from the log of pass 2: pass 3", again, False),
+                    ("and once more: pass 4", last, False),
+                    ("corrected with --keep-targets", job.correct(log, stiffness, settings(keep_targets=True)), False),
+                    ("log by the target moved to, taken for the nearest", job.correct(targets, stiffness), False),
+                    ("log by the target moved to, and cell.yaml says so",
+                     job.correct(targets, stiffness, cell=job.cell_ahead()), False),
+                    ("true k", known, False),
+                    ("identified k, force of pass 1 held", found, True),
+                    ("true k, force held", known, True),
+                    ("true k, force held, perfect log", perfect, True)))]
         if wanted:
             other = job.correct(log, stiffness, settings(**wanted))
             words = ", ".join(f"{name} {value:g}" for name, value in wanted.items())
             rows.append(row(f"with {words}", job.first_with(other.part), job.mill(other.commands, part=other.part),
                             other.sigma_um))
         return Result(part, seed, rows, seconds=time.perf_counter() - started,
-                      cutting_stiffness=wall_stiffness(job.first, third))
+                      cutting_stiffness=wall_stiffness(job.first_with(again.part), third),
+                      targets=(len(job.part.target_mm), len(found.part.target_mm)))
+
+
+def again_milled(job: MillingJob, found: Correction, *, held: bool = False) -> Pass:
+    """The pass of a corrected program, the force held that its planned path meets or following the cut."""
+    given = job.first_with(found.part).force_n if held else None
+    return job.mill(found.commands, given, part=found.part)
 
 
 def wall_stiffness(first: Pass, last: Pass) -> float:
@@ -153,10 +161,10 @@ def hidden(arguments: tuple[str, int, dict[str, float]]) -> Result:
         # Plain springs are refused where a cause is hidden.
         all_the_same = settings(accept_rejected=True)
         ignored, named = job.correct(log, stiffness, all_the_same), job.correct(log, extended, all_the_same)
-        truth = job.mill(job.with_the_truth(named.job.predicted.forces.wrench))
-        rows = [row("effect ignored", job.first, job.mill(ignored.commands), ignored.sigma_um),
-                row("diagnosed first", job.first, job.mill(named.commands), named.sigma_um),
-                row("corrected with the cell itself", job.first, truth, named.sigma_um)]
+        truth = job.mill(job.with_the_truth(named.job.planned.forces.wrench))
+        rows = [row("effect ignored", job.first_with(ignored.part), again_milled(job, ignored), ignored.sigma_um),
+                row("diagnosed first", job.first_with(named.part), again_milled(job, named), named.sigma_um),
+                row("corrected with the cell itself", job.first, truth, named.at_own)]
         causes = ", ".join(f"{cause['effect']}{'' if cause['joint'] is None else ':' + str(cause['joint'])}"
                            for cause in diagnosis["causes"])
         return Result(effect, seed, rows, f"{diagnosis['verdict']} {causes}".strip(), time.perf_counter() - started)
@@ -228,6 +236,8 @@ def print_plain(part: str, results: list[Result]) -> None:
     first = next(iter(table.values()))
     print(f"no correction: off {np.mean([rms(one.before) for one in first]):.1f} um RMS, "
           f"{max(one.before.max() for one in first):.0f} um at most; steps that cut {len(first[0].before)} a robot")
+    counts = np.mean([result.targets for result in results], axis=0)
+    print(f"targets of the program: {counts[0]:.0f}, of the corrected one {counts[1]:.0f}")
     print("| | gone, RMS | largest | faces, RMS | without the sharp corner, RMS | left [um] RMS / largest | "
           "worse (beside the corner), by at most | within 2 sigma |\n|---|---|---|---|---|---|---|---|")
     for name, rows in table.items():
@@ -278,7 +288,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     options = parser.parse_args()
     wanted = {name: float(value) for name, _, value in (each.partition("=") for each in options.set)}
-    missing = set(wanted) - {item.name for item in fields(Settings)}
+    missing = set(wanted) - set(DEFAULTS.values())
     if missing:
         parser.error(f"Settings has no field {', '.join(sorted(missing))}")
     seeds = range(options.first_seed, options.first_seed + options.robots)

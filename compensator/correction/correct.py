@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.engagement import following_the_cut, logged_pass
@@ -16,7 +17,6 @@ from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
-from compensator.correction.settings import SLOPE
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
@@ -29,7 +29,8 @@ Indices = NDArray[np.intp]
 class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
-    loaded tool from the plan with the numbers as written. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm
+    loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
+    the tolerance. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm
     leaves the tool, None where the force was made to follow the cut. feed: the feed check, and advice: on the posture, where
     they were asked for.
     """
@@ -40,6 +41,7 @@ class Corrected:
     correction: Correction
     content: bytes
     residual: Array
+    between: BetweenTargets | None
     left_as_logged: Array | None
     feed: FeedCheck | None
     advice: Advice | None
@@ -55,6 +57,7 @@ class Corrected:
             "offset_mm": largest_and_rms(1e3 * offset),
             "turn_deg": largest_and_rms(np.degrees(turn)),
             "residual_um": largest_and_rms(1e6 * self.residual),
+            "between_um": self.between.as_dict() if self.between else None,
             "held_back": int((np.abs(self.correction.share - 1) > 0.01).sum()),
             "expected_worse": round(float(self.correction.harm.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
@@ -74,12 +77,20 @@ class Corrected:
             f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
                else "the rounding of the written numbers)"),
+            self.between_line(),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
             *(self.advice.lines() if self.advice else []),
             *(self.feed.lines() if self.feed else []),
         ]
+
+    def between_line(self) -> str:
+        """What is left between the targets, for people."""
+        if self.between is not None:
+            return self.between.line()
+        return ("left between targets: the log shows no move that asks for more than "
+                f"{0.5e6 * self.planned.settings.correction.tolerance:g} um")
 
     def as_logged(self) -> str:
         """What an unknown cutting stiffness leaves, for people."""
@@ -100,29 +111,29 @@ def correct(planned: Predicted) -> Corrected:
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> corrected = compstiff.correct(predicted)
     >>> corrected.as_dict()["corrected"], f"{1e3 * abs(corrected.correction.offset).max():.3f} mm"
-    (2779, '0.323 mm')
+    (2980, '0.323 mm')
     """
     settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged = logged_pass(planned)
     cornered, of_corners = with_zones(planned)
-    predicted, kept = with_intermediate_targets(cornered)
+    predicted, kept, looked_at = with_intermediate_targets(cornered)
     cut = following_the_cut(predicted, kept, logged)
-    slope = settings.slope or (np.inf if predicted.forces.named else SLOPE)
-    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, slope))
+    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope))
     written = rewrite(predicted.program.text, correction.targets, correction.object_from_tcp.position,
                       correction.object_from_tcp.quaternion, correction.confdata)
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)
     commanded, residual = read_back(cut.loaded, correction, content)
+    between = left_between(looked_at, commanded, logged) if looked_at else None
     feed = None
     if feed_settings.check_feed or feed_settings.strict_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),
                           judge(predicted.path, predicted.forces.forced, commanded), strict=feed_settings.strict_feed)
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,
-                *of_marks, *(feed.findings if feed else ()))
+                *of_marks, *(between.findings if between else ()), *(feed.findings if feed else ()))
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
-    return Corrected(planned, predicted, kept, correction, content, residual, cut.left_as_logged, feed, advice,
-                     findings)
+    return Corrected(planned, predicted, kept, correction, content, residual, between, cut.left_as_logged, feed,
+                     advice, findings)

@@ -1,4 +1,4 @@
-"""A program in short pieces: every long MoveL and every MoveC, to see how the deviation varies between its targets."""
+"""Moves of a program in short pieces, to see how the deviation varies between its targets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.placement import TargetForces
+from compensator.correction.corners import corner_misses
 from compensator.path.arc_length import circle, turned_angle
 from compensator.path.robot_path import RobotPath
 from compensator.rapid import RapidProgram, follows_directly
@@ -17,58 +17,92 @@ from identification.model.rotations import matrix_to_quaternion, quaternion_to_m
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
-# Targets nearer than this, in space [m] or in time at the programmed feed [s], are more than a controller plans ahead.
-NEAREST, SHORTEST = 1e-3, 0.05
-MOST_PIECES, MOST_POINTS = 400, 1_000_000
-# Pieces of half an arc; it may be cut into 1, 2 or 4 arcs, each with a circle point.
-ARC_PIECES = 8
+# Pieces of one move, and points of all of them.
+MOST_PIECES, MOST_POINTS, FEWEST_PIECES = 2000, 200_000, 8
+# A controller takes no MoveC whose circle point is nearer to its ends [m], or seen under a smaller angle from its start; the
+# angle at the centre is twice that (ABB, RAPID instructions: MoveC, limitations: 0.1 mm, 1 degree; with a tenth to spare).
+ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
+# Pieces of half an arc are a power of two, so that arcs can be halved; so many are looked at though it is not.
+MOST_HALVINGS, LOOKED_AT = 9, 4
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The program in pieces. toolpath: all of it (G), arcs among them as chords. kept (N,): the program's own targets in it.
-    owner (G,): the target whose move a further point belongs to, -1 at the program's own."""
+    """Some moves of a program in pieces. toolpath: the program with them (G), arcs among them as chords. kept (N,): the
+    program's own targets in it. owner (G,): the target whose move a further point belongs to, -1 at the program's own.
+    arcs (A, 2): the MoveC, by their first point and the points to their circle point.
+    may (G,): points of lines that can be written as targets; divisible (G,): points of arcs that can be halved; beside_zone
+    (G,): points that may not, because they would make the zone of a corner smaller."""
 
     toolpath: Toolpath
     kept: Indices
     owner: Indices
+    arcs: Indices
+    may: Mask
+    divisible: Mask
+    beside_zone: Mask
 
     @property
-    def further(self) -> NDArray[np.bool_]:
+    def further(self) -> Mask:
         """The points (G,) that are not the program's own targets."""
         return np.asarray(self.owner >= 0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Further points (n) of one move: the target they stand before, position (n, 3) [m], quaternion (n, 4)."""
+    """Further points (n): the target they stand before (n,), position (n, 3) [m], quaternion (n, 4); whether each can be
+    written as a target, is part of an arc that can be halved, or is too near to a corner with a zone (n,)."""
 
-    before: int
+    before: Indices
     position: Array
     quaternion: Array
+    may: Mask
+    divisible: Mask
+    beside_zone: Mask
 
 
-def fine_grid(program: RapidProgram, path: RobotPath, forces: TargetForces, long_move: float) -> Grid | None:
-    """The moves of at least long_move [m], and arcs with halves of that length, in pieces; None without any."""
+def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
+    """How near to each other the targets of each move (N,) may stand [m]: `least` [m], and `shortest` [s] at its feed."""
+    return np.fmax(least, shortest * toolpath.feed)
+
+
+def fine_grid(
+    program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool
+) -> Grid | None:
+    """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from
+    corners with a zone, so that these are driven as planned, but for the tolerance [m]. keep: none may be written."""
     toolpath, count = path.toolpath, len(path.toolpath)
-    usable = _usable(path)
-    arcs = _arcs(program, toolpath, forces, usable)
-    points = [*_on_lines(program, toolpath, forces, usable, long_move),
-              *(half for via in arcs for half in _on_arc(toolpath, via, long_move))]
-    if not points:
+    usable = np.insert(_usable(path), 0, False)
+    arc = (toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END)
+    vias = np.flatnonzero(arc & usable[:-1] & usable[1:]
+                          & np.isfinite(np.minimum(spacing[:-1], spacing[1:])))
+    zone = _zones_at_corners(path, tolerance)
+    straight = usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR)
+    lines = _on_lines(program, toolpath, straight, spacing, zone, keep=keep)
+    arcs = [(int(via), half) for via in vias if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep))]
+    parts = [lines, *(half for _, halves in arcs for half in halves)]
+    points = _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__annotations__))
+    if not len(points.before):
         return None
-    at = np.concatenate([np.full(len(move.position), move.before) for move in points])
-    order = np.argsort(at, kind="stable")
-    at = at[order]
-    chords = np.array([[via, via + 1] for via in arcs], dtype=np.intp).ravel()
-    grid = _with_points(toolpath, at, np.concatenate([move.position for move in points])[order],
-                        np.concatenate([move.quaternion for move in points])[order], chords)
-    return Grid(grid, np.arange(count) + np.searchsorted(at, np.arange(count), side="right"),
-                np.insert(np.full(count, -1), at, at))
+    order = np.argsort(points.before, kind="stable")
+    at = points.before[order]
+    kept = np.arange(count) + np.searchsorted(at, np.arange(count), side="right")
+
+    def placed(values: Mask) -> Mask:
+        return np.insert(np.zeros(count, dtype=bool), at, values[order])
+
+    first = np.array([[kept[via - 1], kept[via] - kept[via - 1]] for via, _ in arcs], dtype=np.intp).reshape(-1, 2)
+    chords = np.array([[via, via + 1] for via, _ in arcs], dtype=np.intp).ravel()
+    grid = _with_points(toolpath, at, points.position[order], points.quaternion[order], chords)
+    divisible = placed(points.divisible)
+    divisible[first.sum(axis=1)] = divisible[first[:, 0] + 1]
+    return Grid(grid, kept, np.insert(np.full(count, -1), at, at), first, placed(points.may), divisible,
+                placed(points.beside_zone))
 
 
-def _usable(path: RobotPath) -> NDArray[np.bool_]:
+def _usable(path: RobotPath) -> Mask:
     """Which moves (N - 1,), from target i to i + 1, may get targets in between."""
     toolpath = path.toolpath
     alike = (toolpath.tool[1:] == toolpath.tool[:-1]) & (toolpath.workobject[1:] == toolpath.workobject[:-1])
@@ -77,50 +111,56 @@ def _usable(path: RobotPath) -> NDArray[np.bool_]:
                       & np.isnan(toolpath.external[1:]).all(axis=1) & posed[:-1] & posed[1:])
 
 
+def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
+    """How far from each target (N,) [m] another one must stand, so that the corner there is driven as planned, but for the
+    tolerance [m]: a zone takes at most half the way to its neighbours, and a smaller one cuts less off the corner."""
+    miss, half_sine = corner_misses(path.toolpath, path.world_position)
+    return np.asarray(4 * np.maximum(miss - tolerance, 0.0) / np.maximum(half_sine, 1e-9))
+
+
 def _on_lines(
-    program: RapidProgram, toolpath: Toolpath, forces: TargetForces, usable: NDArray[np.bool_], long_move: float
+    program: RapidProgram, toolpath: Toolpath, wanted: Mask, spacing: Array, zone: Array, *, keep: bool
+) -> _Points:
+    """The points on the wanted (N,) MoveL."""
+    step = np.insert(np.linalg.norm(np.diff(toolpath.position, axis=0), axis=1), 0, 0.0)
+    targets = np.flatnonzero(wanted & (step >= 2 * spacing))
+    most = min(MOST_PIECES, max(MOST_POINTS // max(len(targets), 1), FEWEST_PIECES))
+    pieces = np.minimum(step[targets] // spacing[targets], most).astype(np.intp)
+    before = np.repeat(targets, pieces - 1)
+    number = np.arange(len(before)) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
+    share = number / np.repeat(pieces, pieces - 1)
+    start, end = toolpath.position[before - 1], toolpath.position[before]
+    alone = np.zeros(len(step), dtype=bool)
+    alone[targets] = [not keep and follows_directly(program, i) for i in targets.tolist()]
+    near = (share * step[before] < zone[before - 1]) | ((1 - share) * step[before] < zone[before])
+    return _Points(before, start + share[:, None] * (end - start),
+                   _turned(toolpath.quaternion[before - 1], toolpath.quaternion[before], share),
+                   alone[before] & ~near, np.zeros(len(before), dtype=bool), alone[before] & near)
+
+
+def _on_arc(
+    program: RapidProgram, toolpath: Toolpath, via: int, spacing: Array, zone: Array, *, keep: bool
 ) -> list[_Points]:
-    """The points on the long MoveL."""
-    step = np.linalg.norm(np.diff(toolpath.position, axis=0), axis=1)
-    spacing = np.fmax(NEAREST, SHORTEST * toolpath.feed[1:])
-    # Forces that a log places along the move may stand in its middle, those at targets do not.
-    near = np.ones(len(step), dtype=bool) if not forces.named else forces.forced[1:] & forces.forced[:-1]
-    long = usable & near & (toolpath.move[1:] == Move.LINEAR) & (step >= np.maximum(long_move, 2 * spacing))
-    lines = [i for i in (1 + np.flatnonzero(long)).tolist() if follows_directly(program, i)]
-    most = min(MOST_PIECES, max(MOST_POINTS // max(len(lines), 1), 4))
-    points = []
-    for i in lines:
-        pieces = int(min(step[i - 1] // spacing[i - 1], most))
-        share = np.arange(1, pieces) / pieces
-        points.append(_Points(
-            i, toolpath.position[i - 1] + share[:, None] * (toolpath.position[i] - toolpath.position[i - 1]),
-            _turned(toolpath.quaternion[i - 1], toolpath.quaternion[i], share)))
-    return points
-
-
-def _arcs(
-    program: RapidProgram, toolpath: Toolpath, forces: TargetForces, usable: NDArray[np.bool_]
-) -> list[int]:
-    """The circle points of the MoveC with force."""
-    arcs = (usable[:-1] & usable[1:] & (forces.forced[1:-1] | forces.forced[2:]) & (toolpath.move[1:-1] == Move.ARC_VIA)
-            & (toolpath.move[2:] == Move.ARC_END))
-    return [i for i in (1 + np.flatnonzero(arcs)).tolist() if follows_directly(program, i)]
-
-
-def _on_arc(toolpath: Toolpath, via: int, long_move: float) -> list[_Points]:
-    """The points on both halves of an arc; none where it is short, or straight."""
+    """The points on both halves of an arc; none where it is straight."""
     start, middle, end = (toolpath.position[via + k][None] for k in (-1, 0, 1))
     straight, centre, axis = circle(start, middle, end)
+    if straight[0]:
+        return []
     to_middle, whole = (float(turned_angle(axis, start - centre, point - centre)[0]) for point in (middle, end))
     angles = (to_middle, whole - to_middle)
-    if straight[0] or min(angles) * float(np.linalg.norm(middle - centre)) < long_move:
-        return []
-    share = np.arange(1, ARC_PIECES) / ARC_PIECES
-    points = []
+    radius = float(np.linalg.norm(middle - centre))
+    closest = max(float(spacing[via:via + 2].min()), ARC_SPACING, zone[via - 1], zone[via + 1], radius * ARC_ANGLE)
+    halvings = int(np.clip(np.log2(min(angles) * radius / closest), 0, MOST_HALVINGS))
+    divisible = halvings > 0 and not keep and follows_directly(program, via)
+    pieces = 2**halvings if divisible else max(2**halvings, LOOKED_AT)
+    share = np.arange(1, pieces) / pieces
+    count, points = len(share), []
     for half, first in ((0, 0.0), (1, to_middle)):
         angle = first + share * angles[half]
-        points.append(_Points(via + half, _on_circle(start[0], centre[0], axis[0], angle),
-                              _turned(toolpath.quaternion[via - 1], toolpath.quaternion[via + 1], angle / sum(angles))))
+        points.append(_Points(
+            np.full(count, via + half), _on_circle(start[0], centre[0], axis[0], angle),
+            _turned(toolpath.quaternion[via - 1], toolpath.quaternion[via + 1], angle / sum(angles)),
+            np.zeros(count, dtype=bool), np.full(count, divisible), np.zeros(count, dtype=bool)))
     return points
 
 
@@ -138,13 +178,14 @@ def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: A
         toolpath, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(toolpath.position, position),
         quaternion=more(toolpath.quaternion, quaternion), external=more(toolpath.external, nothing),
         joints=more(toolpath.joints, nothing),
-        block=more(toolpath.block, np.full(len(at), "", dtype=object)), **like)
+        block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]),
+        **like)
 
 
 def _turned(start: Array, end: Array, share: Array) -> Array:
-    """Quaternions (n, 4) of the orientations between two, at even rate about one axis."""
-    first = quaternion_to_matrix(start)
-    turn = rotation_vector(quaternion_to_matrix(end) @ first.T)
+    """Quaternions (n, 4) at shares (n,) of the way between two orientations, (4,) or (n, 4), at even rate about one axis."""
+    first, last = quaternion_to_matrix(start), quaternion_to_matrix(end)
+    turn = rotation_vector(last @ np.swapaxes(first, -1, -2))
     return matrix_to_quaternion(rotation_matrix(share[:, None] * turn) @ first)
 
 

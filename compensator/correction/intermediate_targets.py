@@ -1,9 +1,9 @@
-"""Intermediate targets where the deviation varies along a long move, and arcs in parts where a corrected arc is none any more.
+"""Intermediate targets where the deviation varies along a move, and arcs in parts where a corrected arc is none any more.
 
-The program is looked at on a fine grid: every long MoveL, and every MoveC, in short pieces, with the forces of the log placed
-on those pieces. Of a MoveL just so many intermediate targets are taken that the offsets along its chords stay within the
-tolerance of what the grid asks for; of a MoveC, as many parts. Then the text is rewritten with those targets, planned, and all
-else goes on as if the CAM system had written it so.
+Moves along which the log shows more than their targets do, and long ones, are looked at on a fine grid, in pieces as short as
+a controller takes them, with the forces of the log placed on those pieces. Of a MoveL just so many intermediate targets are
+taken that the offsets along its chords stay within the tolerance of what the grid asks for; a MoveC is halved again and again.
+Then the text is rewritten with those targets, planned, and all else goes on as if the CAM system had written it so.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
-from compensator.correction.fine_grid import ARC_PIECES, Grid, fine_grid
+from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
+from compensator.correction.force_changes import pieces_to_look_at
+from compensator.correction.grid_forces import averaged, forces_on, noise_of, place_of, weight_of
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.needed_targets import Mask, arc_parts, needed_points, window_means, windows
+from compensator.correction.needed_targets import Wanted, needed_points
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.forces.placement import TargetForces, place_forces
+from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import MoreMoves, Pose, RapidProgram, read_rapid, with_more_moves
 from compensator.toolpath import Move, Toolpath
@@ -28,148 +30,97 @@ from identification.model.inverse import configuration
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-# The scatter of a short piece's mean force is not what the tolerance asks for: so many of its sigmas do not count.
-SIGMAS = 3.0
+# Points are added until the grid's points keep so much of the tolerance: the rest is for what lies between those.
+AIM = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class _Needed:
-    """What the tolerance asks for. chosen (G,): the grid's points to add; parts: into how many arcs each half of a MoveC, named
-    by its circle point, is cut; forces (N + added): those of the program with the chosen points."""
+class LookedAt:
+    """The moves that were looked at between their targets. fine: the program with the points (G,) of the grid, its targets the
+    points of known force. noise (G,) [m]: 1 sigma of the deviation there, from the scatter of the force; at (N,): the points
+    that are targets of the program now; arcs (P, 2): its arcs among them, by their first point and the points to the circle
+    point."""
 
     grid: Grid
-    chosen: Mask
-    parts: dict[int, int]
-    forces: TargetForces
+    fine: Predicted
+    noise: Array
+    at: Indices
+    arcs: Indices
 
 
-def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices]:
-    """The program with the targets that the tolerance needs, and where the given targets (N,) stand in it.
+def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, LookedAt | None]:
+    """The program with the targets that the tolerance needs, where the given targets (N,) stand in it, and what was looked at;
+    None: no move asked for it.
 
     Raises CompstiffError (CS4332) where the written text does not read back as it was meant.
     """
     settings, path = planned.settings.correction, planned.path
     as_given = np.arange(len(path.toolpath))
-    if settings.keep_targets or not len(planned.targets):
-        return planned, as_given
+    if not len(planned.targets):
+        return planned, as_given, None
     with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-        grid = fine_grid(planned.program.text, path, planned.forces, settings.long_move)
+        pieces = pieces_to_look_at(planned, spacing_of(path.toolpath, *settings.min_spacing))
+        pieces = np.where(np.diff(path.length, prepend=np.nan) < settings.long_move, np.inf, pieces)
+        grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets)
         if grid is None:
-            return planned, as_given
-        fine = robot_path(grid.toolpath, path.cell)
-        needed = _needed(planned, grid, fine)
-        if needed is None:
-            return planned, as_given
-        text, added = _rewritten(planned.program.text, path, fine, needed)
+            return planned, as_given, None
+        looked_at, placed = _needed(planned, grid, robot_path(grid.toolpath, path.cell))
+        if len(looked_at.at) == len(as_given):
+            return planned, as_given, looked_at
+        text, added = _rewritten(planned.program.text, path, looked_at)
         with_more = robot_path(text.toolpath, path.cell)
     kept = as_given + np.cumsum(added)
-    targets, _ = targets_to_correct(with_more, needed.forces)
-    loaded = LoadedPath(with_more, needed.forces, planned.model, targets)
+    forces = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
+    targets, _ = targets_to_correct(with_more, forces)
+    loaded = LoadedPath(with_more, forces, planned.model, targets)
     air = np.zeros(len(text.toolpath), dtype=bool)
     air[kept] = planned.program.air
-    findings = _findings(path.toolpath, added, needed.parts, settings.tolerance)
+    findings = _findings(path.toolpath, added, looked_at, settings.tolerance)
     return replace(planned, program=replace(planned.program, text=text, air=air), loaded=loaded,
-                   prediction=predict_path(loaded), findings=(*planned.findings, *findings)), kept
+                   prediction=predict_path(loaded), findings=(*planned.findings, *findings)), kept, looked_at
 
 
-def _needed(planned: Predicted, grid: Grid, fine: RobotPath) -> _Needed | None:
-    """The points of the grid, and the parts of arcs, that the deviation along the moves asks for; None: none."""
-    placed = _placed(planned, fine, grid.kept)
+def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, TargetForces]:
+    """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid."""
+    placed = forces_on(planned, path, grid.kept)
     # Where the log has no sample it asks for nothing.
-    known = (placed.forced | (placed.samples > 0)) & fine.reached & (grid.toolpath.block == "")
-    deviation, noise = _deviation(planned, fine, placed, np.flatnonzero(known))
-    allowed = planned.settings.correction.tolerance + noise
-    move, further = planned.path.toolpath.move, grid.further
-    line = further & known & (move[grid.owner] == Move.LINEAR)
-    weight = np.zeros(len(further)) if planned.forces.named else placed.samples.astype(float)
-    chosen = needed_points(deviation, allowed, fine.length, weight, ~further, line) & further
-    parts = arc_parts(grid, np.flatnonzero(move == Move.ARC_VIA), fine.base_from_tcp.position - deviation,
-                      np.where(known, allowed, np.inf))
-    if not chosen.any() and not parts:
-        return None
-    for via, count in parts.items():
-        step = ARC_PIECES // (2 * count)
-        chosen[grid.kept[via - 1]:grid.kept[via + 1]:step] = True
-    chosen &= further
-    at = np.flatnonzero(chosen | ~further)
-    return _Needed(grid, chosen, parts, _averaged(placed, at, np.maximum.accumulate(np.nan_to_num(fine.length)), weight))
-
-
-def _deviation(planned: Predicted, fine: RobotPath, placed: TargetForces, points: Indices) -> tuple[Array, Array]:
-    """The predicted deviation (G, 3) [m] at these points of the grid, and what the scatter of their mean force explains of it
-    (G,) [m]; zero elsewhere."""
-    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance))   # what is left is the mean force's
-    prediction = predict_path(LoadedPath(fine, placed, exact, points))
-    deviation, noise = np.zeros((len(fine.toolpath), 3)), np.zeros(len(fine.toolpath))
+    known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
+    near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
+    points = np.flatnonzero(known & near)
+    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points)
+    # What is left of the covariance is the mean force's.
+    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance))
+    prediction = predict_path(replace(loaded, model=exact))
+    deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
+    own[grid.kept[planned.targets]] = planned.prediction.position
+    deviation[:] = own
     deviation[points] = prediction.position
-    noise[points] = SIGMAS * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    return deviation, noise
+    noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
+    have, arcs = needed_points(grid, Wanted(
+        deviation, own, AIM * planned.settings.correction.tolerance, noise, planned.slope, known, place_of(path),
+        weight_of(placed), path.base_from_tcp.position))
+    fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
+    return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
 
 
-def _placed(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
-    """The log on the grid, whose points `kept` (N,) are the program's own. Where it names targets, the points between two with
-    force get forces in between."""
-    forces, log = planned.forces, planned.forces.log
-    if not forces.named:
-        given = planned.path.length
-        known = ~np.isnan(given)
-        # The chords of an arc are shorter than it is.
-        log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
-        air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
-        return place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air])
-    own = np.zeros(len(fine.toolpath), dtype=bool)
-    own[kept] = True
-    number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
-    low = np.floor(number).astype(np.intp)
-    high = np.minimum(low + 1, len(kept) - 1)
-    share = (number - low)[:, None]
-
-    def between(values: Array) -> Array:
-        return (1 - share) * values[low] + share * values[high]
-
-    samples = np.zeros(len(own), dtype=np.intp)
-    samples[kept] = forces.samples
-    forced = forces.forced[low] & (own | forces.forced[high])
-    return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
-                   standard_error=between(forces.standard_error), forced=forced)
-
-
-def _averaged(placed: TargetForces, at: Indices, place: Array, weight: Array) -> TargetForces:
-    """The forces of the points `at` out of those of the grid."""
-    first, last = windows(place, at)
-    samples = np.concatenate([[0], np.cumsum(placed.samples)])
-    size = np.maximum((samples[last] - samples[first]).astype(float), 1.0)[:, None]
-    error = np.nan_to_num(placed.standard_error) * np.maximum(placed.samples, 1)[:, None]
-    squares = np.concatenate([np.zeros((1, 3)), np.cumsum(error**2, axis=0)])
-    own_error = placed.standard_error[at]
-    wide = (last - first > 1)[:, None] & (weight[at] > 0)[:, None]
-    forced = placed.forced[at]
-    return replace(
-        placed, samples=samples[last] - samples[first], forced=forced,
-        wrench=np.where(forced[:, None], window_means(placed.wrench, weight, first, last, at), 0.0),
-        standard_error=np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error))
-
-
-def _rewritten(program: RapidProgram, path: RobotPath, fine: RobotPath, needed: _Needed) -> tuple[RapidProgram, Indices]:
+def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> tuple[RapidProgram, Indices]:
     """The text with the needed points, read again, and how many each move (N,) got."""
-    toolpath, grid, chosen = path.toolpath, needed.grid, needed.chosen
-    more, added = [], np.zeros(len(toolpath), dtype=np.intp)
+    toolpath, grid = path.toolpath, looked_at.grid
+    chosen = looked_at.at[grid.further[looked_at.at]]
+    added = np.bincount(grid.owner[chosen], minlength=len(toolpath))
+    more = []
 
-    def poses(points: Indices) -> list[Pose]:
-        quadrants = _confdata(path, grid, fine, points)
+    def poses(target: int) -> list[Pose]:
+        points = chosen[slice(*np.searchsorted(grid.owner[chosen], [target, target + 1]))]
+        quadrants = _confdata(path, grid, looked_at.fine.path, points)
         numbers = np.concatenate([1e3 * grid.toolpath.position[points], grid.toolpath.quaternion[points]], axis=1)
         return [Pose(number, quadrant) for number, quadrant in zip(numbers.tolist(), quadrants.tolist(), strict=True)]
 
-    for target in np.unique(grid.owner[chosen & (toolpath.move[grid.owner] == Move.LINEAR)]):
-        points = np.flatnonzero(chosen & (grid.owner == target))
-        more.append(MoreMoves(int(target), linear=poses(points)))
-        added[target] = len(points)
-    for via, count in needed.parts.items():
-        step = ARC_PIECES // (2 * count)
-        halves = [np.arange(grid.kept[via - 1 + half] + step, grid.kept[via + half], step) for half in (0, 1)]
-        more.append(MoreMoves(via, halves=(poses(halves[0]), poses(halves[1]))))
-        added[via], added[via + 1] = len(halves[0]), len(halves[1])
+    for target in np.flatnonzero(added).tolist():
+        if toolpath.move[target] == Move.LINEAR:
+            more.append(MoreMoves(target, linear=poses(target)))
+        elif toolpath.move[target] == Move.ARC_VIA:
+            more.append(MoreMoves(target, halves=(poses(target), poses(target + 1))))
     again = read_rapid(with_more_moves(program, more), toolpath.source)
     kept = np.arange(len(toolpath)) + np.cumsum(added)
     got = again.toolpath
@@ -193,18 +144,18 @@ def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> 
     return confdata
 
 
-def _findings(toolpath: Toolpath, added: Indices, parts: dict[int, int], tolerance: float) -> list[Finding]:
+def _findings(toolpath: Toolpath, added: Indices, looked_at: LookedAt, tolerance: float) -> list[Finding]:
     """CS4330, CS4331: what was added where."""
     findings = []
     lines = np.flatnonzero((added > 0) & (toolpath.move == Move.LINEAR))
     where = f"the correction varies along them by more than {1e6 * tolerance:g} um (--tolerance)"
     if len(lines):
         findings.append(Finding("CS4330", "note", f"{counted(int(added[lines].sum()), 'intermediate target')} in "
-                                f"{len(lines)} long MoveL: {where}", file=toolpath.source, line=int(toolpath.line[lines[0]]),
+                                f"{len(lines)} MoveL: {where}", file=toolpath.source, line=int(toolpath.line[lines[0]]),
                                 target=int(lines[0])))
-    if parts:
-        first = min(parts)
-        arcs = sum(2 * count for count in parts.values())
-        findings.append(Finding("CS4331", "note", f"{len(parts)} MoveC cut into {arcs} arcs: {where}", file=toolpath.source,
-                                line=int(toolpath.line[first]), target=first))
+    cut = np.flatnonzero((added > 0) & (toolpath.move == Move.ARC_VIA))
+    if len(cut):
+        arcs = len(cut) + int(added[cut].sum() + added[cut + 1].sum()) // 2
+        findings.append(Finding("CS4331", "note", f"{len(cut)} MoveC cut into {arcs} arcs: {where}", file=toolpath.source,
+                                line=int(toolpath.line[cut[0]]), target=int(cut[0])))
     return findings

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction, predict_path
-from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Settings
+from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settings
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.path.arc_length import borders
@@ -65,6 +65,12 @@ class Predicted:
     def targets(self) -> Indices:
         """The targets (M,) that the prediction is of."""
         return self.loaded.targets
+
+    @property
+    def slope(self) -> float:
+        """The steepest change of the offset along the path [m/m]; none where the log names its targets, as every step is the
+        force's own then."""
+        return self.settings.correction.slope or (np.inf if self.forces.named else SLOPE)
 
     def as_dict(self) -> dict[str, Any]:
         """The figures of the prediction, JSON values."""

@@ -53,7 +53,13 @@ def path_report(job: Predicted | Corrected) -> str:
                  ["corrections held back", f"{figures['held_back']}"],
                  ["largest correction [mm]", f"{offset['largest']:.4f}"],
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
-                 ["left by the same model, largest / RMS [um]", f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
+                 ["left at targets by the same model, largest / RMS [um]",
+                  f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
+        if figures["between_um"]:
+            between = figures["between_um"]
+            rows.append(["left between targets, largest / RMS [um]", f"{between['largest']:.2f} / {between['rms']:.2f}"])
+            lead.append(f"Between the targets of the {between['moves']} moves that were looked at it leaves "
+                        f"{between['largest']:.1f} um at most; zones are not counted.")
     along = _along(predicted, corrected)
     tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
     if corrected is not None and corrected.feed is not None:

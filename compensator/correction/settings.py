@@ -17,7 +17,16 @@ class Estimate(NamedTuple):
     std: float = 0.0
 
 
+class Spacing(NamedTuple):
+    """How near to each other targets may stand: length [m], and time [s] at the programmed feed."""
+
+    length: float
+    time: float = 0.0
+
+
 EXACTLY_ONE = Estimate(1.0)
+# No document of a controller says how near to each other fly-by points may stand: docs/formats.md says what there is.
+CLOSEST = Spacing(0.25e-3, 6e-3)
 # Where a ball mill enters the shipped sample the offset changes by 140 um/mm at most, in the sharp corners of the simulated
 # milled part by up to 1000; a place that is 0.05 mm off then errs by 50 um.
 SLOPE = 1.0
@@ -31,9 +40,10 @@ class CorrectionSettings:
     cutting_stiffness [N/m]: how the force grows with the depth of cut. logged_with: the offsets.csv that the program had
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
     compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how far the
-    correction along a move may be from what its place asks for; long_move [m]: a MoveL, or half a MoveC, of this length may get
-    intermediate targets; keep_targets: none does. tighten_zones: zones that cut corners by more than the tolerance are made
-    smaller. advise: say which turn about the tool's axis would lower the deviation. correct_again: also a program that a record
+    correction along a move may be from what its place asks for; min_spacing: how near to each other intermediate targets may
+    stand; long_move [m]: no shorter MoveL, or half a MoveC, gets any; keep_targets: none does. tighten_zones: zones that cut
+    corners by more than the tolerance are made smaller. advise: say which turn about the tool's axis would lower the
+    deviation. correct_again: also a program that a record
     names as the output of a correction."""
 
     confidence: float = 0.69
@@ -44,7 +54,8 @@ class CorrectionSettings:
     scale: Estimate = EXACTLY_ONE
     accept_rejected: bool = False
     tolerance: float = 5e-6
-    long_move: float = 0.03
+    min_spacing: Spacing = CLOSEST
+    long_move: float = 0.0
     keep_targets: bool = False
     tighten_zones: bool = False
     advise: bool = False

@@ -11,6 +11,8 @@ from identification.common.arrays import Array
 Flags = NDArray[np.bool_]
 # A mean so many sigmas from zero is a force; one next to a force from GROW sigmas on; gaps of at most GAP targets are filled.
 SIGMAS, GROW, GAP = 5.0, 2.0, 3
+# A target in a gap belongs to the cut with so much of the force that stands between its ends.
+HALF = 0.5
 
 
 def over_noise(mean: Array, rows: TargetRows, noise: Array) -> Flags:
@@ -49,12 +51,24 @@ def over_scatter(mean: Array, standard_error: Array, rows: TargetRows) -> Flags:
     return np.asarray(possible & (together | alone)[run])
 
 
-def without_gaps(forced: Flags, sampled: Flags) -> Flags:
-    """A stretch of at most GAP sampled targets between targets with force belongs to the cut: no step in the surface."""
+def without_gaps(forced: Flags, sampled: Flags, cutting: Flags, force: Array) -> Flags:
+    """Targets (N,) that belong to a cut: those with force, and between two of them up to GAP that were sampled, are reached at
+    the cutting feed, and show at least half of the force between both sides, though it is not told apart from zero.
+
+    cutting (N,): the move to the target cuts. force (N, 3) [N]: the means. No step in the surface where a light force dips; a
+    target without force, and one that the robot reaches through the air, is never filled.
+    """
     filled = forced.copy()
     targets = np.flatnonzero(forced)
     step = np.diff(targets)
     for gap in np.flatnonzero((step > 1) & (step <= GAP + 1)):
-        inside = slice(targets[gap] + 1, targets[gap + 1])
-        filled[inside] = sampled[inside]
+        first, last = targets[gap], targets[gap + 1]
+        inside = np.arange(first + 1, last)
+        if not cutting[first + 1:last + 1].all():
+            continue
+        share = ((inside - first) / (last - first))[:, None]
+        between = (1 - share) * force[first] + share * force[last]
+        alike = np.einsum("ni,ni->n", force[inside], between) >= HALF * np.einsum("ni,ni->n", between, between)
+        if (alike & between.any(axis=1)).all():
+            filled[inside] = sampled[inside]
     return filled

@@ -62,7 +62,7 @@ def place_forces(
 
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
-    tare the scatter about each mean itself decides. Short gaps inside a cut belong to the cut.
+    tare the scatter about each mean itself decides. Short gaps of small force inside a cut, at its feed, belong to the cut.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
     `zero_of` raise.
     """
@@ -80,7 +80,7 @@ def place_forces(
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
-    forced = without_gaps(forced, rows.samples > 0)
+    forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
     in_frames = {kind: _to_base(mean, standard_error, log, path, replace(cell, force_log=replace(cell.force_log, kind=kind)))
                  for kind in _frames(cell.force_log)}
     wrench, standard_error = in_frames[cell.force_log.kind]
@@ -224,7 +224,9 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
 
 def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
     """Where moves at the air feed show a force it is likely the sensor's bias, or what that has become."""
-    air = np.flatnonzero(moves_in_air(path.toolpath) & (forces.samples > 0))
+    in_air = moves_in_air(path.toolpath)
+    # The stretch of a target reaches into the move behind it, which may cut.
+    air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (forces.samples > 0))
     touched = air[forces.forced[air]]
     if 2 * len(touched) <= len(air):
         return []

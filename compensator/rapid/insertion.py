@@ -25,7 +25,7 @@ _OWN = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")
 _BETWEEN = re.compile(TRIVIA)
 _LINE_END = re.compile(rb"(?:\r*\n|\r)\Z")
 _LONGEST_HEAD = 80
-_FLYBY = b"z0"
+_FLYBY, _FLYBY_RADIUS = b"z0", 0.3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +112,8 @@ def _arc(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
     data, scan, rows = program.source.data, program.scan, program.rows
     via, end = move.first, move.first + 1
     tail, gap = _repeated_tail(program, text), _gap(data, text.start)
+    if not program.toolpath.zone[end] <= _FLYBY_RADIUS:     # a larger zone would cut the arc itself at each end
+        tail = _with_flyby(data, text)
     row_of = [rows.values[rows.row[target]] for target in (via, end)]
     spelled = [[fresh(row, pose) for pose in half] for row, half in zip(row_of, move.halves, strict=True)]
     first, second = spelled
@@ -124,9 +126,14 @@ def _arc(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
 def _repeated_tail(program: RapidProgram, text: MoveText) -> bytes:
     """Everything behind the targets but an output: that is set at the last target of the move, where alone it stops too."""
     data = program.source.data
+    if text.stops:
+        return _with_flyby(data, text)
+    return data[text.targets_end:text.tail_end] + data[text.end - 1:text.end]
+
+
+def _with_flyby(data: bytes, text: MoveText) -> bytes:
+    """The same with the smallest zone there is a name for."""
     end = data[text.end - 1:text.end]
-    if not text.stops:
-        return data[text.targets_end:text.tail_end] + end
     return data[text.targets_end:text.zone_start] + _FLYBY + data[text.zone_end:text.tail_end] + end
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from compensator.correction.settings import DEFAULTS, SLOPE, Estimate, Settings
+from compensator.correction.settings import CLOSEST, DEFAULTS, SLOPE, Estimate, Settings, Spacing
 from compstiff.cli.console import READABLE, WRITABLE, option
 
 
@@ -62,6 +62,18 @@ class ScaledEstimate(click.ParamType[Estimate]):
         if not estimate.value > 0:
             self.fail(f"'{value}' is not positive", param, ctx)
         return estimate
+
+
+class MinSpacing(click.ParamType[Spacing]):
+    """A length in millimetres, with a time in milliseconds behind a colon: MM[:MS]."""
+
+    name = "MM[:MS]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Spacing:
+        if isinstance(value, Spacing):
+            return value
+        length, _, time = str(value).partition(":")
+        return Spacing(Scaled(1e-3, low=0.05).convert(length, param, ctx), Scaled(1e-3, low=0.0).convert(time or 0, param, ctx))
 
 
 class Direction(click.ParamType[tuple[float, float, float]]):
@@ -129,10 +141,13 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
     _correction("--max-slope", "slope", type=Scaled(1e-3, low=1.0), help="Steepest change of the offset along the path "
                 f"[um/mm]; steeper steps are reduced.  [default: {1e3 * SLOPE:g}, none where the log has target numbers]"),
     _correction("--tolerance", type=Scaled(1e-6, low=0.1), default=1e6 * DEFAULTS.correction.tolerance, show_default=True,
-                help="Along a long MoveL or a MoveC the correction may be off what its place asks for by so much [um]; "
-                "beyond, intermediate targets are added."),
-    _correction("--long-move", type=Scaled(1e-3, low=1.0), default=1e3 * DEFAULTS.correction.long_move, show_default=True,
-                help="A MoveL of this length [mm] may get intermediate targets."),
+                help="Between targets the correction may be off what its place asks for by so much [um]; beyond, intermediate "
+                "targets are added."),
+    _correction("--min-spacing", type=MinSpacing(), default=DEFAULTS.correction.min_spacing, metavar="MM[:MS]",
+                help="How near to each other intermediate targets may stand [mm], and in time at the feed [ms].  "
+                f"[default: {1e3 * CLOSEST.length:g}:{1e3 * CLOSEST.time:g}]"),
+    _correction("--long-move", type=Scaled(1e-3, low=0.0), default=1e3 * DEFAULTS.correction.long_move, show_default=True,
+                help="No MoveL shorter than this [mm] gets intermediate targets."),
     _correction("--keep-targets", is_flag=True, help="Add no intermediate targets."),
     _correction("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
     _correction("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),

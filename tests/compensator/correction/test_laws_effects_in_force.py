@@ -285,7 +285,7 @@ def test_without_effects_none_of_it_runs(sample: Corrected, monkeypatch: pytest.
 
     for module, name in ((correction, "resting_angles"), (prediction, "load_state_of"), (prediction, "state_changes")):
         monkeypatch.setattr(module, name, never)
-    assert correct(sample.predicted).content == sample.content
+    assert correct(sample.planned).content == sample.content
 
 
 def test_resting_angles_are_the_plan_where_nothing_is_displaced(tmp_path: Path) -> None:

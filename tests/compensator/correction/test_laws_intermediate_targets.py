@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.correction.force_changes import noise_of_one
+from compensator.correction.needed_targets import beyond_noise, window_means, windows
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
@@ -48,6 +50,38 @@ def distance_from_line(point: np.ndarray, start: np.ndarray, end: np.ndarray) ->
     return float(np.linalg.norm(offset - (offset @ along) * along)), float(offset @ along)
 
 
+def test_a_mean_about_a_target_is_what_is_there_where_the_force_rises() -> None:
+    """The windows are alike on both sides, on whatever pieces, also where half the way to a neighbour is a point itself."""
+    rng = np.random.default_rng(2)
+    for step in (0.3, 1 / 3, 2.5):
+        place = step * np.arange(200) + 7.1
+        at = np.unique(np.concatenate([[0, 199], rng.integers(0, 200, 40)]))
+        values, weight = np.column_stack([3 * place - 5, -place]), np.ones(200)
+        means = window_means(values, weight, *windows(place, at), at)
+        np.testing.assert_allclose(means, values[at], atol=1e-9)
+
+
+def test_scatter_is_told_from_a_force_that_rises_and_jumps() -> None:
+    s, rng = np.linspace(0, 1, 600), np.random.default_rng(4)
+    smooth = np.column_stack([800 * s, 300 * np.sin(9 * s) + 200 * (s > 0.37), 0 * s])
+    weight = rng.integers(3, 30, 600).astype(float)
+    for sigma in (0.0, 4.0):
+        seen = smooth + sigma / np.sqrt(weight)[:, None] * rng.standard_normal((600, 3))
+        np.testing.assert_allclose(noise_of_one(seen, weight, np.ones(600, dtype=bool)), sigma, rtol=0.15, atol=0.02)
+
+
+def test_a_shape_is_seen_through_the_scatter_and_scatter_is_no_shape() -> None:
+    rng, noise = np.random.default_rng(6), np.full(400, 4.0)
+    scatter = 4.0 / np.sqrt(3) * rng.standard_normal((400, 3))
+    assert beyond_noise(scatter, noise, 1.0).max() < 1.0
+    bump = np.outer(6 * np.exp(-((np.arange(400) - 200) / 20.0) ** 2), [1.0, 0, 0])
+    seen = beyond_noise(scatter + bump, noise, 1.0)
+    assert 1.5 < seen.max() < 6
+    assert 180 < np.argmax(seen) < 220
+    # Where the scatter is small each point speaks for itself.
+    np.testing.assert_allclose(beyond_noise(bump, 0 * noise, 1.0), bump[:, 0])
+
+
 LINES = np.array([[0, 0, 0], [60, 0, 0], [120, 0, 0], [120, 40, 0]], dtype=float)
 
 
@@ -77,7 +111,7 @@ def test_between_long_targets_the_tool_stays_on_the_plan(tmp_path: Path) -> None
     assert added == len(kit.targets_of(job.out.read_text())) - 4 > 5
     assert len(job.offsets()) == 4, "one row a target of the program given"
     coarse = job.correct("--json", "--force", "--tolerance", "40").json["result"]["added_targets"]
-    assert coarse < added / 2
+    assert coarse <= added / 2
     assert job.correct("--force", "--keep-targets").code == 0
     assert len(kit.targets_of(job.out.read_text())) == 4
     assert worst_off_the_line(job, path) > 60e-6

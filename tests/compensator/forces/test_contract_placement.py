@@ -264,3 +264,42 @@ def test_a_bias_that_nobody_took_off_is_said(sample_inputs: Inputs) -> None:
 def test_tare_without_samples(tmp_path) -> None:
     with pytest.raises(CompstiffError, match="CS3006.*0 to 1"):
         place(tmp_path, "target,fx_n,fy_n,fz_n\n3,1,0,0\n", tare=(0, 1))
+
+
+def hop(feed_between: str = "v500") -> str:
+    """Ten targets: a cut, three moves over to the next one, a cut."""
+    moves = [f"Move{'J' if i == 0 else 'L'} [[{1000 + 10 * i},0,{720 if i in (0, 4, 5) else 700}],"
+             f"[{','.join(map(str, QUATERNION))}],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+             f"{feed_between if i in (0, 4, 5, 6) else 'v30'},fine,tSpindle;" for i in range(10)]
+    return "MODULE M\nPROC main()\n" + "\n".join(moves) + "\nENDPROC\nENDMODULE\n"
+
+
+def hop_forces(folder: Path, feed_between: str, between: float, noise: np.ndarray) -> TargetForces:
+    """Ten targets with 200 samples each: 60 N in the cuts, `between` on the two targets between them, tare on the first."""
+    (folder / "cell.yaml").write_text(CELL)
+    here = robot_path(read_rapid(hop(feed_between).encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+    target = np.repeat(np.arange(10), 200)
+    level = np.select([target == 0, np.isin(target, (4, 5))], [0.0, between], 60.0)
+    force = np.column_stack([0 * level, level, -level]) + noise
+    (folder / "hop.csv").write_text(log_text("target,fx_n,fy_n,fz_n", np.column_stack([target, force])))
+    return place_forces(read_force_log(folder / "hop.csv"), here, here.cell, tare=(0, 0))
+
+
+@pytest.mark.parametrize("feed", ["v500", "v30"])
+@pytest.mark.parametrize("noise", [0.0, 10.0])
+def test_an_air_move_between_two_cuts_is_no_gap_in_a_cut(tmp_path, feed: str, noise: float) -> None:
+    """Not at the air feed, and not at the cutting feed either: a move without force never moves."""
+    forces = hop_forces(tmp_path, feed, 0.0, noise * np.random.default_rng(3).standard_normal((2000, 3)))
+    assert forces.forced.tolist() == [False, True, True, True, False, False, True, True, True, True]
+    assert not forces.wrench[4:6].any()
+    assert "CS3041" not in {finding.code for finding in forces.findings}
+
+
+def test_a_light_force_that_dips_at_the_cutting_feed_stays_with_its_cut(tmp_path) -> None:
+    """32 N between 60 N, in noise that hides them: within the cut they are a force, on the way through the air they are not."""
+    noise = 130 * np.random.default_rng(4).standard_normal((10, 200, 3))
+    noise = (noise - noise.mean(axis=1, keepdims=True)).reshape(-1, 3)
+    dips = hop_forces(tmp_path, "v30", 32.0, noise)
+    assert dips.forced[1:].all()
+    assert_allclose(dips.wrench[4:6, 1], 32, atol=1e-6)
+    assert not hop_forces(tmp_path, "v500", 32.0, noise).forced[4:6].any()

@@ -152,9 +152,9 @@ def test_the_doubt_of_the_place_is_part_of_the_prediction(sample_inputs: Inputs,
     inputs = Inputs(sample_inputs.cell, sample_inputs.toolpath, sample_inputs.stiffness, path)
     predicted = predict_files(inputs, Settings.of(tare=(0, 2)))
     assert "CS3064" in {finding.code for finding in predicted.findings}
-    both, here, there = np.intersect1d(predicted.prediction.targets, sample.predicted.prediction.targets, return_indices=True)
+    both, here, there = np.intersect1d(predicted.prediction.targets, sample.planned.prediction.targets, return_indices=True)
     assert len(both) > 2500
-    difference = predicted.prediction.position[here] - sample.predicted.prediction.position[there]
+    difference = predicted.prediction.position[here] - sample.planned.prediction.position[there]
     assert np.mean(np.abs(difference) <= 1.96 * predicted.prediction.std[here]) > 0.9
     assert np.median(np.linalg.norm(difference, axis=1)) < 10e-6
     # Beside entries and exits the force is uncertain, in the middle of a pass it is not.

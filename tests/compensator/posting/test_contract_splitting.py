@@ -165,8 +165,8 @@ def apt_job(folder: Path) -> Inputs:
 def test_an_apt_toolpath_is_corrected_and_split(tmp_path):
     inputs = apt_job(tmp_path)
     whole = correct_files(inputs, Outputs(tmp_path / "one.mod"), DEFAULTS, overwrite=False)
-    # Air moves of two targets between cuts belong to the cut for the force log; the file knows better where to split.
-    assert len(whole.correction.targets) == 46
+    # Air moves of two targets between cuts have no force, and stay as they are.
+    assert len(whole.correction.targets) == 40
     assert whole.residual.max() < 0.2e-6
     planned = whole.predicted.program.toolpath
     after = read_rapid((tmp_path / "one.mod").read_bytes()).toolpath

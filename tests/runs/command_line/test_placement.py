@@ -43,9 +43,11 @@ def force(s: float | np.ndarray) -> np.ndarray:
     return F0 + np.multiply.outer(np.asarray(s) / 10, G)
 
 
-def expect(job: Job, q: list[np.ndarray], forces: list[np.ndarray | None], atol: float = 0.05) -> list[dict[str, str]]:
+def expect(
+    job: Job, q: list[np.ndarray], forces: list[np.ndarray | None], *options: str, atol: float = 0.05
+) -> list[dict[str, str]]:
     """The deviation of each target is that of the force named (None: not judged, no deviation)."""
-    result = job.correct()
+    result = job.correct(*options)
     assert result.code == 0, result
     rows = job.offsets()
     assert len(rows) == len(q)
@@ -117,7 +119,7 @@ def test_path_mm_counts_arcs_joint_moves_and_air(tmp_path: Path) -> None:
         if i not in (0, 5):
             rows += [f"{a + d:.4f},{f[0]},{f[1]},{f[2]}" for d in (-2.0, 0.0, 2.0) if 0 <= a + d <= s[-1]]
     job = Job(tmp_path, program=kit.module(moves), forces="\n".join(rows) + "\n")
-    out = expect(job, path.q, forces)
+    out = expect(job, path.q, forces, "--keep-targets")
     assert [int(r["samples"]) for r in out] == [0, 3, 3, 3, 3, 0, 2]
     plan, command = kit.targets_of(str(job.program)), kit.targets_of(job.out.read_text())
     order = [0, 1, 2, 3, 4, 6]

@@ -337,3 +337,23 @@ def test_modes_of_output_follow_the_umask(tmp_path: Path) -> None:
     os.umask(mask)
     for name in ("out.mod", "offsets.csv", "out.mod.json"):
         assert (tmp_path / name).stat().st_mode & 0o777 == 0o666 & ~mask, name
+
+
+@pytest.mark.parametrize("noise", [0.0, 10.0])
+def test_air_moves_between_cuts_keep_the_targets_they_share_with_them(tmp_path: Path, noise: float) -> None:
+    """Back over two named targets at the air feed, then into the cut again: those two moves name what they named."""
+    path = Path3(np.array([[10.0 * i, 0, 0] for i in range(6)]))
+    order, back = [0, 1, 2, 3, 2, 1, 2, 3, 4, 5], (4, 5)
+    data = [kit.tooldata(), kit.wobjdata(), *(f"CONST robtarget p{i}:={text};" for i, text in enumerate(path.text))]
+    moves = [f"    MoveL p{i},{'v500' if k in back else 'v30'},fine,tMill\\WObj:=wPart;" for k, i in enumerate(order)]
+    target = np.repeat(np.arange(len(order)), 50)
+    force = np.where(np.isin(target, (0, *back))[:, None], 0.0, [60.0, 150.0, -80.0])
+    force = force + noise * np.random.default_rng(0).standard_normal(force.shape)
+    rows = "".join(f"{k},{f[0]:.4f},{f[1]:.4f},{f[2]:.4f}\n" for k, f in zip(target, force, strict=True))
+    job = kit.Job(tmp_path, program=kit.module(moves, data), forces="target,fx_n,fy_n,fz_n\n" + rows)
+    result = job.correct("--json", "--tare", "0:0")
+    assert result.code == 0
+    assert "CS3041" not in kit.codes(result)
+    written = [line for line in job.out.read_text().splitlines() if "MoveL" in line]
+    assert [written[k] for k in (0, *back)] == [moves[k] for k in (0, *back)]
+    assert all(written[k] != moves[k] for k in (1, 2, 6))

@@ -13,7 +13,6 @@ import numpy as np
 
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
-from compensator.correction.offsets import offsets_csv
 from compensator.correction.settings import Settings
 from identification.model.cell import read_cell
 from identification.model.stiffness import IdentifiedModel
@@ -44,6 +43,11 @@ class Correction:
     commands: Commands
     sigma_um: np.ndarray
 
+    @property
+    def at_own(self) -> np.ndarray:
+        """The sigma of the targets of the program as it was given."""
+        return self.sigma_um[self.job.kept]
+
 
 @dataclass
 class MillingJob:
@@ -56,6 +60,7 @@ class MillingJob:
     part: Part = field(default_factory=slot_and_pocket)
     cutter: EndMill = field(default_factory=EndMill)
     sensor: Sensor = field(default_factory=Sensor)
+    _passes: dict[bytes, Pass] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.case: Case = simulate(self.seed, self.design, self.hidden, validation=6)
@@ -76,7 +81,10 @@ class MillingJob:
 
     def first_with(self, part: Part) -> Pass:
         """The same with the part's own targets, which may be more."""
-        return self.first if part is self.part else self.mill(planned(part), part=part)
+        key = part.target_mm.tobytes()
+        if key not in self._passes:
+            self._passes[key] = self.first if part is self.part else self.mill(planned(part), part=part)
+        return self._passes[key]
 
     def mill(self, commands: Commands, given_n: np.ndarray | None = None, part: Part | None = None) -> Pass:
         return milling.mill(self.case.plant, part or self.part, commands, self.cutter, given_n)
@@ -114,25 +122,14 @@ class MillingJob:
         output.write_text(log.csv(by_target))
         return output
 
-    def perfect_log(self, done: Pass, name: str) -> Path:
-        """One row a target, base frame, without any error: the mean force in the middle of the two steps about it."""
-        mean = np.array([done.force_n[near].mean(axis=0) for near in self._steps_at_targets(done)])
-        turned = BASE_FROM_OBJECT.apply(mean)
-        rows = [f"{i},{x:.9g},{y:.9g},{z:.9g}" for i, (x, y, z) in enumerate(turned)]
+    def perfect_log(self, name: str) -> Path:
+        """The first pass without any error, by position, base frame: the mean force of every eighth of a millimetre."""
+        done = milling.mill(self.case.plant, self.part, self.planned, self.cutter, step_mm=0.125)
+        rows = np.concatenate([done.steps.between(self.part.target_mm), BASE_FROM_OBJECT.apply(done.force_n)], axis=1)
         output = self.folder / name
-        output.write_text("\n".join(["target,fx_n,fy_n,fz_n", *rows]) + "\n")
+        output.write_text("\n".join(["x_mm,y_mm,z_mm,fx_n,fy_n,fz_n", *(",".join(f"{v:.9g}" for v in row) for row in rows)])
+                          + "\n")
         return output
-
-    def _steps_at_targets(self, done: Pass) -> list[np.ndarray]:
-        """The last step before and the first behind each target; one of them where the other is in air."""
-        segment = done.steps.segment
-        near = []
-        for target in range(segment[-1] + 1):
-            last = np.searchsorted(segment, target, side="right") - 1
-            rows = np.array([row for row in (last, last + 1) if 0 <= row < len(segment)])
-            busy = rows[done.cutting[rows]]
-            near.append(busy if len(busy) else rows)
-        return near
 
     def correct(self, log: Path, stiffness: Path, chosen: Settings | None = None, cell: Path | None = None) -> Correction:
         """Corrects the planned program; the written numbers are read by a reader of the virtual cell's own."""
@@ -140,14 +137,13 @@ class MillingJob:
         job = correct(predict_files(inputs, chosen or settings()))
         written = milling.read_commands(job.content.decode())
         assert np.array_equal(milling.read_commands(self.program.read_text()).position_mm, self.part.target_mm)
-        offsets = self.folder / "offsets.csv"
-        offsets.write_bytes(offsets_csv(job))
-        rows = kit.table(offsets)
-        sigma = np.linalg.norm(kit.column(rows, "sx_um", "sy_um", "sz_um"), axis=1)
+        path, prediction = job.predicted.path, job.predicted.prediction
+        sigma = np.zeros(len(path.toolpath))
+        sigma[prediction.targets] = 1e6 * np.linalg.norm(prediction.std, axis=1)
         part = self.part
         if len(written.position_mm) != len(part.target_mm):
-            # What densifies a move says of its own targets where they were planned.
-            part = part.with_targets(kit.column(rows, "x_mm", "y_mm", "z_mm"))
+            # What refines a move says of its own targets where they were planned.
+            part = part.with_targets(1e3 * path.toolpath.position)
         return Correction(job, part, written, sigma)
 
     def cell_in_base(self) -> Path:

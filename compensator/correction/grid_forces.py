@@ -1,0 +1,107 @@
+"""The forces of a log on the points of a grid: placed on them, moved to where they stand, and averaged into targets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.fine_grid import Grid
+from compensator.correction.force_changes import noise_of_one
+from compensator.correction.needed_targets import untouched, window_means, windows
+from compensator.correction.predict import Predicted
+from compensator.forces.placement import TargetForces, place_forces
+from compensator.path.arc_length import nearest_target
+from compensator.path.robot_path import RobotPath
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def forces_on(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
+    """The log on the grid, whose points `kept` (N,) are the program's own. Where it names targets, the points between two with
+    force get forces in between."""
+    forces, log = planned.forces, planned.forces.log
+    if not forces.named:
+        given = planned.path.length
+        known = ~np.isnan(given)
+        # The chords of an arc are shorter than it is.
+        log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
+        air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
+        return _centred(place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air]), fine)
+    own = np.zeros(len(fine.toolpath), dtype=bool)
+    own[kept] = True
+    number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
+    low = np.floor(number).astype(np.intp)
+    high = np.minimum(low + 1, len(kept) - 1)
+    share = (number - low)[:, None]
+
+    def between(values: Array) -> Array:
+        return (1 - share) * values[low] + share * values[high]
+
+    samples = np.zeros(len(own), dtype=np.intp)
+    samples[kept] = forces.samples
+    forced = forces.forced[low] & (own | forces.forced[high])
+    return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
+                   standard_error=between(forces.standard_error), forced=forced)
+
+
+def _centred(placed: TargetForces, fine: RobotPath) -> TargetForces:
+    """The forces of the points (G,) where they stand, out of the means of their samples, whose middle may lie beside them:
+    moved by the lesser of the slopes on either side, which at a step is none."""
+    log, place, count = placed.log, place_of(fine), len(placed.samples)
+    on = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= place[-1]))
+    point = nearest_target(fine.length, log.place[on])
+    weight = np.bincount(point, log.weight[on], minlength=count)
+    middle = np.bincount(point, log.weight[on] * log.place[on], minlength=count) / np.maximum(weight, 1)
+    inner = 1 + np.flatnonzero(placed.forced[:-2] & placed.forced[1:-1] & placed.forced[2:])
+    before, behind = middle[inner] - middle[inner - 1], middle[inner + 1] - middle[inner]
+    aside = place[inner] - middle[inner]
+    near = (before > 0) & (behind > 0) & (np.abs(aside) <= 0.5 * np.minimum(before, behind))
+    here, wrench = inner[near], placed.wrench.copy()
+    rising = (wrench[here] - wrench[here - 1]) / before[near, None]
+    going_on = (wrench[here + 1] - wrench[here]) / behind[near, None]
+    slope = np.where(rising * going_on > 0, np.sign(rising) * np.minimum(np.abs(rising), np.abs(going_on)), 0.0)
+    wrench[here] += slope * aside[near, None]
+    return replace(placed, wrench=wrench)
+
+
+def place_of(path: RobotPath) -> Array:
+    """Path length (G,) [m], known everywhere and ascending."""
+    return np.maximum.accumulate(np.nan_to_num(path.length))
+
+
+def weight_of(placed: TargetForces) -> Array:
+    """What the points (G,) weigh in a mean: their samples; nothing where the log names targets: each has its own."""
+    return np.zeros(len(placed.samples)) if placed.named else placed.samples.astype(float)
+
+
+def noise_of(placed: TargetForces) -> Array:
+    """Standard error (G, 3) [N] of the mean forces: from their scatter about a smooth force, not from a force that rises."""
+    weight = weight_of(placed)
+    sampled = np.flatnonzero(weight)
+    one = noise_of_one(placed.wrench[sampled, :3], weight[sampled], placed.forced[sampled])
+    return np.asarray(one / np.sqrt(np.maximum(weight, 1))[:, None] * (weight > 0)[:, None])
+
+
+def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Array, at: Indices) -> TargetForces:
+    """The forces of the points `at` (N,) of a grid as a program's targets, out of those placed on all of it, path lengths place
+    (G,) [m]; one of the program's own without a new neighbour keeps what was planned."""
+    weight = weight_of(placed)
+    first, last = windows(place, at)
+    samples = np.concatenate([[0], np.cumsum(placed.samples)])
+    size = np.maximum((samples[last] - samples[first]).astype(float), 1.0)[:, None]
+    error = np.nan_to_num(placed.standard_error) * np.maximum(placed.samples, 1)[:, None]
+    squares = np.concatenate([np.zeros((1, 3)), np.cumsum(error**2, axis=0)])
+    own_error = placed.standard_error[at]
+    wide = (last - first > 1)[:, None] & (weight[at] > 0)[:, None]
+    forced = placed.forced[at].copy()
+    wrench = np.where(forced[:, None], window_means(placed.wrench, weight, first, last, at), 0.0)
+    standard_error = np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error)
+    count = samples[last] - samples[first]
+    alone = untouched(~grid.further, at)
+    own = np.searchsorted(grid.kept, at[alone])
+    wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
+    count[alone], forced[alone] = planned.samples[own], planned.forced[own]
+    return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced)
