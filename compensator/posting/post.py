@@ -13,11 +13,11 @@ from compensator.posting.campath import CamPath
 from compensator.posting.module_text import module_text
 from compensator.posting.orientation import Orientations, orientations
 from compensator.posting.settings import PostingSettings
+from compensator.posting.suffixes import APT_SUFFIXES, toolpath_suffix
 from compensator.rapid import RapidProgram, read_rapid
 from identification.common.findings import Finding, error
 from identification.model.cell import Cell
 
-APT_SUFFIXES, TABLE_SUFFIXES = (".apt", ".cls", ".cl"), (".csv", ".parquet", ".pq")
 MOST_SPEEDS_SHOWN = 8
 
 
@@ -52,10 +52,10 @@ class Posted:
 
 def read_cam_path(file: Path, settings: PostingSettings) -> CamPath:
     """Reads APT or a table by its suffix. Raises what the readers raise."""
-    if file.suffix.lower() in APT_SUFFIXES:
+    if toolpath_suffix(file) in APT_SUFFIXES:
         from compensator.posting.apt import read_apt
 
-        return read_apt(file)
+        return read_apt(file, settings.tool)
     from compensator.posting.tables import read_cam_table
 
     return read_cam_table(file, 1e-3 * settings.feed_mm_s)
@@ -72,7 +72,8 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
                "work_object": "cell.yaml", "tool": "cell.yaml", **orientation.chosen}
     findings = [*cam_path.findings, Finding(
         "CS4300", "note", f"assumed: coordinates in the work object of cell.yaml, its tool, zone {settings.zone_mm:g} mm with "
-        f"stop points at both ends only, {settings.rapid_mm_s:g} mm/s in the air", cam_path.source,
+        f"stop points at both ends{' and the bottom of holes' if cam_path.stop.any() else ''} only, {settings.rapid_mm_s:g} mm/s in "
+        "the air", cam_path.source,
         hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *orientation.findings]
     if cell.tool_mass is None or cell.tool_centre is None:
         findings.append(Finding(

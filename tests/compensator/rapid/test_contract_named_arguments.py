@@ -14,7 +14,7 @@ A, B = target(1, 2, 3), target(4, 5, 6)
     (f"MoveL {A},v100,z10,tool:=tMill;", f"MoveL {A},v100,z10,tMill;"),
     (f"MoveL {A}, v100, Zone:=fine, Tool:=tool0\\WObj:=wobj0;", f"MoveL {A},v100,fine,tool0\\WObj:=wobj0;"),
     (f"MoveJ ToPoint:={A}, Speed:=v500, Zone:=z50, Tool:=tool0;", f"MoveJ {A},v500,z50,tool0;"),
-    (f"MoveL\\Conc, ToPoint := p\\ID:=10, Speed:=v5\\V:=20, Zone:=z1\\Z:=3, TOOL:=tMill;",
+    ("MoveL\\Conc, ToPoint := p\\ID:=10, Speed:=v5\\V:=20, Zone:=z1\\Z:=3, TOOL:=tMill;",
      "MoveL\\Conc,p\\ID:=10,v5\\V:=20,z1\\Z:=3,tMill;"),
     (f"MoveC CirPoint:={A}, ToPoint:={B}, v100, z1, Tool:=tMill;", f"MoveC {A},{B},v100,z1,tMill;"),
     ("MoveAbsJ ToJointPos:=[[1,2,3,4,5,6],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,z1,tool:=tool0;",
