@@ -72,8 +72,8 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
                "work_object": "cell.yaml", "tool": "cell.yaml", **orientation.chosen}
     findings = [*cam_path.findings, Finding(
         "CS4300", "note", f"assumed: coordinates in the work object of cell.yaml, its tool, zone {settings.zone_mm:g} mm with "
-        f"stop points at both ends{' and the bottom of holes' if cam_path.stop.any() else ''} only, {settings.rapid_mm_s:g} mm/s in "
-        "the air", cam_path.source,
+        f"stop points at both ends{' and the bottom of holes' if cam_path.stop.any() else ''} only, "
+        f"{settings.rapid_mm_s:g} mm/s in the air", cam_path.source,
         hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *orientation.findings]
     if cell.tool_mass is None or cell.tool_centre is None:
         findings.append(Finding(
