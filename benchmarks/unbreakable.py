@@ -2,9 +2,10 @@
 
     python benchmarks/unbreakable.py [--seconds 600] [--seed 0] [--file NAME] [--command NAME]
 
-Sound files of a small cell, one of them spoilt at a time: a number becomes huge, tiny, denormal, negative, zero, NaN or text, or a
-byte is replaced, or a line is doubled, deleted or cut. Each is read by the commands that take it, in this process, with every
-warning as an error. Printed: runs by file and exit code, and each defect with the change that makes it. Exit 1 where there is one.
+Sound files of a small cell, one of them spoilt at a time: a number becomes huge, tiny, denormal, negative, zero, NaN or text,
+or a byte is replaced, or a line is doubled, deleted or cut. Each is read by the commands that take it, in this process, every
+warning as an error. Printed: runs by file and exit code, and each defect with the change that makes it. Exit 1 where there is
+one.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ import numpy as np
 from tests.runs.command_line.workshop import workshop
 
 ROBOT = "irb6660-205-1.90"
-VALUES = ("1e300", "-1e300", "1e308", "1e160", "1e30", "1e12", "1e-12", "1e-30", "1e-160", "1e-320", "-1e-320", "0", "-0.0", "-1", "nan",
-          "inf", "-inf", "9" * 30, "1e999", "x", "")
+VALUES = ("1e300", "-1e300", "1e308", "1e160", "1e30", "1e19", "1e12", "1e9", "1e6", "1e-6", "1e-9", "1e-12", "1e-30", "1e-160",
+          "1e-320", "-1e-320", "0", "-0.0", "-1", "nan", "inf", "-inf", "9" * 30, "1e999", "x", "")
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 BYTES = tuple(b'[](){},;:."!\\\n\r\t -+eE09naN#%&*\x00\xff|$/=')
 CELL = """\
@@ -77,9 +78,11 @@ FINI
 COMMANDS = {
     "identify": (("cell.yaml", "measurements.csv"), ("identify", "@cell.yaml", "@measurements.csv", "-o", "@k.json")),
     "correct": (("cell.yaml", "part.mod", "stiffness.json", "forces.csv"),
-                ("correct", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o", "@o.mod")),
+                ("correct", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o",
+                 "@o.mod")),
     "predict": (("cell.yaml", "part.mod", "stiffness.json", "along.csv"),
-                ("predict", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@along.csv", "-o", "@d.csv")),
+                ("predict", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@along.csv", "-o",
+                 "@d.csv")),
     "post": (("cell.yaml", "part.apt"), ("post", "@cell.yaml", "@part.apt", "-o", "@p.mod")),
 }
 
@@ -114,7 +117,7 @@ def spoilt(text: str, rng: np.random.Generator) -> tuple[str, bytes]:
 
 def main() -> int:
     """Runs until the time is over."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--file", help="spoil this file alone")
@@ -136,7 +139,8 @@ def main() -> int:
                 name = chosen.file or names[int(rng.integers(len(names)))]
                 what, content = spoilt(files[name], rng)
                 (Path(folder) / name).write_bytes(content)
-                result = kit.run(*(f"{folder}/{word[1:]}" if word.startswith("@") else word for word in words), "--json", "--force")
+                result = kit.run(*(f"{folder}/{word[1:]}" if word.startswith("@") else word for word in words), "--json",
+                                 "--force")
                 (Path(folder) / name).write_text(files[name])
                 seen[command, name, result.code] += 1
                 if result.code not in (0, 1, 3) or "Warning" in result.err or "Traceback" in result.err:

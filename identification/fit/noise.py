@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import error
 from identification.fit.load_test import LoadTest
 from identification.model import cell as cells
 from identification.model.compliance import compliance_matrix
@@ -39,6 +40,8 @@ USUAL_ODDS = 0.1
 REMEMBERED = 8
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
+# How many times the sensor's 1 sigma the force error may move the tool: with that and LARGEST_LOG a double still holds both.
+LARGEST_RATIO = 1e4
 
 
 @dataclass(frozen=True)
@@ -303,14 +306,25 @@ class Weights:
 
 
 def inverse_of_three(matrix: Array) -> tuple[Array, Array]:
-    """Inverse (..., 3, 3) and determinant (...) of symmetric positive definite matrices, by cofactors: many are small work."""
-    a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2]
-    d, e, f = matrix[..., 1, 1], matrix[..., 1, 2], matrix[..., 2, 2]
-    first, second, third = d * f - e * e, c * e - b * f, b * e - c * d
-    determinant = a * first + b * second + c * third
-    middle, crossed, last = a * f - c * c, b * c - a * e, a * d - b * b
-    cofactors = np.stack([first, second, third, second, middle, crossed, third, crossed, last], axis=-1)
-    return np.asarray((cofactors / determinant[..., None]).reshape(matrix.shape)), determinant
+    """Inverse (..., 3, 3) and determinant (...) of symmetric positive definite matrices, all at once: each is small work.
+
+    By their factors L D L^T. Cofactors would lose the determinant where the force error is 1e4 times the sensor's; this holds
+    to 1e7 times.
+    """
+    first, low, lower = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 0, 2]
+    a, b = low / first, lower / first                       # L: 1; a 1; b c 1
+    second = matrix[..., 1, 1] - a * low
+    left = matrix[..., 1, 2] - a * lower
+    c = left / second
+    third = matrix[..., 2, 2] - b * lower - c * left
+    # The inverse of L: 1; -a 1; corner -c 1.
+    corner = a * c - b
+    last, beside = 1 / third, -c / third
+    middle = 1 / second - c * beside
+    edge, top = corner * last, -a / second + corner * beside
+    whole = 1 / first + a * a / second + corner * edge
+    inverse = np.stack([whole, top, edge, top, middle, beside, edge, beside, last], axis=-1)
+    return np.asarray(inverse.reshape(matrix.shape)), first * second * third
 
 
 def force_error(noise: cells.Noise) -> tuple[Array, float]:
@@ -320,7 +334,10 @@ def force_error(noise: cells.Noise) -> tuple[Array, float]:
 
 
 def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
-    """The noise of these rows as the cell file states it, the force error carried through `compliance` (6,)."""
+    """The noise of these rows as the cell file states it, the force error carried through `compliance` (6,).
+
+    Raises CompstiffError (CS1081) where the parts differ by more than can be computed with.
+    """
     cell, rows, noise = data.cell, data.rows, data.cell.noise
     measured = ~np.isnan(rows.deflection)
     sensor = sensor_sigma(data)
@@ -328,6 +345,7 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     carried = rotation @ compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3]
     load, (absolute, relative) = rows.wrench[:, :3], force_error(noise)
     loaded = np.any(load != 0, axis=1)[:, None]
+    _check_parts(data, carried * (relative * load + absolute * loaded)[:, None, :])
     setups = USUAL_SETUP * (carried[:, :, :, None] * load[:, None, None, :]).reshape(len(load), 3, 9)
     _, visit = np.unique(rows.visit, return_inverse=True)
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
@@ -337,6 +355,16 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
         visit.astype(np.intp), offset,
         (sensor_stated, noise.force_relative_stated, noise.force_stated, noise.offset_stated, False, False),
         (True, relative > 0, bool(np.any(absolute > 0)), bool(offset.any()), False, False))
+
+
+def _check_parts(data: LoadTest, of_force: Array) -> None:
+    """of_force (n, 3, 3): the force error's deflection in sigmas of the sensor. Raises CompstiffError (CS1081)."""
+    ratio = np.abs(of_force).max(axis=(1, 2))
+    if ratio.max() > LARGEST_RATIO:
+        row = int(np.argmax(ratio))
+        raise error("CS1081", f"the force error moves the tool by {ratio[row]:.3g} times the sensor's 1 sigma, at most "
+                    f"{LARGEST_RATIO:g} can be computed with", file=data.rows.source, line=int(data.rows.line[row]),
+                    hint=f"look at this row's load and sigma, and at measurement and prior in {data.cell.source.name}")
 
 
 def sensor_sigma(data: LoadTest) -> Array:
