@@ -6,6 +6,6 @@ LARGEST_CELL = 1e19
 # Of cell.yaml and robot files, whatever the unit, and of what must be above zero there.
 LARGEST, SMALLEST = 1e12, 1e-12
 # A stiffness of a joint [N m/rad]: a rubber band and a rock.
-SOFTEST, STIFFEST = 1e-3, 1e15
+SOFTEST, STIFFEST = 1e-3, 1e20
 # Of such stiffnesses, and of anything else in a covariance.
 LARGEST_VARIANCE = 1e60

@@ -46,7 +46,7 @@ def found(folder: Path, name: str, before: str, after: str) -> tuple[str, int | 
     ("[900, 50, 400]", "[900, 50, 1e160]", "1e160", "found 1e+160"),
     ("deflection_std_um: [2,", "deflection_std_um: [1e-320,", "1e-320", "must be at least 1e-12"),
     ("force_std_n: [1,", "force_std_n: [1e-320,", "1e-320", "must be zero, or at least 1e-12"),
-    ("0.22e6", "1e-12", "1e-12", "must be greater than zero, 0.001 to 1e+15 N m/rad"),
+    ("0.22e6", "1e-12", "1e-12", "must be greater than zero, 0.001 to 1e+20 N m/rad"),
     ("relative_std: 2.0", "relative_std: 1e300", "relative_std", "at most 1e+12"),
     ("reach_mm: [600, 1700]", "reach_mm: [600, 1e300]", "1e300", "at most 1e+12"),
 ])
