@@ -15,6 +15,7 @@ from compensator.posting.orientation import Orientations, orientations
 from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import APT_SUFFIXES, toolpath_suffix
 from compensator.rapid import RapidProgram, read_rapid
+from identification.common.arrays import Array
 from identification.common.findings import Finding, error
 from identification.model.cell import Cell
 
@@ -37,16 +38,24 @@ class Posted:
         return self.program.toolpath.findings
 
     def as_dict(self) -> dict[str, Any]:
-        """How many targets, and what was assumed."""
-        return {"targets": len(self.program.toolpath), "in_the_air": int(self.rapid.sum()), "assumed": self.assumed}
+        """How many targets, how large the cut is, and what was assumed."""
+        return {"targets": len(self.program.toolpath), "in_the_air": int(self.rapid.sum()),
+                "size_mm": np.round(self.size, 6).tolist(), "assumed": self.assumed}
+
+    @property
+    def size(self) -> Array:
+        """Extent (3,) [mm] of the targets that are cut, in the work object: a wrong unit shows here."""
+        cut = self.program.toolpath.position[~self.rapid]
+        return 1e3 * np.ptp(cut, axis=0) if len(cut) else np.zeros(3)
 
     def lines(self) -> list[str]:
-        """Targets and speeds."""
+        """Targets, size and speeds."""
         speeds = 1e3 * np.unique(self.program.toolpath.feed)
         shown = [f"{speed:.6g}" for speed in speeds[:MOST_SPEEDS_SHOWN]]
         if len(speeds) > MOST_SPEEDS_SHOWN:
             shown.append(f"and {len(speeds) - MOST_SPEEDS_SHOWN} more")
         return [f"targets: {len(self.program.toolpath)}, {int(self.rapid.sum())} in the air",
+                f"size of the cut: {' x '.join(f'{side:.6g}' for side in self.size)} mm",
                 f"speeds: {', '.join(shown)} mm/s"]
 
 

@@ -102,14 +102,15 @@ class _Reader:
         if len(values) == 6 and not (self.arc is not None and abs(math.hypot(*values[3:]) - 1) > 1e-3):
             self._turn(statement, values[3:])
             values = values[:3]
+        if self.arc is None and self.drilling is None:
+            self._move(statement, self._point(statement, values))
+            return
         points = [self._point(statement, values[at:at + 3]) for at in range(0, len(values), 3)]
         if self.arc is not None:
             self._drive(statement, self.arc, points[-1], points[:-1])
             self.arc = None
         elif self.drilling is not None:
             self._drill(statement, self.drilling, points[0])
-        else:
-            self._move(statement, points[0])
 
     def _point(self, statement: Statement, values: list[float]) -> Point:
         """A written point in the work object."""
@@ -118,9 +119,10 @@ class _Reader:
     def _metres(self, statement: Statement, values: list[float]) -> Point:
         x, y, z = values
         scale = self.measures.scale
-        if not -FARTHEST <= scale * min(values) <= scale * max(values) <= FARTHEST:
+        x, y, z = scale * x, scale * y, scale * z
+        if abs(x) > FARTHEST or abs(y) > FARTHEST or abs(z) > FARTHEST:
             statement.lengths(scale)                        # raises, with the place
-        return scale * x, scale * y, scale * z
+        return x, y, z
 
     def _turn(self, statement: Statement, values: list[float], first: int = 3) -> None:
         """Sets the tool axis, which holds until another one is given."""
@@ -167,7 +169,7 @@ class _Reader:
 
     def _skipped(self, point: Point) -> bool:
         """Whether a motion to `point` is that of a tool that was not asked for."""
-        if not self.setup.elsewhere:
+        if self.setup.chosen is None or not self.setup.elsewhere:
             return False
         self.left_out.other_tools += 1
         self.here, self.rapid = point, False

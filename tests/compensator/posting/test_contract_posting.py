@@ -303,6 +303,7 @@ def test_a_file_of_several_tools_is_posted_tool_by_tool_with_stops_at_the_bottom
     done = compstiff(*options, "--tool", "2", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert {"CS2181", "CS2183"} <= {finding["code"] for finding in json.loads(done.stdout)["findings"]}
+    assert json.loads(done.stdout)["result"]["size_mm"] == [20, 0, 0]       # the bottoms of the two holes
     text = (tmp_path / "two.mod").read_text()
     assert "MODULE holes\n" in text
     moves = re.findall(r"(Move[LJ]) \[\[([-\d.]+),[-\d.]+,([-\d.]+)\].*?,(v\w+),(\w+),tMill", text)
