@@ -75,6 +75,10 @@ CYCLE/OFF
 GODLTA/0,0,5
 FINI
 """
+TABLE = "x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s,rapid\n" + "".join(
+    f"{600 + 5 * k},20,{5 - 0.1 * k:.1f},0,1,0,0,20,{int(k == 0)}\n" for k in range(8))
+VERIFIED = "target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um\n" + "".join(
+    f"{k},{200 + 10 * (k % 3)},{-100 + 7 * (k % 5)},30,2,2,2\n" for k in range(40))
 COMMANDS = {
     "identify": (("cell.yaml", "measurements.csv"), ("identify", "@cell.yaml", "@measurements.csv", "-o", "@k.json")),
     "correct": (("cell.yaml", "part.mod", "stiffness.json", "forces.csv"),
@@ -84,12 +88,15 @@ COMMANDS = {
                 ("predict", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@along.csv", "-o",
                  "@d.csv")),
     "post": (("cell.yaml", "part.apt"), ("post", "@cell.yaml", "@part.apt", "-o", "@p.mod")),
+    "table": (("part.csv",), ("post", "@cell.yaml", "@part.csv", "-o", "@t.mod")),
+    "verify": (("before.csv", "after.csv"), ("verify", "@cell.yaml", "@before.csv", "@after.csv")),
 }
 
 
 def sound_files() -> dict[str, str]:
     """The files of a job in which nothing is spoilt."""
-    return {**workshop(ROBOT).files, "cell.yaml": CELL, "part.apt": APT}
+    return {**workshop(ROBOT).files, "cell.yaml": CELL, "part.apt": APT, "part.csv": TABLE,
+            "before.csv": VERIFIED, "after.csv": VERIFIED.replace("200", "20")}
 
 
 def spoilt(text: str, rng: np.random.Generator) -> tuple[str, bytes]:
