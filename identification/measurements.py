@@ -21,6 +21,8 @@ PURPOSES = ("identify", "validate")
 LARGEST_DEFLECTION_M = 0.05
 # No robot carries more than half of this: a larger mass is in grams or newtons.
 LARGEST_MASS_KG = 5000.0
+# In whatever unit a table was written by mistake, a load is below this [N, N m], and a sigma above that [m].
+LARGEST_LOAD, SMALLEST_SIGMA = 1e9, 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +81,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
 
     Raises CompstiffError with line and column: CS0201 to CS0203 (not a table, columns, numbers), CS1001 unknown purpose,
     CS1002 joint outside its limits, CS1003 sigma not positive, CS1004 loaded row without any deflection, CS1005 no load,
-    CS1006 deflections whose unit cannot be right, CS1508 to CS1510 masses beside forces, without a cell, too large.
+    CS1006 deflections whose unit cannot be right, CS1080 a load beyond all bounds, CS1508 to CS1510 masses beside forces,
+    without a cell, too large.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> measurements = compstiff.read_measurements("measurements.csv", cell.robot)
@@ -145,10 +148,17 @@ def _forces(table: Table, cell: Cell | None) -> Array:
 
 
 def _check_sizes(table: Table, wrench: Array, deflection: Array) -> None:
-    """Refuses a file without any load (CS1005) and deflections whose unit cannot be right (CS1006)."""
+    """Refuses a file without any load (CS1005), loads beyond all bounds (CS1080) and deflections whose unit cannot be right
+    (CS1006)."""
     if not np.any(wrench != 0):
         raise error("CS1005", f"none of the {len(table)} rows has a load: there is nothing to identify", file=table.source,
                     hint="fx_n fy_n fz_n are the forces on the tool in newton, mass_kg what hangs at it in kilograms")
+    if np.abs(wrench).max() > LARGEST_LOAD:
+        row, axis = (int(index) for index in np.argwhere(np.abs(wrench) > LARGEST_LOAD)[0])
+        name = (*FORCES, *MOMENTS)[axis]
+        raise error("CS1080", f"column '{name}': found {wrench[row, axis]:g}, the limit is {LARGEST_LOAD:g}", file=table.source,
+                    line=int(table.line[row]), column=table.column(name) if name in table.columns else None,
+                    hint="forces are in newton, moments in newton metre")
     if np.nanmax(np.abs(deflection), initial=0.0) > LARGEST_DEFLECTION_M:
         row = int(np.nanargmax(np.nanmax(np.abs(np.nan_to_num(deflection)), axis=1)))
         raise error("CS1006", f"a deflection of {1e3 * np.nanmax(np.abs(deflection[row])):.4g} mm, the limit is "
@@ -237,9 +247,10 @@ def _limits(table: Table, robot: RobotModel, theta: Array) -> list[Finding]:
 
 def _sigmas(table: Table, sigma: Array) -> list[Finding]:
     return [
-        Finding("CS1003", "error", f"a sigma of {1e6 * sigma[row, axis]:g} um, must be greater than zero",
+        Finding("CS1003", "error", f"a sigma of {1e6 * sigma[row, axis]:g} um, must be greater than zero"
+                + (f", at least {1e6 * SMALLEST_SIGMA:g}" if sigma[row, axis] > 0 else ""),
                 file=table.source, line=int(table.line[row]), column=table.column(SIGMAS[axis]))
-        for row, axis in np.argwhere(sigma <= 0)[:20]
+        for row, axis in np.argwhere(sigma < SMALLEST_SIGMA)[:20]
     ]
 
 

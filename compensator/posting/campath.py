@@ -18,8 +18,9 @@ class CamPath:
 
     source: the file; form: "APT" or "CSV". move (N,) `Move`: LINEAR, or ARC_VIA and ARC_END in pairs. line (N,) in the source.
     position (N, 3) [m]. Either axis (N, 3), unit, from the tip towards the spindle, or quaternion (N, 4) w x y z, unit.
-    rapid (N,): reached in the air. feed (N,) [m/s], NaN where rapid. confdata (N, 4) and joints (N, 6) [rad]: None where the
-    file has none. remarks: what stood above a target and is worth keeping, one text a line; key N is the end of the file.
+    rapid (N,): reached in the air. feed (N,) [m/s], NaN where rapid. stop (N,): a stop point, as the bottom of a hole.
+    confdata (N, 4) and joints (N, 6) [rad]: None where the file has none. remarks: what stood above a target and is worth
+    keeping, one text a line; key N is the end of the file.
     """
 
     source: str
@@ -31,6 +32,7 @@ class CamPath:
     quaternion: Array | None
     rapid: NDArray[np.bool_]
     feed: Array
+    stop: NDArray[np.bool_]
     confdata: NDArray[np.int64] | None
     joints: Array | None
     remarks: Mapping[int, tuple[str, ...]]

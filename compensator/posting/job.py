@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from compensator.posting.mark_test import mark_test
-from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, Posted, post, read_cam_path
+from compensator.posting.post import Posted, post, read_cam_path
 from compensator.posting.settings import PostingSettings
 from compensator.posting.split_files import split_files
+from compensator.posting.suffixes import APT_SUFFIXES, TABLE_SUFFIXES, toolpath_suffix
 from compensator.rapid import with_marks
 from identification.common.files import check_distinct, check_writable, json_bytes, sha256
 from identification.common.findings import Finding, error, fold
@@ -57,7 +58,7 @@ def post_files(
     check_distinct(inputs, [output, record_file])
     check_writable([output, record_file], overwrite=overwrite)
     posted_suffixes = (*APT_SUFFIXES, *TABLE_SUFFIXES)
-    if toolpath_file.suffix.lower() not in posted_suffixes:
+    if toolpath_suffix(toolpath_file) not in posted_suffixes:
         raise error("CS4201", f"toolpath format '{toolpath_file.suffix}' is not posted, expected one of "
                     f"{', '.join(posted_suffixes)}", file=str(toolpath_file),
                     hint="a RAPID program is planned already: give it to predict and correct as it is")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from compensator.posting.campath import CamPath
 from compensator.posting.orientation import Orientations
 from compensator.posting.settings import PostingSettings
+from compensator.posting.suffixes import toolpath_stem
 from compensator.toolpath import Move
 from identification.common.shipped import shipped
 from identification.model.cell import Cell
@@ -57,7 +58,7 @@ def module_text(cam_path: CamPath, cell: Cell, settings: PostingSettings, orient
     else:
         comments.append("The load of the tool is not known: enter mass and centre of gravity before running")
     return environment.get_template(TEMPLATE).render(
-        module=module_name(Path(cam_path.source).stem), header=True, comments=comments,
+        module=module_name(toolpath_stem(Path(cam_path.source))), header=True, comments=comments,
         tool={"name": TOOL, "position": 1e3 * tool.position, "quaternion": tool.quaternion, **load},
         wobj={"name": WORKOBJECT, "oframe": {"position": 1e3 * part.position, "quaternion": part.quaternion}},
         speeds=[{"name": AIR, "tcp": repr(float(settings.rapid_mm_s))},
@@ -70,13 +71,14 @@ def module_text(cam_path: CamPath, cell: Cell, settings: PostingSettings, orient
 def _rows(cam_path: CamPath, orientation: Orientations, speeds: NDArray[np.object_], zone: str) -> list[dict[str, Any]]:
     """The moves for the template: the first is a joint move, arcs carry their circle point."""
     position, quaternion = (1e3 * cam_path.position).tolist(), orientation.quaternion.tolist()
-    confdata = orientation.confdata.tolist()
+    confdata, stop = orientation.confdata.tolist(), cam_path.stop.tolist()
     last = len(cam_path) - 1
     rows: list[dict[str, Any]] = []
     via: dict[str, Any] | None = None
     for number, kind in enumerate(cam_path.move.tolist()):
         row = {"kind": _KINDS[kind] if number else "MoveJ", "position": position[number], "quaternion": quaternion[number],
-               "confdata": confdata[number], "speed": speeds[number], "zone": "fine" if number in (0, last) else zone}
+               "confdata": confdata[number], "speed": speeds[number],
+               "zone": "fine" if number in (0, last) or stop[number] else zone}
         remarks = cam_path.remarks.get(number)
         if remarks:
             row["comment"] = [_comment(line) for line in remarks]

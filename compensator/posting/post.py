@@ -13,11 +13,12 @@ from compensator.posting.campath import CamPath
 from compensator.posting.module_text import module_text
 from compensator.posting.orientation import Orientations, orientations
 from compensator.posting.settings import PostingSettings
+from compensator.posting.suffixes import APT_SUFFIXES, toolpath_suffix
 from compensator.rapid import RapidProgram, read_rapid
+from identification.common.arrays import Array
 from identification.common.findings import Finding, error
 from identification.model.cell import Cell
 
-APT_SUFFIXES, TABLE_SUFFIXES = (".apt", ".cls", ".cl"), (".csv", ".parquet", ".pq")
 MOST_SPEEDS_SHOWN = 8
 
 
@@ -37,25 +38,33 @@ class Posted:
         return self.program.toolpath.findings
 
     def as_dict(self) -> dict[str, Any]:
-        """How many targets, and what was assumed."""
-        return {"targets": len(self.program.toolpath), "in_the_air": int(self.rapid.sum()), "assumed": self.assumed}
+        """How many targets, how large the cut is, and what was assumed."""
+        return {"targets": len(self.program.toolpath), "in_the_air": int(self.rapid.sum()),
+                "size_mm": np.round(self.size, 6).tolist(), "assumed": self.assumed}
+
+    @property
+    def size(self) -> Array:
+        """Extent (3,) [mm] of the targets that are cut, in the work object: a wrong unit shows here."""
+        cut = self.program.toolpath.position[~self.rapid]
+        return 1e3 * np.ptp(cut, axis=0) if len(cut) else np.zeros(3)
 
     def lines(self) -> list[str]:
-        """Targets and speeds."""
+        """Targets, size and speeds."""
         speeds = 1e3 * np.unique(self.program.toolpath.feed)
         shown = [f"{speed:.6g}" for speed in speeds[:MOST_SPEEDS_SHOWN]]
         if len(speeds) > MOST_SPEEDS_SHOWN:
             shown.append(f"and {len(speeds) - MOST_SPEEDS_SHOWN} more")
         return [f"targets: {len(self.program.toolpath)}, {int(self.rapid.sum())} in the air",
+                f"size of the cut: {' x '.join(f'{side:.6g}' for side in self.size)} mm",
                 f"speeds: {', '.join(shown)} mm/s"]
 
 
 def read_cam_path(file: Path, settings: PostingSettings) -> CamPath:
     """Reads APT or a table by its suffix. Raises what the readers raise."""
-    if file.suffix.lower() in APT_SUFFIXES:
+    if toolpath_suffix(file) in APT_SUFFIXES:
         from compensator.posting.apt import read_apt
 
-        return read_apt(file)
+        return read_apt(file, settings.tool)
     from compensator.posting.tables import read_cam_table
 
     return read_cam_table(file, 1e-3 * settings.feed_mm_s)
@@ -72,7 +81,8 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
                "work_object": "cell.yaml", "tool": "cell.yaml", **orientation.chosen}
     findings = [*cam_path.findings, Finding(
         "CS4300", "note", f"assumed: coordinates in the work object of cell.yaml, its tool, zone {settings.zone_mm:g} mm with "
-        f"stop points at both ends only, {settings.rapid_mm_s:g} mm/s in the air", cam_path.source,
+        f"stop points at both ends{' and the bottom of holes' if cam_path.stop.any() else ''} only, "
+        f"{settings.rapid_mm_s:g} mm/s in the air", cam_path.source,
         hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *orientation.findings]
     if cell.tool_mass is None or cell.tool_centre is None:
         findings.append(Finding(

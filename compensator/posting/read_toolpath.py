@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.posting.post import APT_SUFFIXES, TABLE_SUFFIXES, post, read_cam_path
+from compensator.posting.post import post, read_cam_path
 from compensator.posting.settings import PostingSettings
+from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, TABLE_SUFFIXES, toolpath_suffix
 from compensator.rapid import RapidProgram, read_rapid, with_marks
 from compensator.toolpath import Toolpath
 from identification.common.findings import error
 from identification.model.cell import Cell
 
-RAPID_SUFFIXES = (".mod", ".modx", ".prg", ".sys")
-# What is taken for a toolpath in a folder; a table is one only where it is named.
-TOOLPATH_SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES)
 AS_POSTED = PostingSettings()
 
 
@@ -47,7 +45,7 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
     (3586, [-0.0148, 0.002, 0.062])
     """
     file = Path(file)
-    suffix = file.suffix.lower()
+    suffix = toolpath_suffix(file)
     if suffix in (*APT_SUFFIXES, *TABLE_SUFFIXES):
         posted = post(read_cam_path(file, settings), cell, settings, f"{file} (posted)")
         text = posted.program
@@ -65,8 +63,3 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
     return PlannedProgram(text, np.zeros(len(text.toolpath), dtype=bool), file)
-
-
-def rapid_suffix(toolpath: Path) -> str:
-    """The suffix of the RAPID program made from a toolpath."""
-    return toolpath.suffix if toolpath.suffix.lower() in RAPID_SUFFIXES else ".mod"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class PostingSettings:
     """zone_mm of every move, rapid_mm_s in the air, feed_mm_s where a table has none, tool_x the direction of the work object
-    that the tool's x axis is turned towards, None to choose it. split: most targets of a part, None to write one module;
+    that the tool's x axis is turned towards, None to choose it. tool: of an APT file with several tools the one to post, by
+    its number or name; None: there may be only one. split: most targets of a part, None to write one module;
     split_load: parts are loaded one after the other. mark: the output that the written program switches at its targets, so that
     a force log shows when the robot was where; None: none."""
 
@@ -16,6 +17,7 @@ class PostingSettings:
     rapid_mm_s: float = 200.0
     feed_mm_s: float = 20.0
     tool_x: tuple[float, float, float] | None = None
+    tool: str | None = None
     split: int | None = None
     split_load: bool = False
     mark: str | None = None

@@ -38,8 +38,8 @@ def read_cam_table(file: Path, feed: float) -> CamPath:
     return CamPath(
         source=str(file), form="CSV", move=np.full(count, Move.LINEAR, dtype=np.uint8), line=table.line.astype(np.int64),
         position=1e-3 * table.stack(*POSITION), axis=None, quaternion=quaternion, rapid=rapid,
-        feed=_feeds(table, rapid, feed, findings), confdata=_confdata(table), joints=joints, remarks={},
-        findings=tuple(findings))
+        feed=_feeds(table, rapid, feed, findings), stop=np.zeros(count, dtype=bool), confdata=_confdata(table), joints=joints,
+        remarks={}, findings=tuple(findings))
 
 
 def _flags(table: Table) -> NDArray[np.bool_]:

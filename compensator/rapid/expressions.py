@@ -15,6 +15,8 @@ Kind = Literal["number", "name", "string", "aggregate", "call", "element", "star
 
 _DEEPEST = 40           # no data type nests deeper; keeps hostile input from exhausting the stack
 _INFIX = frozenset("+-*/=<>&") | {"<=", ">=", "<>"}
+# Names of the required parameters of the functions that are worked out.
+_PARAMETERS = {"offs": ("point", "xoffset", "yoffset", "zoffset"), "reltool": ("point", "dx", "dy", "dz")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +100,14 @@ def expression(cursor: Cursor) -> Expr:
     return Expr("other", first.start, parts[-1].end, items=tuple(parts))
 
 
-def arguments(cursor: Cursor, close: str) -> tuple[tuple[Expr, ...], tuple[tuple[str, Expr | None], ...]]:
-    """Arguments up to and including `close`: positional ones, and `\\Name`, `\\Name:=value` ones (names in lower case).
+def arguments(
+    cursor: Cursor, close: str, names: tuple[str, ...] = ()
+) -> tuple[tuple[Expr, ...], tuple[tuple[str, Expr | None], ...]]:
+    """Arguments up to and including `close`: required ones, and `\\Name`, `\\Name:=value` ones (names in lower case).
 
-    A comma may or may not stand before a backslash (post-processors write both); between two positional arguments it
-    must.
+    A comma may or may not stand before a backslash (post-processors write both); between two required arguments it
+    must. A required one may have its parameter's name before it, `Tool:=tool0`, in the parameters' order all the same.
+    names: of the required parameters, in lower case, where they are known. Raises CS2003, also for another name.
     """
     positional: list[Expr] = []
     options: list[tuple[str, Expr | None]] = []
@@ -118,6 +123,7 @@ def arguments(cursor: Cursor, close: str) -> tuple[tuple[Expr, ...], tuple[tuple
             options.append((name.word, value))
             free = False
         elif free:
+            _pass_name(cursor, names, len(positional))
             positional.append(expression(cursor))
             free = False
         else:
@@ -125,6 +131,16 @@ def arguments(cursor: Cursor, close: str) -> tuple[tuple[Expr, ...], tuple[tuple
         wants = cursor.accept(",")
         free = free or wants
     return tuple(positional), tuple(options)
+
+
+def _pass_name(cursor: Cursor, names: tuple[str, ...], index: int) -> None:
+    """Passes over `Name:=` before required argument `index`."""
+    token = cursor.token
+    if token.kind != "name" or cursor.tokens[cursor.at + 1].word != ":=":
+        return
+    if index < len(names) and token.word != names[index]:
+        raise cursor.fail(f"'{names[index]}:=' or the value alone: required arguments stand in the parameters' order")
+    cursor.at += 2
 
 
 def _operand(cursor: Cursor) -> Expr:
@@ -178,7 +194,7 @@ def _nested(cursor: Cursor) -> Expr:
 def _name(cursor: Cursor, token: Token) -> Expr:
     start, end, name = token.start, token.end, token.word
     if cursor.accept("("):
-        items, options = arguments(cursor, ")")
+        items, options = arguments(cursor, ")", _PARAMETERS.get(name, ()))
         result = Expr("call", start, cursor.tokens[cursor.at - 1].end, name, items=items, options=options)
     elif cursor.accept("{"):
         items, options = arguments(cursor, "}")

@@ -18,7 +18,7 @@ from compensator.rapid.program import RapidProgram
 from compensator.rapid.writer import Edit, apply
 from compensator.toolpath import Move
 
-_HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC](?:DO)?\s*\Z")
+_HEAD = re.compile(rb"(?i)(?<![\w\x80-\xff])Move[LC](?:DO)?\s*(?:\s(?:ToPoint|CirPoint)\s*:=\s*)?\Z")
 _TAIL = re.compile(rb"[^;!\"]*+;")
 # Arguments with which a further move would not be the same: a time for the whole, synchronised robots, path corrections.
 _OWN = re.compile(rb"(?i)\\\s*(?:T|ID|Corr|Conc)(?![\w\x80-\xff])")

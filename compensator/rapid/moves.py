@@ -17,6 +17,10 @@ ARGUMENTS = {
 }
 """The instructions whose targets are counted: spelling and arguments. Those with DO set an output at their target."""
 
+# The names under which ABB's reference has the arguments, for a call that writes them: MoveL ToPoint:=p1, Speed:=v100, ...
+_PARAMETERS = {"circle point": "cirpoint", "target": "topoint", "joint target": "tojointpos"}
+_BEHIND_TARGETS = ("speed", "zone", "tool", "signal", "value")
+
 DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
 """Instructions that switch a program displacement on or off."""
 
@@ -50,7 +54,7 @@ def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail
     """
     spelling, wanted = ARGUMENTS[instruction]
     start = cursor.token.start
-    positional, options = arguments(cursor, ";")
+    positional, options = arguments(cursor, ";", tuple(_PARAMETERS.get(what, what) for what in wanted))
     if len(positional) != len(wanted):
         raise cursor.source.fail("CS2003", f"{spelling} has {len(positional)} arguments, expected {len(wanted)}: "
                                  + ", ".join(wanted), start, "look for a missing comma, bracket or semicolon")
@@ -61,7 +65,7 @@ def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail
 def parse_tail(cursor: Cursor) -> Tail:
     """The tail alone, cursor behind the comma that follows the target. Raises CS2003."""
     start = cursor.token.start
-    positional, options = arguments(cursor, ";")
+    positional, options = arguments(cursor, ";", _BEHIND_TARGETS)
     if len(positional) not in (3, 5):
         raise cursor.source.fail("CS2003", f"found {len(positional)} arguments behind the target, expected 3: speed, "
                                  "zone, tool", start, "look for a missing comma, bracket or semicolon")

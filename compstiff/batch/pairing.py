@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from compensator.correction.files import Outputs
-from compensator.posting.read_toolpath import RAPID_SUFFIXES, TOOLPATH_SUFFIXES
+from compensator.posting.suffixes import RAPID_SUFFIXES, TOOLPATH_SUFFIXES, toolpath_stem, toolpath_suffix
 from identification.common.findings import Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
@@ -66,7 +66,7 @@ class ProgramFiles:
 def is_program(file: Path) -> bool:
     """Whether a file of a folder is a toolpath: by its suffix, neither hidden nor a force log."""
     name = file.name.lower()
-    return (file.suffix.lower() in TOOLPATH_SUFFIXES and not name.startswith(".") and not name.endswith(LOG_SUFFIXES)
+    return (toolpath_suffix(file) in TOOLPATH_SUFFIXES and not name.startswith(".") and not name.endswith(LOG_SUFFIXES)
             and file.is_file())
 
 
@@ -81,13 +81,13 @@ def programs_in(folder: Path) -> list[Path]:
 def logs_of(program: Path, folder: Path | None = None) -> tuple[Path, ...]:
     """The force logs with the program's stem, beside it or in a folder."""
     place = folder or program.parent
-    return tuple(log for suffix in LOG_SUFFIXES if (log := place / (program.stem + suffix)).is_file())
+    return tuple(log for suffix in LOG_SUFFIXES if (log := place / (toolpath_stem(program) + suffix)).is_file())
 
 
 def no_log(program: Path, folder: Path | None, then: str) -> Finding:
     """What is said of a program without a log. folder: of the logs, None where each lies beside its program; then: what becomes
     of it."""
-    return Finding("CS6000", "warning", f"has no force log {program.stem}{LOG_SUFFIXES[0]} (or .parquet) in "
+    return Finding("CS6000", "warning", f"has no force log {toolpath_stem(program)}{LOG_SUFFIXES[0]} (or .parquet) in "
                    f"{folder or program.parent}; {then}", file=str(program),
                    hint="log the forces of a first pass, or name the folder of the logs with --forces")
 
@@ -105,10 +105,10 @@ def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> lis
     owner: dict[Path, Path] = {}
     rivals: dict[Path, Path] = {}
     for program in {path.resolve(): path for path in programs}.values():
-        rapid = program.suffix.lower() in RAPID_SUFFIXES
-        outputs = Outputs(folders.output / (program.name if rapid else f"{program.stem}.mod"),
-                          folders.offsets / f"{program.stem}.offsets.csv" if folders.offsets else None,
-                          folders.report / f"{program.stem}.html" if folders.report else None)
+        rapid, stem = program.suffix.lower() in RAPID_SUFFIXES, toolpath_stem(program)
+        outputs = Outputs(folders.output / (program.name if rapid else f"{stem}.mod"),
+                          folders.offsets / f"{stem}.offsets.csv" if folders.offsets else None,
+                          folders.report / f"{stem}.html" if folders.report else None)
         pairs.append(ProgramFiles(program, logs_of(program, logs), outputs))
         for path in (*outputs.files(), *pairs[-1].logs):
             other = owner.setdefault(path.resolve(), program)

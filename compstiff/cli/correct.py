@@ -66,12 +66,13 @@ def correct(
 
 
 def _log_beside(toolpath_file: Path) -> Path:
+    from compensator.posting.suffixes import toolpath_stem
     from compstiff.batch.pairing import logs_of
 
     logs = logs_of(toolpath_file)
     if len(logs) != 1:
         raise click.UsageError("Missing option '--forces': there is no force log " +
-                               f"{toolpath_file.stem}.forces.csv (or .parquet) beside the program.")
+                               f"{toolpath_stem(toolpath_file)}.forces.csv (or .parquet) beside the program.")
     return logs[0]
 
 

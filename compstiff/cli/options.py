@@ -127,6 +127,7 @@ POSTING_OPTIONS: tuple[Decorator, ...] = (
     _posting("--feed-mm-s", type=click.FloatRange(0, 7000, min_open=True), default=DEFAULTS.posting.feed_mm_s,
              show_default=True, help="CSV: feed where the table has none."),
     _posting("--tool-x", type=Direction(), help="APT: direction of the work object that tool x is turned towards."),
+    _posting("--tool", metavar="NUMBER", help="APT: of a file with several tools the one to post, by number or name."),
 )
 # How the program is written: `post`, `correct` and `watch`.
 SPLITTING_OPTIONS: tuple[Decorator, ...] = (

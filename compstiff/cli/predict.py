@@ -30,7 +30,7 @@ def predict(
     target.
     """
     from compensator.correction.files import predict_files
-    from compensator.posting.read_toolpath import rapid_suffix
+    from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import Inputs, deviation_csv
     from identification.common.files import check_writable, write_whole
 
@@ -48,4 +48,4 @@ def predict(
     return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
                    next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
                                   *settings.as_options(), "-o",
-                                  f"{toolpath_file.stem}_corrected{rapid_suffix(toolpath_file)}"))
+                                  f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}"))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.findings import error
+from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import BLANKS, Layout, cells_of
 from identification.common.tables import as_numbers, decoded, holds_cells, opened, parquet_complaints, with_decimal_points
 
@@ -103,7 +104,12 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
     if layout.separator == BLANKS and frame.shape[1] != len(layout.names):
         return None
     numbers = {column: frame[k].to_numpy() for column, k in place.items()}
-    return numbers if all(np.isfinite(values).all() for values in numbers.values()) else None
+    return numbers if all(_sound(values) for values in numbers.values()) else None
+
+
+def _sound(values: Array) -> bool:
+    """Whether all are finite numbers of a size that a cell may have."""
+    return not len(values) or bool(values.min() >= -LARGEST_CELL and values.max() <= LARGEST_CELL)
 
 
 def parquet_names(file: Path) -> tuple[tuple[str, ...], int]:
@@ -125,7 +131,7 @@ def parquet_blocks(file: Path, names: Sequence[str], wanted: Sequence[str]) -> I
         for batch in table.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted), use_threads=False):
             number = np.arange(line, line + batch.num_rows)
             numbers = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
-            sound = all(values.dtype == np.float64 and np.isfinite(values).all() for values in numbers.values())
+            sound = all(values.dtype == np.float64 and _sound(values) for values in numbers.values())
             yield numbers if sound else as_numbers(batch.to_pandas(), str(file), names, number), number
             line += batch.num_rows
 

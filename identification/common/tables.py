@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
+from identification.common.sizes import LARGEST_CELL
 
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
@@ -124,8 +125,8 @@ def as_numbers(
     for name in frame.columns:
         numbers[name], bad = as_floats(frame[name], empty=name in may_be_empty)
         findings += [
-            Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number",
-                    file=file, line=int(line[row]), column=list(names).index(name) + 1,
+            Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number"
+                    + beyond(numbers[name][row]), file=file, line=int(line[row]), column=list(names).index(name) + 1,
                     hint="mend the cell, or delete the row if the value is lost")
             for row in bad[:MOST_COMPLAINTS]
         ]
@@ -177,14 +178,19 @@ def shown(value: object) -> str:
     return "an empty cell" if value is None or value == "" or value is pd.NA or value != value else f"'{value}'"
 
 
+def beyond(value: float) -> str:
+    """What to add where a number is finite, and too large for a cell."""
+    return f" up to {LARGEST_CELL:g} in size" if np.isfinite(value) else ""
+
+
 def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp]]:
-    """The column as floats and the rows that are not finite numbers."""
+    """The column as floats and the rows that are not finite numbers, or too large for a cell."""
     if column.dtype.kind in "fiu":
         values = column.to_numpy(dtype=float)
-        return values, np.flatnonzero(~(np.isfinite(values) | (empty & np.isnan(values))))
+        return values, np.flatnonzero(~((np.abs(values) <= LARGEST_CELL) | (empty & np.isnan(values))))
     text = column.fillna("").astype(str).str.strip()
     values = pd.to_numeric(text.where(text != "", None), errors="coerce").to_numpy(dtype=float)
-    good = np.isfinite(values) | (empty & (text == "").to_numpy())
+    good = (np.abs(values) <= LARGEST_CELL) | (empty & (text == "").to_numpy())
     return values, np.flatnonzero(~good)
 
 

@@ -12,6 +12,7 @@ import yaml
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, FiniteFloat, ValidationError
 
 from identification.common.findings import CompstiffError, Finding, error
+from identification.common.sizes import LARGEST, SMALLEST, SOFTEST, STIFFEST
 
 Place = tuple[int, int]
 Key = tuple[str | int, ...]
@@ -23,15 +24,31 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def _sized(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise ValueError(f"must be at most {LARGEST:g} in size")
+    return value
+
+
 def _positive(value: float) -> float:
     if value <= 0:
         raise ValueError("must be greater than zero")
+    if value < SMALLEST:
+        raise ValueError(f"must be at least {SMALLEST:g}")
     return value
 
 
 def _not_negative(value: float) -> float:
     if value < 0:
         raise ValueError("must not be negative")
+    if 0 < value < SMALLEST:
+        raise ValueError(f"must be zero, or at least {SMALLEST:g}")
+    return value
+
+
+def _of_a_joint(value: float) -> float:
+    if not SOFTEST <= value <= STIFFEST:
+        raise ValueError(f"must be greater than zero, {SOFTEST:g} to {STIFFEST:g} N m/rad")
     return value
 
 
@@ -47,13 +64,15 @@ def _for_each_joint(value: object) -> object:
         return value
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ValueError("must be a number, or six of them, one a joint")
-    return (_positive(value),) * 6
+    return (_positive(_sized(value)),) * 6
 
 
-Positive = Annotated[FiniteFloat, AfterValidator(_positive)]
-NotNegative = Annotated[FiniteFloat, AfterValidator(_not_negative)]
-Triple = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-Quaternion = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)]
+Number = Annotated[FiniteFloat, AfterValidator(_sized)]
+Positive = Annotated[Number, AfterValidator(_positive)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+Stiffness = Annotated[FiniteFloat, AfterValidator(_of_a_joint)]
+Triple = tuple[Number, Number, Number]
+Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_unit)]
 # A single number stands for all six joints.
 EachJoint = Annotated[tuple[Positive, Positive, Positive, Positive, Positive, Positive], BeforeValidator(_for_each_joint)]
 Model = TypeVar("Model", bound=BaseModel)

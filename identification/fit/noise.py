@@ -23,6 +23,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.findings import error
 from identification.fit.load_test import LoadTest
 from identification.fit.own_noise import RememberingRows, RowsAlone, stretches
 from identification.model import cell as cells
@@ -41,6 +42,8 @@ USUAL_ODDS = 0.1
 REMEMBERED = 64
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
+# How many times the sensor's 1 sigma the force error may move the tool: with that and LARGEST_LOG a double still holds both.
+LARGEST_RATIO = 1e4
 
 
 @dataclass(frozen=True)
@@ -261,7 +264,10 @@ def force_error(noise: cells.Noise) -> tuple[Array, float]:
 
 
 def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
-    """The noise of these rows as the cell file states it, the force error carried through `compliance` (6,)."""
+    """The noise of these rows as the cell file states it, the force error carried through `compliance` (6,).
+
+    Raises CompstiffError (CS1081) where the parts differ by more than can be computed with.
+    """
     cell, rows, noise = data.cell, data.rows, data.cell.noise
     measured = ~np.isnan(rows.deflection)
     sensor = sensor_sigma(data)
@@ -269,6 +275,7 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
     carried = whitening @ compliance_matrix(cell.robot, rows.theta, cell.flange_from_tcp, compliance)[:, :3, :3]
     load, (absolute, relative) = rows.wrench[:, :3], force_error(noise)
     loaded = np.any(load != 0, axis=1)[:, None]
+    _check_parts(data, carried * (relative * load + absolute * loaded)[:, None, :])
     setups = USUAL_SETUP * (carried[:, :, :, None] * load[:, None, None, :]).reshape(len(load), 3, 9)
     _, visit = np.unique(rows.visit, return_inverse=True)
     offset = noise.pose_offset if noise.offset_stated else np.full(3, USUAL_OFFSET_M)
@@ -278,6 +285,16 @@ def noise_model(data: LoadTest, compliance: Array) -> NoiseModel:
         visit.astype(np.intp), offset,
         (sensor_stated, noise.force_relative_stated, noise.force_stated, noise.offset_stated, False, False),
         (True, relative > 0, bool(np.any(absolute > 0)), bool(offset.any()), False, False))
+
+
+def _check_parts(data: LoadTest, of_force: Array) -> None:
+    """of_force (n, 3, 3): the force error's deflection in sigmas of the sensor. Raises CompstiffError (CS1081)."""
+    ratio = np.abs(of_force).max(axis=(1, 2))
+    if ratio.max() > LARGEST_RATIO:
+        row = int(np.argmax(ratio))
+        raise error("CS1081", f"the force error moves the tool by {ratio[row]:.3g} times the sensor's 1 sigma, at most "
+                    f"{LARGEST_RATIO:g} can be computed with", file=data.rows.source, line=int(data.rows.line[row]),
+                    hint=f"look at this row's load and sigma, and at measurement and prior in {data.cell.source.name}")
 
 
 def sensor_sigma(data: LoadTest) -> Array:

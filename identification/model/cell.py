@@ -8,10 +8,20 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, FiniteFloat
+from pydantic import AfterValidator, Field
 
 from identification.common.findings import error
-from identification.common.yaml_source import EachJoint, NotNegative, Positive, Quaternion, Strict, Triple, read_yaml
+from identification.common.yaml_source import (
+    EachJoint,
+    NotNegative,
+    Number,
+    Positive,
+    Quaternion,
+    Stiffness,
+    Strict,
+    Triple,
+    read_yaml,
+)
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
@@ -112,7 +122,7 @@ def _window(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-Window = Annotated[tuple[FiniteFloat, FiniteFloat], AfterValidator(_window)]
+Window = Annotated[tuple[Number, Number], AfterValidator(_window)]
 
 
 class JointWindowFile(Strict):
@@ -136,7 +146,7 @@ class DesignFile(Strict):
 class CellPriorFile(Strict):
     """The prior, where it differs from the robot file's."""
 
-    stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive] | None = None
+    stiffness_nm_per_rad: tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness, Stiffness] | None = None
     relative_std: EachJoint | None = None
 
 

@@ -11,11 +11,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import Field, model_validator
 
 from identification.common.files import sha256
 from identification.common.findings import error
-from identification.common.yaml_source import EachJoint, NotNegative, Positive, Strict, Triple, read_yaml
+from identification.common.yaml_source import EachJoint, NotNegative, Number, Positive, Stiffness, Strict, Triple, read_yaml
 
 Array = NDArray[np.float64]
 LoadPath = Literal["drive", "serial"]
@@ -23,11 +23,11 @@ BUILT_IN = Path(__file__).parent / "robots"
 
 
 class _Joint(Strict):
-    alpha_deg: FiniteFloat
-    a_mm: FiniteFloat
-    d_mm: FiniteFloat
-    offset_deg: FiniteFloat = 0.0
-    limits_deg: tuple[FiniteFloat, FiniteFloat]
+    alpha_deg: Number
+    a_mm: Number
+    d_mm: Number
+    offset_deg: Number = 0.0
+    limits_deg: tuple[Number, Number]
     speed_deg_s: Positive
     acceleration_deg_s2: Positive
 
@@ -41,8 +41,8 @@ class _Joint(Strict):
 class _Coupling(Strict):
     joint: Annotated[int, Field(ge=1, le=6)]
     driven_by: Annotated[int, Field(ge=1, le=6)]
-    ratio: FiniteFloat
-    window_deg: tuple[FiniteFloat, FiniteFloat] | None = None
+    ratio: Number
+    window_deg: tuple[Number, Number] | None = None
 
     @model_validator(mode="after")
     def _ascending(self) -> _Coupling:
@@ -56,7 +56,7 @@ class _Coupling(Strict):
 class PriorFile(Strict):
     """The `prior` block of a robot file and of cell.yaml."""
 
-    stiffness_nm_per_rad: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+    stiffness_nm_per_rad: tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness, Stiffness]
     relative_std: EachJoint = (2.0,) * 6
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, StrictInt, ValidationError
 
 from identification.common.findings import CompstiffError, error
+from identification.common.sizes import LARGEST_VARIANCE, SOFTEST, STIFFEST
 from identification.model.cell import Cell
 from identification.model.effects import effects
 from identification.model.effects_in_force import EFFECTS, SPRINGS
@@ -197,8 +198,10 @@ def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: 
     """Mean and covariance of (ln c, parameters): the file's own, or from the covariance in k (log-normal moments inverted)."""
     estimate = np.array([parameter.estimate for parameter in file.parameters])
     median = estimate[SPRINGS]
-    if np.any(median <= 0):
-        raise error("CS1203", f"a stiffness of {median.min():g} N m/rad, must be greater than zero", file=name)
+    wrong = np.flatnonzero(~((median >= SOFTEST) & (median <= STIFFEST)))
+    if len(wrong):
+        raise error("CS1203", f"k{wrong[0] + 1}: a stiffness of {median[wrong[0]]:g} N m/rad, must be greater than zero, "
+                    f"{SOFTEST:g} to {STIFFEST:g}", file=name, hint="edit no stiffness file by hand")
     in_k = _square(file.covariance, "covariance", len(estimate), name)
     if file.log_compliance is not None:
         mean = np.array(file.log_compliance.mean)
@@ -208,7 +211,7 @@ def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: 
         differs = np.abs(np.log(median) + mean[SPRINGS])
         if differs.max() > DISAGREEMENT:
             worst = int(np.argmax(differs))
-            raise _disagree(f"k{worst + 1}", median[worst], np.exp(-mean[worst]), "N m/rad", name)
+            raise _disagree(f"k{worst + 1}", median[worst], np.exp(np.clip(-mean[worst], -700, 700)), "N m/rad", name)
         _check_values(estimate[EFFECTS], in_force, name, mean[EFFECTS])
         return mean, covariance
     _check_values(estimate[EFFECTS], in_force, name)
@@ -252,8 +255,14 @@ def _square(rows: list[list[float]], what: str, size: int, name: str) -> Array:
 
 def _semidefinite(matrix: Array, what: str, name: str) -> Array:
     """The symmetrised matrix; refuses what is not symmetric or has a negative variance in any direction."""
+    if np.abs(matrix).max() > LARGEST_VARIANCE:
+        raise error("CS1203", f"{what} holds {np.abs(matrix).max():g}, at most {LARGEST_VARIANCE:g} is expected", file=name,
+                    hint="edit no stiffness file by hand")
     scale = np.sqrt(np.abs(np.diag(matrix)))
     product = np.outer(scale, scale)
+    if np.any(np.abs(matrix) > np.where(product > 0, 1.001 * product, 1.0)):
+        raise error("CS1203", f"{what} is not positive semidefinite: a covariance is larger than its variances allow",
+                    file=name)
     scaled = matrix / np.where(product > 0, product, 1.0)
     if np.max(np.abs(scaled - scaled.T)) > 1e-6:
         raise error("CS1203", f"{what} is not symmetric", file=name)

@@ -1,4 +1,4 @@
-"""Reads APT cutter location files (.apt, .cls, .cl) as CAM systems write them."""
+"""Reads APT cutter location files as CAM systems write them."""
 
 from compensator.posting.apt.reader import read_apt
 

@@ -24,6 +24,7 @@ class Moves:
         self.move, self.line = bytearray(), list[int]()
         self.position, self.axis = list[Point](), list[Point]()
         self.rapid, self.feed = list[bool](), list[float]()
+        self.stops = list[int]()                # targets with a stop point
         self.arcs = self.chords = 0             # how many arcs became MoveC, and how many chords
         self.longest = 0.0                      # of a MoveC
         self.ahead = self.backwards = 0         # arcs that go on as the straight move before them, and that turn back
@@ -89,7 +90,7 @@ class Moves:
         return CamPath(
             source=file, form="APT", move=np.frombuffer(bytes(self.move), dtype=np.uint8), line=np.array(self.line),
             position=np.array(self.position), axis=np.array(self.axis), quaternion=None, rapid=np.array(self.rapid),
-            feed=np.array(self.feed), confdata=None, joints=None,
+            feed=np.array(self.feed), stop=np.isin(np.arange(len(self.move)), self.stops), confdata=None, joints=None,
             remarks={at: tuple(lines) for at, lines in remarks.items()}, findings=(*findings, *self._of_arcs(file)))
 
     def _of_arcs(self, file: str) -> list[Finding]:

@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 import math
-import re
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from compensator.posting.apt import words
 from compensator.posting.apt.arc_words import Announced, along_circle, circle, movarc
+from compensator.posting.apt.drilling import ABOVE_REACHED, Drilling, drilling
+from compensator.posting.apt.left_out import LeftOut
+from compensator.posting.apt.measures import Measures
 from compensator.posting.apt.moves import Moves, Point
+from compensator.posting.apt.placement import Placement
 from compensator.posting.apt.setup import Setup
-from compensator.posting.apt.statements import COMMENT, Statement, read_text, statements
+from compensator.posting.apt.statements import COMMENT, FARTHEST, Statement, read_text, statements
 from compensator.posting.campath import CamPath
 from identification.common.arrays import Array
-from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.findings import CompstiffError, Finding, counted
 
 UPRIGHT = (0.0, 0.0, 1.0)
-_INCH_FEED, _MM_FEED = re.compile(r"(?im)^\s*FEDRAT\b.*\b(IPM|IPR)\b"), re.compile(r"(?im)^\s*FEDRAT\b.*\b(MMPM|MMPR)\b")
-_UNITS = re.compile(r"(?im)^\s*UNITS\s*/")
 
 
-def read_apt(file: Path) -> CamPath:
-    """Reads an APT-CL file. Raises CompstiffError (CS0005, CS2100 to CS2113), each with file, line and column."""
+def read_apt(file: Path, tool: str | None = None) -> CamPath:
+    """Reads an APT-CL file. tool: the one to read of a file with several, by number or name.
+
+    Raises CompstiffError (CS0005, CS2100 to CS2113, CS2182), each with file, line and column.
+    """
     text = read_text(file)
-    reader = _Reader(str(file), text)
+    reader = _Reader(str(file), text, tool)
     for statement in statements(text, str(file)):
         if reader.finished:
-            reader.behind += 1
+            reader.left_out.behind += 1
             continue
         reader.take(statement)
     return reader.cam_path()
@@ -38,34 +41,25 @@ def read_apt(file: Path) -> CamPath:
 class _Reader:
     """What holds from one statement to the next, and the moves so far (lengths in metres)."""
 
-    def __init__(self, file: str, text: str) -> None:
+    def __init__(self, file: str, text: str, tool: str | None) -> None:
         self.file = file
-        self.stated_units = bool(_UNITS.search(text))
-        inch, metric = bool(_INCH_FEED.search(text)), bool(_MM_FEED.search(text))
-        if inch and metric and not self.stated_units:
-            raise error("CS2105", "FEDRAT is in inches and in millimetres, and no UNITS says what the coordinates are in",
-                        file=file, line=1, hint="let the CAM system write UNITS/MM or UNITS/INCHES")
-        self.metric = metric
-        self.unit = words.INCH if inch and not self.stated_units else 1.0
-        self.feed: tuple[float, str] | None = None          # [m], per "minute" or "turn"
-        self.feed_assumed = False
-        self.turns_per_minute: float | None = None
+        self.measures = Measures(file, text)
         self.rapid = self.finished = False
         self.multax: bool | None = None
-        self.axis = UPRIGHT
-        self.here: Point | None = None
+        self.axis = UPRIGHT                                 # as written; TRACUT turns it
+        self.here: Point | None = None                      # in the work object
         self.start: Point | None = None                     # of FROM
         self.arc: Announced | None = None
         self.heading: Array | None = None                   # of INDIRV
         self.compensated: Statement | None = None           # CUTCOM in force
         self.homeless: CompstiffError | None = None         # of a GOHOME to nowhere: raised when a motion follows
-        self.setup = Setup()
-        self.behind = 0
+        self.placement = Placement()
+        self.setup = Setup(tool)
+        self.drilling: Drilling | None = None               # CYCLE in force
+        self.holes: list[Drilling] = []                     # the cycle of each hole
+        self.left_out = LeftOut(file)
         self.moves = Moves()
         self.remarks: dict[int, list[str]] = {}
-        self.unknown: Counter[str] = Counter()
-        self.first: dict[str, Statement] = {}               # where a word of a finding stood first
-        self.commands = 0
         self.findings: list[Finding] = []
 
     def take(self, statement: Statement) -> None:
@@ -79,16 +73,23 @@ class _Reader:
             rule(self, statement)
         if word in words.KEPT:
             self._keep(statement)
-        elif rule is None and word not in words.IGNORED:
-            arguments = statement.arguments
-            if words.moves_the_tool(word):
-                if not words.without_effect(word, arguments):
-                    raise statement.fail("CS2102", f"found {word}, which moves the tool or what it moves in; it is not read",
-                                         hint="let the CAM system write the finished path: GOTO, CIRCLE and FEDRAT, no macros, "
-                                         "copies, transformations or cycles")
-            else:
-                self.unknown[word] += 1
-                self.first.setdefault(word, statement)
+        elif rule is None:
+            self._pass_over(statement)
+
+    def _pass_over(self, statement: Statement) -> None:
+        """A word without a rule."""
+        word, arguments = statement.word, statement.arguments
+        if words.ignored(word) or words.without_effect(word, arguments):
+            self.left_out.ignored(statement)
+        elif words.moves_the_tool(word):
+            raise statement.fail("CS2102", f"found {word}, which moves the tool, what it moves in or what words mean; it is "
+                                 "not read", hint="let the CAM system write the finished path: GOTO, CIRCLE and FEDRAT, no "
+                                 "macros, subroutines, copies or machine kinematics")
+        elif words.looks_like_a_unit(word, arguments):
+            raise statement.fail("CS2105", f"found {statement.spelled()}, which may be the unit of length; it is not read",
+                                 hint="let the CAM system write UNITS/MM or UNITS/INCHES")
+        else:
+            self.left_out.unknown(statement)
 
     # Motion
 
@@ -101,16 +102,27 @@ class _Reader:
         if len(values) == 6 and not (self.arc is not None and abs(math.hypot(*values[3:]) - 1) > 1e-3):
             self._turn(statement, values[3:])
             values = values[:3]
-        points = [self._metres(values[at:at + 3]) for at in range(0, len(values), 3)]
-        if self.arc is None:
-            self._move(statement, points[0])
+        if self.arc is None and self.drilling is None:
+            self._move(statement, self._point(statement, values))
             return
-        self._drive(statement, self.arc, points[-1], points[:-1])
-        self.arc = None
+        points = [self._point(statement, values[at:at + 3]) for at in range(0, len(values), 3)]
+        if self.arc is not None:
+            self._drive(statement, self.arc, points[-1], points[:-1])
+            self.arc = None
+        elif self.drilling is not None:
+            self._drill(statement, self.drilling, points[0])
 
-    def _metres(self, values: list[float]) -> Point:
-        scale = 1e-3 * self.unit
-        return scale * values[0], scale * values[1], scale * values[2]
+    def _point(self, statement: Statement, values: list[float]) -> Point:
+        """A written point in the work object."""
+        return self.placement.point(self._metres(statement, values))
+
+    def _metres(self, statement: Statement, values: list[float]) -> Point:
+        x, y, z = values
+        scale = self.measures.scale
+        x, y, z = scale * x, scale * y, scale * z
+        if abs(x) > FARTHEST or abs(y) > FARTHEST or abs(z) > FARTHEST:
+            statement.lengths(scale)                        # raises, with the place
+        return x, y, z
 
     def _turn(self, statement: Statement, values: list[float], first: int = 3) -> None:
         """Sets the tool axis, which holds until another one is given."""
@@ -122,38 +134,68 @@ class _Reader:
         if self.multax is False and math.dist(axis, self.axis) > 1e-6:
             raise statement.fail("CS2112", f"found the tool axis {values} while MULTAX is off, where it would stay "
                                  f"{list(self.axis)}", first, "let the CAM system write MULTAX/ON before tilted moves")
-        self.axis = axis
+        self.axis, self.placement.tilted = axis, None
 
-    def _begin(self, statement: Statement) -> tuple[bool, float]:
-        """What every motion needs: nothing against it, and its speed. Returns rapid and the feed [m/s]."""
+    def _check(self, statement: Statement) -> None:
+        """Raises what is against a motion here."""
         for trouble in (self.homeless, self.setup.trouble):
             if trouble is not None:
                 raise trouble
+        if self.placement.tilted is not None:
+            raise statement.fail("CS2112", "found a motion without tool axis behind a CSYS that is turned (line "
+                                 f"{self.placement.tilted.line})", hint="let the CAM system write i,j,k in GOTO")
         if self.compensated is not None:
-            raise statement.fail("CS2103", f"found a motion while {_spelled(self.compensated)} (line {self.compensated.line}) "
+            raise statement.fail("CS2103", f"found a motion while {self.compensated.spelled()} (line {self.compensated.line}) "
                                  "is in force: the tool centre then runs beside the points written here",
                                  hint="let the CAM system write the path of the tool centre, uncompensated")
+
+    def _begin(self, statement: Statement) -> tuple[bool, float]:
+        """What every motion but the drilling of a hole needs: nothing against it, and its speed. Returns rapid and the feed
+        [m/s]."""
+        self._check(statement)
+        if self.drilling is not None:
+            raise statement.fail("CS2102", f"found a motion other than GOTO while {self.drilling.statement.spelled()} (line "
+                                 f"{self.drilling.statement.line}) is in force",
+                                 hint="let the CAM system write CYCLE/OFF before it")
         rapid, self.rapid = self.rapid, False
-        if rapid:
-            return True, math.nan
-        if self.feed is None:
-            raise statement.fail("CS2107", "found a cutting move before any FEDRAT",
-                                 hint="let the CAM system write FEDRAT before the first cut, or RAPID before moves in the air")
-        length, per = self.feed
-        if per == "minute":
-            return False, length / 60.0
-        if self.turns_per_minute is None:
-            raise statement.fail("CS2107", "the feed is per turn, and no SPINDL says the speed",
-                                 hint="write the feed per minute")
-        return False, length * self.turns_per_minute / 60.0
+        return (True, math.nan) if rapid else (False, self.measures.speed(statement, self.measures.feed))
 
     def _move(self, statement: Statement, point: Point) -> None:
+        if self._skipped(point):
+            return
         rapid, feed = self._begin(statement)
-        self.moves.add(statement.line, point, self.axis, rapid, feed)
+        self.moves.add(statement.line, point, self.placement.direction(self.axis), rapid, feed)
         self.here = point
+
+    def _skipped(self, point: Point) -> bool:
+        """Whether a motion to `point` is that of a tool that was not asked for."""
+        if self.setup.chosen is None or not self.setup.elsewhere:
+            return False
+        self.left_out.other_tools += 1
+        self.here, self.rapid = point, False
+        return True
+
+    def _drill(self, statement: Statement, cycle: Drilling, point: Point) -> None:
+        self._check(statement)
+        if self.rapid:
+            raise statement.fail("CS2102", "found RAPID before a GOTO while a drilling cycle is in force: it is not known "
+                                 "whether a hole is drilled here", hint="let the CAM system write CYCLE/OFF before it")
+        feed, axis = self.measures.speed(statement, cycle.feed or self.measures.feed), self.placement.direction(self.axis)
+        for step in cycle.steps(point, axis, self.here):
+            if step.rapid and self.here is not None and math.dist(step.point, self.here) < 1e-9:
+                continue
+            self.moves.add(statement.line, step.point, axis, step.rapid, math.nan if step.rapid else feed)
+            if step.stop:
+                self.moves.stops.append(len(self.moves) - 1)
+            self.here = step.point
+        self.holes.append(cycle)
+        if cycle.dwell:
+            self._remark(f"DWELL {cycle.dwell} at the bottom of the hole is not driven")
 
     def _drive(self, statement: Statement, announced: Announced, point: Point, between: list[Point]) -> None:
         """An arc to `point`; between: points on it that the file gives beside its end."""
+        if self._skipped(point):
+            return
         start = np.array(self.moves.start(announced, self.here))
         rapid, feed = self._begin(statement)
         arc = announced.arc(start, np.array(point))
@@ -161,18 +203,18 @@ class _Reader:
         if np.any(np.diff([0.0, *angles, arc.sweep]) <= -1e-6):
             raise announced.fail("the points of the arc do not follow one another in its sense of turning")
         self.moves.compare(arc, announced.statement.line)
-        self.moves.drive(statement.line, arc, self.axis, rapid, feed)
+        self.moves.drive(statement.line, arc, self.placement.direction(self.axis), rapid, feed)
         self.here = point
 
     def circle(self, statement: Statement) -> None:
-        self.arc = circle(statement, 1e-3 * self.unit, self.heading)
+        self.arc = self.placement.arc(circle(statement, self.measures.scale, self.heading))
         self.heading = None
 
     def movarc(self, statement: Statement) -> None:
-        self.arc = movarc(statement, 1e-3 * self.unit)
+        self.arc = self.placement.arc(movarc(statement, self.measures.scale))
 
     def tlon(self, statement: Statement) -> None:
-        announced = along_circle(statement, 1e-3 * self.unit, self.heading)
+        announced = self.placement.arc(along_circle(statement, self.measures.scale, self.heading))
         self.heading = None
         assert announced.end is not None
         self._drive(statement, announced, tuple(announced.end.tolist()), [])
@@ -182,10 +224,11 @@ class _Reader:
         length = math.hypot(*values)
         if not length > 0:
             raise statement.fail("CS2108", "INDIRV: the direction has no length", 0)
-        self.heading = np.array(values) / length
+        x, y, z = values
+        self.heading = np.array(self.placement.direction((x / length, y / length, z / length)))
 
     def godlta(self, statement: Statement) -> None:
-        step = self._metres(_count(statement, 3))
+        step = self.placement.direction(self._metres(statement, _count(statement, 3)))
         if self.here is None:
             raise statement.fail("CS2102", "GODLTA: no GOTO or FROM before it says where it starts")
         self._move(statement, (self.here[0] + step[0], self.here[1] + step[1], self.here[2] + step[2]))
@@ -196,7 +239,7 @@ class _Reader:
             raise statement.fail("CS2101", f"FROM: found {len(values)} numbers, expected 3 or 6", 0)
         if len(values) == 6:
             self._turn(statement, values[3:])
-        self.here = self.start = self._metres(values)
+        self.here = self.start = self._point(statement, values[:3])
 
     def gohome(self, statement: Statement) -> None:
         if statement.arguments:
@@ -206,11 +249,11 @@ class _Reader:
             self.rapid = True
             if len(values) == 6:
                 self._turn(statement, values[3:])
-            self._move(statement, self._metres(values))
+            self._move(statement, self._point(statement, values[:3]))
         elif self.start is not None:
             self.rapid = True
             self._move(statement, self.start)
-        else:
+        elif not self.setup.elsewhere:
             self.findings.append(Finding(
                 "CS2114", "warning", "GOHOME is left out: the file does not say where home is", self.file, *statement.place(),
                 hint="drive the robot away from the part with your own program behind this one"))
@@ -226,34 +269,13 @@ class _Reader:
         self.rapid = True
 
     def units(self, statement: Statement) -> None:
-        name = statement.arguments[0] if statement.arguments else "nothing"
-        if name not in words.UNITS:
-            raise statement.fail("CS2105", f"UNITS: found {name}, expected one of {', '.join(words.UNITS)}", 0)
-        self.unit = words.UNITS[name]
+        self.measures.units(statement)
 
     def fedrat(self, statement: Statement) -> None:
-        """The value before or after the unit word; without one, the file's unit a minute."""
-        value: float | None = None
-        unit, per = None, "minute"
-        for index, argument in enumerate(statement.arguments):
-            if argument in words.FEED_UNITS:
-                unit, per = words.FEED_UNITS[argument]
-            elif value is None:
-                value = statement.numbers(index, index + 1)[0]
-            else:
-                raise statement.fail("CS2101", f"FEDRAT: found '{argument}', expected a value and one of "
-                                     f"{', '.join(words.FEED_UNITS)}", index)
-        if value is None or value <= 0:
-            raise statement.fail("CS2107", f"FEDRAT: found {value}, expected a feed above zero", 0)
-        self.feed_assumed |= not any(argument in words.FEED_UNITS for argument in statement.arguments)
-        self.feed = (1e-3 * value * (unit or self.unit), per)
+        self.measures.fedrat(statement)
 
     def spindl(self, statement: Statement) -> None:
-        """Only the turns a minute are wanted, for feeds per turn."""
-        arguments = statement.arguments
-        numeric = [index for index, argument in enumerate(arguments) if argument[:1] in "+-.0123456789" and argument]
-        if numeric and not {"SFM", "SMM"} & set(arguments):
-            self.turns_per_minute = statement.numbers(numeric[0], numeric[0] + 1)[0]
+        self.measures.spindl(statement)
 
     def multax_on(self, statement: Statement) -> None:
         self.multax = statement.arguments != ["OFF"]
@@ -271,12 +293,28 @@ class _Reader:
             self.compensated = statement
 
     def cycle(self, statement: Statement) -> None:
-        if statement.arguments not in (["OFF"], ["NOMORE"]):
-            raise statement.fail("CS2102", f"found {_spelled(statement)}: a drilling cycle, which every control drives in its "
-                                 "own way", hint="let the CAM system write the cycle as single moves (GOTO)")
+        """INIT of CAMWorks announces a cycle; OFF and NOMORE end it."""
+        if statement.arguments in (["OFF"], ["NOMORE"]):
+            self.drilling = None
+        elif statement.arguments != ["INIT"] and not self.setup.elsewhere:
+            self.drilling = drilling(statement, self.measures.scale, self.here)
+
+    def tracut(self, statement: Statement) -> None:
+        self.placement.tracut(statement, self.measures.scale)
+
+    def trntyp(self, statement: Statement) -> None:
+        self.placement.trntyp(statement)
+
+    def csys(self, statement: Statement) -> None:
+        self.placement.csys(statement, self.measures.scale)
+        self.axis = UPRIGHT
 
     def tool(self, statement: Statement) -> None:
+        """Where the tool that was asked for comes in, it is not where the one before it was."""
+        elsewhere = self.setup.elsewhere
         self.setup.tool(statement)
+        if elsewhere != self.setup.elsewhere:
+            self.here, self.rapid, self.homeless, self.drilling = None, False, None, None
 
     def coordinates(self, statement: Statement) -> None:
         self.setup.coordinates(statement)
@@ -293,11 +331,10 @@ class _Reader:
 
     def _keep(self, statement: Statement) -> None:
         if statement.word in words.SAID:
-            self._remark(statement.text.strip().strip("'\"") if statement.word != "TOOL PATH" else _spelled(statement))
-        else:
-            self.commands += 1
-            self.first.setdefault("commands", statement)
-            self._remark(_spelled(statement))
+            self._remark(statement.text.strip().strip("'\"") if statement.word != "TOOL PATH" else statement.spelled())
+        elif not self.setup.elsewhere:
+            self.left_out.command(statement)
+            self._remark(statement.spelled())
 
     def _remark(self, text: str) -> None:
         if text:
@@ -309,39 +346,23 @@ class _Reader:
         """Everything read, with what there is to say about it."""
         if self.arc is not None:
             raise self.arc.fail("no GOTO behind this arc says where it ends")
-        return self.moves.cam_path(self.file, self.remarks, [*self.findings, *self._assumed(), *self._left_out()])
+        self.setup.check_chosen(self.file)
+        return self.moves.cam_path(self.file, self.remarks, [*self.findings, *self.measures.findings(), *self._drilled(),
+                                                             *self.left_out.findings(self.setup.chosen)])
 
-    def _assumed(self) -> list[Finding]:
-        findings = []
-        if not self.stated_units:
-            read = "inches, as FEDRAT is" if self.unit == words.INCH else "millimetres" + ", as FEDRAT is" * self.metric
-            findings.append(Finding("CS2106", "note" if "FEDRAT" in read else "warning",
-                                    f"no UNITS statement: coordinates are read as {read}", self.file, 1,
-                                    hint="" if "FEDRAT" in read else "compare the size of the path with the part"))
-        if self.feed_assumed:
-            findings.append(Finding("CS2106", "note", "FEDRAT without a unit is read as the file's unit of length a minute",
-                                    self.file))
-        return findings
-
-    def _left_out(self) -> list[Finding]:
-        findings = []
-        if self.commands:
-            first = self.first["commands"]
-            findings.append(Finding(
-                "CS2111", "warning", f"{counted(self.commands, 'machine command')} (from {_spelled(first)} on) are comments in "
-                "the program: your outputs are not known here", self.file, *first.place(),
-                hint="switch spindle and coolant in your own program round this one"))
-        for word, number in self.unknown.items():
-            findings.append(Finding("CS2104", "warning", f"{word} is not known and was left out", self.file,
-                                    *self.first[word].place(), count=number))
-        if self.behind:
-            findings.append(Finding("CS2114", "warning", f"{counted(self.behind, 'statement')} behind FINI left out",
-                                    self.file))
-        return findings
-
-
-def _spelled(statement: Statement) -> str:
-    return f"{statement.word}/{statement.text.strip()}" if statement.text.strip() else statement.word
+    def _drilled(self) -> list[Finding]:
+        if not self.holes:
+            return []
+        told = [f"{counted(len(self.holes), 'hole')} of drilling cycles (from {self.holes[0].statement.spelled()} on) became "
+                "single moves, with a stop at the bottom"]
+        if any(hole.pecks for hole in self.holes):
+            told.append("chips are cleared up to the clearance, and the tool comes back in the air to "
+                        f"{1e3 * ABOVE_REACHED:g} mm above the depth it had reached")
+        if any(hole.back is None for hole in self.holes):
+            told.append("the tool goes back to the height it had before the cycle, for no RETURN or RTRCTO says how far")
+        if any(hole.dwell for hole in self.holes):
+            told.append("DWELL is not driven")
+        return [Finding("CS2183", "note", "; ".join(told), self.file, *self.holes[0].statement.place())]
 
 
 def _count(statement: Statement, wanted: int) -> list[float]:
@@ -354,7 +375,8 @@ def _count(statement: Statement, wanted: int) -> list[float]:
 _RULES = {
     "GODLTA": _Reader.godlta, "FROM": _Reader.from_point, "GOHOME": _Reader.gohome, "CIRCLE": _Reader.circle,
     "MOVARC": _Reader.movarc, "TLON,GOFWD": _Reader.tlon, "INDIRV": _Reader.indirv, "RAPID": _Reader.rapid_on,
-    "UNITS": _Reader.units, "FEDRAT": _Reader.fedrat, "SPINDL": _Reader.spindl, "MULTAX": _Reader.multax_on,
+    "UNITS": _Reader.units, "UNIT": _Reader.units, "FEDRAT": _Reader.fedrat, "SPINDL": _Reader.spindl,
+    "MULTAX": _Reader.multax_on, "TRACUT": _Reader.tracut, "TRNTYP": _Reader.trntyp, "CSYS": _Reader.csys,
     "TLAXIS": _Reader.tlaxis, "CUTCOM": _Reader.cutcom, "CYCLE": _Reader.cycle, "LOADTL": _Reader.tool, "LOAD": _Reader.tool,
     "TOOLNO": _Reader.tool, "TURRET": _Reader.tool, "TOOL PATH": _Reader.tool, "MSYS": _Reader.coordinates,
     "MCS": _Reader.coordinates, "OFSTNO": _Reader.coordinates, COMMENT: _Reader.comment, "FINI": _Reader.fini,

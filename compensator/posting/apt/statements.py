@@ -12,6 +12,10 @@ from identification.common.findings import CompstiffError, error
 # Behind these words stands free text, which may hold dollar signs, slashes and commas.
 LITERAL = ("PPRINT", "PARTNO", "INSERT", "REMARK", "DISPLY", "HEADER")
 COMMENT = "$$"
+# Creo's remarks, which alone of all comments go on in the next line where they end in "$".
+_REMARK = "$$->"
+# No coordinate, centre or radius of a part on a robot is beyond this [m].
+FARTHEST = 100.0
 
 
 class Statement:
@@ -45,6 +49,21 @@ class Statement:
                                 "cutter location data hold numbers only; the CAM system must work out names and geometry")
             values.append(value)
         return values
+
+    def lengths(self, scale: float, first: int = 0, last: int | None = None) -> list[float]:
+        """The arguments as lengths [m]; scale: metres in one unit of the file. Raises CompstiffError (CS2101), also for one
+        that is out of all proportion."""
+        values = [scale * value for value in self.numbers(first, last)]
+        for index, value in enumerate(values, first):
+            if abs(value) > FARTHEST:
+                raise self.fail("CS2101", f"{self.word}: found {self.arguments[index]}, expected at most {FARTHEST:g} m", index,
+                                "check the unit of the file (UNITS) and this number")
+        return values
+
+    def spelled(self) -> str:
+        """The statement as written, in one line."""
+        text = " ".join(self.text.split())
+        return f"{self.word}/{text}" if text else self.word
 
     def place(self, argument: int | None = None) -> tuple[int, int]:
         """Line and column of an argument, from 0, or of the word."""
@@ -81,7 +100,7 @@ def read_text(file: Path) -> str:
 
 def statements(text: str, file: str) -> Iterator[Statement]:
     """The statements in order. Raises CompstiffError (CS2101) where the last one is continued into nothing."""
-    open_line = 0
+    open_line, remark = 0, False
     joined, pieces, begin = "", [(0, 0, 0)], (0, 0)
     for number, raw in enumerate(text.split("\n"), 1):
         line = raw.strip().rstrip("\x1a")
@@ -93,11 +112,12 @@ def statements(text: str, file: str) -> Iterator[Statement]:
             if upper in LITERAL:
                 yield Statement(file, upper, line[6:].lstrip().removeprefix("/").strip(), number, column, [])
                 continue
-            if line.startswith(COMMENT):
+            remark = line.startswith(_REMARK)
+            if line.startswith(COMMENT) and not (remark and line.endswith("$")):
                 yield Statement(file, COMMENT, line[2:].strip(), number, column, [])
                 continue
         comment = line.find(COMMENT)
-        if comment >= 0:
+        if comment >= 0 and not remark:
             line = line[:comment].rstrip()
         goes_on = line.endswith("$")
         if goes_on:
@@ -112,7 +132,11 @@ def statements(text: str, file: str) -> Iterator[Statement]:
             joined += line
         open_line = number if goes_on else 0
         if not goes_on and joined:
-            yield _split(file, joined, pieces, begin)
+            if remark:
+                yield Statement(file, COMMENT, joined[2:].strip(), *begin, [])
+                remark = False
+            else:
+                yield _split(file, joined, pieces, begin)
     if open_line:
         raise error("CS2101", "the statement goes on ('$' at its end), found the end of the file, expected the rest of it",
                     file=file, line=open_line, hint="the file may have been cut off; write it again from the CAM system")

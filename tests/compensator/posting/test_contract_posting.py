@@ -289,3 +289,26 @@ def test_a_marked_program_is_the_posted_one_with_its_marks(tmp_path, cell, split
     again = marks_of(planned(tmp_path / "shell.apt", cell, settings))
     assert again is not None
     assert len(again) == text.count(b",doMark,") >= 5
+
+
+def test_a_file_of_several_tools_is_posted_tool_by_tool_with_stops_at_the_bottom_of_holes(tmp_path):
+    (tmp_path / "cell.yaml").write_text(CELL)
+    file = tmp_path / "holes.ncl.2"
+    file.write_text("UNIT/MM\nLOAD/TOOL,1\nFEDRAT/600,MMPM\nRAPID\nGOTO/0,0,50\nGOTO/0,0,5\nLOAD/TOOL,2\nRAPID\nGOTO/0,0,50\n"
+                    "CYCLE/DRILL,DEPTH,5,CLEAR,2,MMPM,60,RETURN,50\nGOTO/0,0,10\nGOTO/20,0,10\nCYCLE/OFF\nFINI\n")
+    options = ["post", "cell.yaml", "holes.ncl.2", "-o", "two.mod"]
+    refused = compstiff(*options, cwd=tmp_path)
+    assert refused.returncode == 1
+    assert "holes.ncl.2:7:1: error CS2110" in refused.stderr
+    done = compstiff(*options, "--tool", "2", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert {"CS2181", "CS2183"} <= {finding["code"] for finding in json.loads(done.stdout)["findings"]}
+    assert json.loads(done.stdout)["result"]["size_mm"] == [20, 0, 0]       # the bottoms of the two holes
+    text = (tmp_path / "two.mod").read_text()
+    assert "MODULE holes\n" in text
+    moves = re.findall(r"(Move[LJ]) \[\[([-\d.]+),[-\d.]+,([-\d.]+)\].*?,(v\w+),(\w+),tMill", text)
+    assert [(float(x), float(z), speed, zone) for _, x, z, speed, zone in moves] == [
+        (0, 50, "vAir", "fine"), (0, 12, "vAir", "zPath"), (0, 5, "vFeed1", "fine"), (0, 60, "vAir", "zPath"),
+        (20, 60, "vAir", "zPath"), (20, 12, "vAir", "zPath"), (20, 5, "vFeed1", "fine"), (20, 60, "vAir", "fine")]
+    read = read_rapid(text.encode(), "two.mod").toolpath
+    assert read.feed[2] == pytest.approx(1e-3)
