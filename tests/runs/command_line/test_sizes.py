@@ -14,7 +14,7 @@ import pytest
 
 from benchmarks import unbreakable
 from identification.common.findings import CompstiffError
-from identification.fit.noise import inverse_of_three
+from identification.fit.own_noise import inverse_of_three
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
