@@ -15,7 +15,8 @@ from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.target_rows import TargetRows
-from compensator.forces.zero import Range, Zero, base_from_log, zero_of
+from compensator.forces.tare_check import Range
+from compensator.forces.zero import Zero, base_from_log, zero_of
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
@@ -56,13 +57,14 @@ class TargetForces:
 
 
 def place_forces(
-    log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None
+    log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None,
+    trust_tare: bool = False
 ) -> TargetForces:
     """Averages the samples around each target, takes off bias and weight, and turns the mean into the base frame at the TCP.
 
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
-    tare the scatter about each mean itself decides. Short gaps inside a cut belong to the cut.
+    tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is used, with a warning. Short gaps inside a cut belong to the cut.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
     `zero_of` raise.
     """
@@ -74,7 +76,7 @@ def place_forces(
     load, before_averaging = np.concatenate([log.force, log.moment], axis=1)[on], log.plain[on]
     mean = rows.mean(load)
     standard_error = rows.standard_error(load[:, :3], mean, log.rate * log.revolution if log.rate and log.revolution else 0.0)
-    zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare))
+    zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare), _outside(log, on), trusted=trust_tare)
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
     own_mean = mean if log.revolution is None else rows.mean(before_averaging)
     if zero.offset.any():
@@ -115,6 +117,13 @@ def _targets(log: ForceLog, path: RobotPath) -> Indices:
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     inside = (log.place >= -1e-3) & (log.place <= np.nanmax(length) + 1e-3)
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
+
+
+def _outside(log: ForceLog, on: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Forces and moments (k, 6) of the rows before the first and after the last one on the path (M,)."""
+    inside = np.flatnonzero(on)
+    load = np.concatenate([log.force, log.moment], axis=1)
+    return (load[:inside[0]], load[inside[-1] + 1:]) if len(inside) else (load[:0], load[:0])
 
 
 def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
