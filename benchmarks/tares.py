@@ -116,7 +116,8 @@ def _logged(path: RobotPath, plane: np.ndarray, cuts: np.ndarray, shape: str, rn
         shown = np.column_stack([np.convolve(column, np.ones(width) / width, mode="same") for column in shown.T])
     bias = rng.standard_normal(3) * np.exp(rng.uniform(np.log(1), np.log(80)))
     drift = rng.standard_normal(3) * rng.choice([0.0, 1.0, 3.0])
-    shown = shown + bias + np.linspace(0, 1, len(place))[:, None] * drift + rng.uniform(0.5, 3) * rng.standard_normal(shown.shape)
+    shown = shown + bias + np.linspace(0, 1, len(place))[:, None] * drift
+    shown += rng.uniform(0.5, 3) * rng.standard_normal(shown.shape)
     borders = 0.5 * (length[1:] + length[:-1])
     target = np.searchsorted(borders, place)
     whole = np.array([engaged[target == k].mean() if (target == k).any() else 0.5 for k in range(len(cuts))])

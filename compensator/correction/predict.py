@@ -147,7 +147,7 @@ def under_forces(
             borders=borders(path.length))
         log = _by_marks(log, path, program, settings)
         noticed = (*noticed, *log.findings)
-        placed = place_forces(log, path, path.cell, tare=settings.log.tare)
+        placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings))
         targets, left = targets_to_correct(path, placed)

@@ -14,8 +14,8 @@ from compensator.forces.detection import SIGMAS, over_noise, over_scatter, witho
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
-from compensator.forces.target_rows import TargetRows
 from compensator.forces.tare_check import Range
+from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, zero_of
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
@@ -28,6 +28,8 @@ __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
 # A log with more than this share of its samples off the path is that of another program.
 MOST_LOST = 0.9
+# A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
+SMALL, SMALL_SHARE = 5.0, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,8 @@ def place_forces(
 
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
-    tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is used, with a warning. Short gaps inside a cut belong to the cut.
+    tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is
+    used, with a warning. Short gaps inside a cut belong to the cut.
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
     `zero_of` raise.
     """
@@ -243,6 +246,7 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
     if forces.tare is not None:
         why = "the bias that was taken off is not theirs"
         hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
-    return [Finding("CS3041", "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed show a force, "
-                    f"{np.median(size):.1f} N in the middle, and are moved with the others: {why}",
+    small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
+    return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed "
+                    f"show a force, {np.median(size):.1f} N in the middle, and are moved with the others: {why}",
                     file=log.source, line=None, target=int(touched[0]), hint=hint)]

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class LogSettings:
-    """tare: first and last target of air moves, whose mean force is the sensor's bias. log_format: a public form of the force
+    """tare: first and last target of air moves, whose mean force is the sensor's bias; trust_tare: also where the log
+    speaks against it. log_format: a public form of the force
     log, None for CSV and Parquet. spindle_rpm: the spindle's speed, whole revolutions of which are averaged; None: as cell.yaml
     states it, or found in the log."""
 
     tare: tuple[tuple[int, int], ...] = ()
     log_format: str | None = None
     spindle_rpm: float | None = None
+    trust_tare: bool = False

@@ -1,9 +1,10 @@
 """Whether the targets that --tare names are in air, judged by the whole log.
 
-Where the program has moves at an air feed they tell: all of them but the tare. Where it has next to none there are witnesses that
-are in air as a rule - samples before and after the program, its first and its last target, the bias that the cell states - and
-two signs: air is calmer than a cut, and the bulk of a program's targets is far from air but not from a point inside a cut. The
-tare is held against the largest group of witnesses that contradict it; it must have more for it than they have.
+Where the program has moves at an air feed they tell: all of them but the tare. Where it has next to none there are witnesses
+that are in air as a rule - samples before and after the program, its first and its last target, the bias that the cell
+states - and two signs: air is calmer than a cut, and the bulk of a program's targets is far from air but not from a point
+inside a cut. The tare is held against the largest group of witnesses that contradict it; it must have more for it than they
+have.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ IN_AIR, LEAST_FORCE, SURELY = 0.2, 5.0, 8.0
 # the air moves by more than QUIETER it is they that cut.
 QUARTER, FEWEST_AIR, OF_AIR, QUIETER = 0.25, 3, 3.0, 2.0
 # A witness agrees with a tare within LEAST_FORCE and this share of the largest force; the bulk of the targets is farther from
-# air by this factor. A tare whose samples scatter by more than RESTLESS of the largest force, by more than twice LEAST_FORCE and
-# by half of what the others do, is as restless as a cut (benchmarks/tares.py has what these lead to).
-AGREES, FARTHER, RESTLESS = 0.1, 2.0, 0.15
+# air by this factor. A tare whose samples scatter by more than RESTLESS of the largest force, by more than twice LEAST_FORCE
+# and by half of what the others do, is as restless as a cut (benchmarks/tares.py has what these lead to).
+AGREES, FARTHER, RESTLESS, BULK = 0.1, 2.0, 0.15, 0.7
 # The first and the last so many targets are a program's ends; fewer rows than this witness nothing.
 END, FEWEST_ROWS = 1, 3
 
@@ -60,7 +61,7 @@ class TaredLog:
 
 
 def doubts(tared: TaredLog, tare: Sequence[Range]) -> list[Finding]:
-    """What speaks against the tare, as errors (CS3039 it holds a cut, CS3066 nothing shows that it does not); empty: nothing."""
+    """What speaks against the tare, as errors: CS3039 it holds a cut, CS3066 nothing shows that it does not."""
     return _differs_within(tared, tare) or _against_air_moves(tared, tare)
 
 
@@ -93,7 +94,7 @@ def _against_air_moves(tared: TaredLog, tare: Sequence[Range]) -> list[Finding]:
     between = possible & np.append(air[1:], True)
     others = np.flatnonzero(between if between.sum() >= FEWEST_AIR else possible)
     if len(others) < FEWEST_AIR:
-        return [finding for stretch in tare for finding in _against_witnesses(tared, stretch, named, between)]
+        return [finding for stretch in dict.fromkeys(tare) for finding in _against_witnesses(tared, stretch, tare, between)]
     mean = tared.mean()
     scatter = tared.scatter(mean)
     middle = np.median(mean[others], axis=0)
@@ -124,14 +125,14 @@ class _Witness:
 
 
 def _against_witnesses(
-    tared: TaredLog, stretch: Range, named: NDArray[np.bool_], air: NDArray[np.bool_]
+    tared: TaredLog, stretch: Range, tare: Sequence[Range], air: NDArray[np.bool_]
 ) -> list[Finding]:
-    """The tare against the largest group of witnesses that contradict it and agree with each other."""
+    """A stretch of the tare against the largest group of witnesses that contradict it and agree with each other."""
     rows, mean = tared.rows, tared.mean()
     scatter = tared.scatter(mean)
     first, last = stretch
     inside = np.flatnonzero(rows.samples[first:last + 1]) + first
-    others = np.flatnonzero((rows.samples > 0) & ~named)
+    others = np.flatnonzero((rows.samples > 0) & ~_named(rows.count, tare))
     if not len(others):
         return []
     bias = np.average(mean[inside], axis=0, weights=rows.samples[inside])
@@ -141,13 +142,18 @@ def _against_witnesses(
 
     own_noise = calm / int(rows.rows[inside].sum())
     witnesses = _witnesses(tared, mean, scatter, others, air)
+    witnesses += [_stretch_witness(tared, mean, scatter, other) for other in dict.fromkeys(tare) if other != stretch]
     off = [float(np.linalg.norm(w.mean - bias)) for w in witnesses]
     sigma = [3 * float(np.sqrt(w.scatter / w.count + own_noise)) for w in witnesses]
     with_it = [w for w, far, noise in zip(witnesses, off, sigma, strict=True) if far <= allowed and noise <= 2 * allowed]
     against = [w for w, far, noise in zip(witnesses, off, sigma, strict=True) if far > max(allowed, noise)]
     groups = [[w for w in against if np.linalg.norm(w.mean - one.mean) <= allowed] for one in against]
     group = max(groups, key=len, default=[])
-    ends = first <= END or last >= rows.count - 1 - END
+    # A program begins and ends in air as a rule; that alone is enough for a tare there where the log reaches over both ends, or
+    # where the bulk of the targets is about as far from it as any.
+    whole = rows.samples[:END + 1].any() and rows.samples[-1 - END:].any()
+    bulk_far = float(np.quantile(np.linalg.norm(mean[others] - bias, axis=1), QUARTER)) > BULK * largest
+    ends = (first <= END or last >= rows.count - 1 - END) and (whole or bulk_far)
     usual = float(np.median(scatter[others]))
     restless = np.sqrt(calm) > max(RESTLESS * largest, 2 * LEAST_FORCE) and QUIETER**2 * calm > usual
     for_it = len(with_it) + ends + (QUIETER**2 * calm < usual)
@@ -187,6 +193,14 @@ def _witnesses(
     return found
 
 
+def _stretch_witness(tared: TaredLog, mean: Array, scatter: Array, stretch: Range) -> _Witness:
+    """Another stretch of the tare: the user says that it is in air."""
+    samples = tared.rows.samples[stretch[0]:stretch[1] + 1]
+    inside = slice(stretch[0], stretch[1] + 1)
+    return _Witness(f"the targets {stretch[0]} to {stretch[1]} of --tare", np.average(mean[inside], axis=0, weights=samples),
+                    float(np.average(scatter[inside], weights=samples)), int(tared.rows.rows[inside].sum()))
+
+
 def _named(count: int, tare: Sequence[Range]) -> NDArray[np.bool_]:
     """The targets (count,) that the tare names."""
     named = np.zeros(count, dtype=bool)
@@ -202,10 +216,10 @@ def _holds_a_cut(tared: TaredLog, message: str, such_as: str = "") -> Finding:
 
 
 def _not_shown(tared: TaredLog, stretch: Range, why: str) -> Finding:
-    return Finding("CS3066", "error", f"nothing in the log shows that the targets {stretch[0]} to {stretch[1]} of --tare are in "
-                   f"air: {why}", file=tared.source,
-                   hint="log some seconds before and after the program, or name the approach; if you saw that the tool touches "
-                   "nothing there, --trust-tare takes it")
+    return Finding("CS3066", "error", f"nothing in the log shows that the targets {stretch[0]} to {stretch[1]} of --tare are "
+                   f"in air: {why}", file=tared.source,
+                   hint="log some seconds before and after the program, or name the approach; state a payload that turns in "
+                   "cell.yaml; if you saw that the tool touches nothing there, --trust-tare takes it")
 
 
 def _run(numbers: NDArray[np.intp]) -> int:

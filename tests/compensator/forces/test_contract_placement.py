@@ -231,11 +231,22 @@ def test_drift_and_inertia_do_not_make_a_cut_of_air(tmp_path: Path, drift: float
             place_forces(logged, path, path.cell, tare=(first, first + 2))
 
 
-def test_where_nothing_tells_air_the_tare_is_taken_and_it_is_said(tmp_path: Path) -> None:
-    """One feed throughout; and moves at the air feed that cut, beside which the tare is quiet."""
+def test_where_nothing_tells_air_the_tare_is_refused_unless_it_is_trusted(tmp_path: Path) -> None:
+    """One feed throughout, and no sample at either end of the program."""
     rows = np.column_stack([np.repeat(np.arange(5), 20), np.random.default_rng(4).normal(0, 2, (100, 3))])
-    alone = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", rows), tare=(0, 2))
-    assert "CS3066" in {finding.code for finding in alone.findings}
+    text = log_text("target,fx_n,fy_n,fz_n", rows)
+    inner = log_text("target,fx_n,fy_n,fz_n", rows[20:80] + np.array([0, 60, 0, 0]))
+    with pytest.raises(CompstiffError, match="CS3066: nothing in the log shows"):
+        place(tmp_path, inner, tare=(2, 2))
+    trusted = place(tmp_path, inner, tare=(2, 2), trust_tare=True)
+    [said] = [finding for finding in trusted.findings if finding.code == "CS3066"]
+    assert said.level == "warning"
+    assert "CS3066" not in {finding.code for finding in place(tmp_path, text, tare=(0, 2)).findings}
+
+
+def test_moves_at_the_air_feed_that_cut_are_said(tmp_path: Path) -> None:
+    """Beside them the tare is quiet."""
+    (tmp_path / "cell.yaml").write_text(CELL)
     program, log = milled_and_back(np.random.default_rng(5), 0.0, 0.0, 120.0)
     swapped = program.replace("v200", "v2").replace("v20,", "v200,").replace("v2,", "v20,")
     (tmp_path / "forces.csv").write_text(log)
