@@ -15,6 +15,7 @@ from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Settings
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
+from compensator.forces.two_logs import compared
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
@@ -102,7 +103,7 @@ def predict(
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
 
     Raises Refused (CS1022) for a model that its own measurements reject, CompstiffError (CS4202) for a program without a move,
-    and what `read_force_log`, `place_forces`, `targets_to_correct` and `predict_path` raise.
+    and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -119,7 +120,17 @@ def predict(
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
-    return replace(predicted, findings=(*doubts, *predicted.findings))
+    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted)))
+
+
+def _compared(predicted: Predicted) -> list[Finding]:
+    """What another log of the program says of this one; none was named: nothing."""
+    settings = predicted.settings
+    if settings.log.other_forces is None:
+        return []
+    alone = replace(settings, log=replace(settings.log, other_forces=None))
+    other = under_forces(predicted.path, predicted.program, predicted.model, settings.log.other_forces, alone)
+    return compared(other.forces, predicted.forces, predicted.path)
 
 
 def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:

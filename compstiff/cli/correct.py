@@ -54,6 +54,8 @@ def correct(
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
     """
     if is_batch(toolpath_files, output):
+        if settings.log.other_forces or settings.correction.first_forces:
+            raise click.UsageError("--other-forces and --first-forces name the log of one program: call it by itself.")
         from compstiff.batch.pairing import Folders
         from compstiff.batch.programs import Shared
 

@@ -98,6 +98,8 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), multiple=True,
                  help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
     _log("--trust-tare", is_flag=True, help="Use a tare that the log speaks against, or not for; else it is refused."),
+    _log("--other-forces", type=READABLE, help="A log of another pass of this program: refused where the two contradict each "
+         "other, target by target."),
     _log("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
          help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
     _log("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
