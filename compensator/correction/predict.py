@@ -21,7 +21,7 @@ from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
 from compensator.rapid import marks_of
 from identification.common.arrays import rms
-from identification.common.findings import CompstiffError, Finding, Refused, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -30,6 +30,8 @@ Indices = NDArray[np.intp]
 # A program of fewer moves may well cut on all of them. In the air is what has this share of the largest force at most, or so
 # little [N]; engineering judgement, as of --tare (forces/zero.py).
 FEW, QUIET, LEAST = 5, 0.2, 5.0
+# Tools that are no farther apart than this [m, rad] are one; one shorter than this [m] is given in metres.
+SAME_TOOL, SAME_TURN, SHORT_TOOL = 1e-3, np.radians(0.5), 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +162,7 @@ def under_forces(
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
-                   *_without_zero(placed, path, settings))
+                   *_without_zero(placed, path, settings), *_other_tool(path, placed))
         targets, left = targets_to_correct(path, placed)
         loaded = LoadedPath(path, placed, model, targets)
         prediction = predict_path(loaded)
@@ -180,6 +182,21 @@ def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings:
         raise error("CS3088", "the log has a column mark, and no move of the program switches an output", file=log.source,
                     hint="give the program that was driven, which post --mark or correct --mark wrote")
     return placed_by_marks(log, form, path, marks.target)
+
+
+def _other_tool(path: RobotPath, placed: TargetForces) -> list[Finding]:
+    """The tools of moves with force that are not cell.yaml's (CS2055)."""
+    findings = []
+    for flange_from_tcp, places in path.each_tool(np.flatnonzero(placed.forced & path.known)):
+        apart = path.cell.flange_from_tcp.inverse() @ flange_from_tcp
+        off, turn = float(np.linalg.norm(apart.position)), float(np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1)))
+        if off > SAME_TOOL or turn > SAME_TURN:
+            short = 0 < np.linalg.norm(flange_from_tcp.position) < SHORT_TOOL
+            findings.append(Finding(
+                "CS2055", "warning" if short else "note", f"the tool of {counted(len(places), 'move')} with force is "
+                f"{1e3 * off:.1f} mm and {np.degrees(turn):.1f} deg from cell.yaml's; the program's is used",
+                file=path.toolpath.source, hint="is its tooldata in metres?" if short else ""))
+    return findings
 
 
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:

@@ -16,6 +16,10 @@ from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
 
+# The middle of all samples is off the path by more than this [m] where TCP or work object differ: what zones and delay put a
+# sample off cancels in the middle.
+BESIDE = 1e-3
+
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, NaN where a sample is not on the path; a log that names the target nearest to the tool as
@@ -34,7 +38,23 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    return replace(log, key="path_mm", place=match_forwards(points, length, _world_positions(log, path)))
+    position = _world_positions(log, path)
+    place = match_forwards(points, length, position)
+    return replace(log, key="path_mm", place=place, findings=(*log.findings, *_beside(log, points, length, position, place)))
+
+
+def _beside(log: ForceLog, points: Array, length: Array, position: Array, place: Array) -> list[Finding]:
+    """Samples at positions (M, 3) [m] that lie beside the path, points (K, 3) [m] at length (K,) [m], at place (M,) [m]."""
+    on = ~np.isnan(place)
+    if not on.any():
+        return []
+    off = position[on] - np.column_stack([np.interp(place[on], length, axis) for axis in points.T])
+    middle = np.median(off, axis=0)
+    if np.linalg.norm(middle) < BESIDE:
+        return []
+    return [Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.1f} mm in the "
+                    f"middle ({', '.join(f'{1e3 * axis:+.1f}' for axis in middle)} mm, world frame)", file=log.source,
+                    hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 
 def _check_targets(log: ForceLog, count: int) -> None:

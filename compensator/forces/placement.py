@@ -28,6 +28,9 @@ __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
 # A log with more than this share of its samples off the path is that of another program.
 MOST_LOST = 0.9
+# A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
+# share of its targets; a logger that rounds flickers between neighbours.
+BACK, MOST_AGAIN = 5, 0.1
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
 SMALL, SMALL_SHARE = 5.0, 0.05
 
@@ -68,14 +71,16 @@ def place_forces(
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
     tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is
     used, with a warning. Short gaps inside a cut belong to the cut.
-    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
-    `zero_of` raise.
+    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
+    `on_path` and `zero_of` raise.
     """
     log = on_path(log, path)
     target = _targets(log, path)
     on = target >= 0
+    _check_once(log)
     findings = _off_path(log, on)
-    rows = TargetRows(len(path.toolpath), target[on], log.weight[on])
+    behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
+    rows = TargetRows(len(path.toolpath), target[on], log.weight[on], behind)
     load, before_averaging = np.concatenate([log.force, log.moment], axis=1)[on], log.plain[on]
     mean = rows.mean(load)
     standard_error = rows.standard_error(load[:, :3], mean, log.rate * log.revolution if log.rate and log.revolution else 0.0)
@@ -142,6 +147,23 @@ def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
     level: Level = "warning" if lost > 0.01 * number else "note"
     return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
                     file=log.source, line=int(log.line[np.argmin(on)]))]
+
+
+def _check_once(log: ForceLog) -> None:
+    """Raises CompstiffError (CS3119) for a log by target numbers that comes back to targets it had left: two passes in one
+    file, whose means would be mixed."""
+    if log.key != "target":
+        return
+    target = log.place.astype(np.intp)
+    furthest = np.maximum.accumulate(target)
+    back = target < furthest - BACK
+    returned = np.unique(target[back])
+    if len(returned) <= MOST_AGAIN * len(np.unique(target)):
+        return
+    row = int(np.argmax(back))
+    raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
+                f"{furthest[row]} to {target[row]}: is it of several passes?", file=log.source, line=int(log.line[row]),
+                hint="one pass a file, that of the program that is corrected; rows in the order of time")
 
 
 def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:

@@ -111,6 +111,8 @@ def check_columns(
     be there. hint: what else may help."""
     missing = [name for name in required if name not in names]
     if missing:
+        lower = [name.lower() for name in names]
+        hint = "; names are in small letters" * any(name in lower for name in missing) + hint
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=file, line=line,
                     hint="the header line names the columns, unit included, as in docs/formats.md of the project" + hint)

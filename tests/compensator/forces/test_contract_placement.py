@@ -244,6 +244,16 @@ def test_where_nothing_tells_air_the_tare_is_refused_unless_it_is_trusted(tmp_pa
     assert "CS3066" not in {finding.code for finding in place(tmp_path, text, tare=(0, 2)).findings}
 
 
+def test_a_tare_ends_at_its_last_target(tmp_path: Path) -> None:
+    """The stretch of a target reaches half way into the move behind it, which cuts: with it the bias would be 25 N off."""
+    along = np.linspace(0, 40, 4001)
+    force = np.random.default_rng(6).normal([3, -4, 5], 1, (4001, 3)) + np.where(along[:, None] > 20, [0.0, 150, 0], 0.0)
+    text = log_text("path_mm,fx_n,fy_n,fz_n", np.column_stack([along, force]))
+    forces = place(tmp_path, text, tare=(0, 2), trust_tare=True)
+    assert forces.tare is not None
+    assert_allclose(forces.tare[:3], [3, -4, 5], atol=0.2)
+
+
 def test_moves_at_the_air_feed_that_cut_are_said(tmp_path: Path) -> None:
     """Beside them the tare is quiet."""
     (tmp_path / "cell.yaml").write_text(CELL)
