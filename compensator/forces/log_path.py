@@ -26,13 +26,13 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     it is.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
-    objects, and what `place_by_time` raises.
+    objects, CS3121 positions come late in a log without time, and what `place_by_time` raises.
     """
     if log.key == "target":
         _check_targets(log, len(path.toolpath))
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
-        return log
+        return replace(log, place=_in_time(log, log.place, path))
     if log.key == "time":
         return place_by_time(log, path)
     points, length = polyline(path.world_position, path.toolpath.move)
@@ -40,7 +40,24 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     position = _world_positions(log, path)
     place = match_forwards(points, length, position)
-    return replace(log, key="path_mm", place=place, findings=(*log.findings, *_beside(log, points, length, position, place)))
+    findings = _beside(log, points, length, position, place)
+    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings))
+
+
+def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
+    """The places (M,) [m] at which the samples were taken, where the positions in the log are late (position_late_ms of
+    cell.yaml): that which is in the log so much later. NaN at its end. Raises CompstiffError (CS3121): no time."""
+    late = 1e-3 * path.cell.force_log.form.position_late_ms
+    if not late:
+        return place
+    if log.time is None:
+        raise error("CS3121", f"force_log.position_late_ms is {1e3 * late:g} in cell.yaml, and the log has no time",
+                    file=log.source, hint="log time_s, or state force_log.rate_hz")
+    on = ~np.isnan(place)
+    if not on.any():
+        return place
+    moved = np.interp(log.time + late, log.time[on], place[on], right=np.nan)
+    return np.asarray(np.where(on, moved, np.nan))
 
 
 def _beside(log: ForceLog, points: Array, length: Array, position: Array, place: Array) -> list[Finding]:

@@ -80,6 +80,7 @@ class ForceLogFile(Strict):
     columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
     rate_hz: Positive | None = None
     target: Literal["nearest", "ahead"] = "nearest"
+    position_late_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
     saturation_n: Positive | None = None

@@ -285,3 +285,18 @@ def test_a_bias_that_nobody_took_off_is_said(sample_inputs: Inputs) -> None:
 def test_tare_without_samples(tmp_path) -> None:
     with pytest.raises(CompstiffError, match="CS3006.*0 to 1"):
         place(tmp_path, "target,fx_n,fy_n,fz_n\n3,1,0,0\n", tare=(0, 1))
+
+
+def test_positions_that_come_late(tmp_path: Path) -> None:
+    """30 ms late at 100 mm/s: each sample gets the place that the log has 3 mm later. The force is that place, in newtons."""
+    time = np.arange(0.0, 0.4, 1e-3)
+    true = 100 * time
+    logged = np.maximum(true - 3.0, 0.0)
+    rows = np.column_stack([time, logged, 10 + true, 0 * time, 0 * time])
+    text, cell = log_text("time_s,path_mm,fx_n,fy_n,fz_n", rows), CELL + "force_log: {position_late_ms: 30}\n"
+    here = place(tmp_path, text, cell)
+    assert_allclose(here.wrench[1:4, 0], [20, 30, 40], atol=0.1)
+    left_out = place(tmp_path, text)
+    assert_allclose(left_out.wrench[1:4, 0], [23, 33, 43], atol=0.1)
+    with pytest.raises(CompstiffError, match="CS3121.*no time"):
+        place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows[:, 1:]), cell)
