@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.workshop import COLUMNS, Workshop, workshop
+from tests.runs.command_line.workshop import COLUMNS, USER, Workshop, workshop
 
 ROBOTS = ("irb6660-205-1.90", "irb6700-200-2.60")
 CORRECT = ("correct", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o", "@out.mod")
@@ -255,6 +255,20 @@ CALL = [
     M("watched into the watched folder", "part.mod", same, ("watch", "@.", "@out", "--cell", "@cell.yaml", "--stiffness",
                                                          "@stiffness.json", "--once"), 1, "CS6006"),
 ]
+# A slot posted from a table, beside the sound program; readings of three places.
+PLACED = "workobject: " + kit.yaml_frame(USER) + "\n"
+READ = "target,dx_um,dy_um,dz_um\n" + "".join(f"{k},{100 + k},{-40 - k},{7 + k}\n" for k in range(12))
+
+
+def slot(robot: str, feed: float, air: float) -> str:
+    """A toolpath table beside the sound program of a robot: an approach, 20 mm of cut, a retract."""
+    first = kit.targets_of(workshop(robot).files["part.mod"])[3]
+    place, turn = 1e3 * first.p, ",".join(f"{value:.8f}" for value in kit.quaternion(first.r))
+    steps = [(0, 0, 30, air, 1), (0, 0, 0, air, 1), (10, 0, 0, feed, 0), (20, 0, 0, feed, 0), (20, 0, 30, air, 1)]
+    return "x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s,rapid\n" + "".join(
+        f"{place[0] + x:.4f},{place[1] + y:.4f},{place[2] + z:.4f},{turn},{speed},{rapid}\n" for x, y, z, speed, rapid in steps)
+
+
 MISTAKES = [*CELL, *TABLE, *PROGRAM, *LOG, *CALL]
 
 
@@ -264,6 +278,25 @@ def test_the_sound_job_is_done_without_a_word(tmp_path: Path, robot: str, words:
     result = workshop(robot).run(tmp_path, {}, *words)
     assert result.code == 0, result
     assert {finding["level"] for finding in result.json["findings"]} <= {"note"}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(("feed", "air", "odd"), [(20, 200, False), (1200, 12000, True), (0.02, 0.2, True)])
+def test_a_feed_in_another_unit_is_said(tmp_path: Path, robot: str, feed: float, air: float, odd: bool) -> None:
+    shop = workshop(robot)
+    files = {"part.csv": slot(robot, feed, air), "cell.yaml": shop.files["cell.yaml"] + PLACED}
+    result = shop.run(tmp_path, files, "post", "@cell.yaml", "@part.csv", "-o", "@posted.mod")
+    assert result.code == 0, result
+    assert ("CS4307" in kit.codes(result)) is odd
+
+
+def test_one_file_of_readings_given_twice_is_said(tmp_path: Path) -> None:
+    shop = workshop(ROBOTS[0])
+    after = READ.replace("100", "12").replace(",10", ",1")
+    for words, same_file in ((("@before.csv", "@after.csv"), False), (("@before.csv", "@before.csv"), True)):
+        result = shop.run(tmp_path, {"before.csv": READ, "after.csv": after}, "verify", "@cell.yaml", *words)
+        assert result.code == 0, result
+        assert ("CS6034" in kit.codes(result)) is same_file
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
