@@ -19,7 +19,7 @@ from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Refused, counted
 
 # Two passes of one job leave a few hundredths of the energy (wear, another depth, noise); engineering judgement, held against
-# jobs of the virtual cell's end mill in tests/compensator/forces/test_laws_two_logs.py.
+# jobs of the virtual cell's end mill in benchmarks/two_logs.py.
 DIFFERS, EXPLAINED = 0.25, 0.12
 # A displaced log that agrees roughly is said where it would leave less than half, and the passes differ by more than this.
 WORTH_SAYING = 0.02
