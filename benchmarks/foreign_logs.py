@@ -1,12 +1,13 @@
 """Logs of other jobs with time alone, tried on programs they do not belong to: how many are believed; and how many right ones.
 
-    python benchmarks/foreign_logs.py [--runs 40] [--right 10] [--seed 0]
+    python benchmarks/foreign_logs.py [--runs 40] [--right 10] [--seed 0] [--job JOB ...]
 
-Turning, drilling, pocketing, face milling and a log of one long cut; besides the sample's own log played backwards or with its
-passes shuffled. Each is stretched to between a third of the program's time and three times that, perhaps cut, scaled to 20 to
-900 N, and given bias, drift and noise. Programs: the sample's, a raster of equal passes, a pocket, and one straight cut. Then
-the sample's log on revisions of its program: passes over air, other feeds, other lengths; and logs of the very program, driven
-not quite as planned, some from the middle, with passes that cut by up to 30 % more or less.
+Turning, drilling, pocketing, face milling, rasters of other parts and a log of one long cut; besides the sample's own log
+played backwards or with its passes shuffled. Each is stretched to between a third of the program's time and three times
+that, perhaps cut, scaled to 20 to 900 N, and given bias, drift and noise. Programs: the sample's, a raster of equal passes,
+a pocket, and one straight cut. Then the sample's log on revisions of its program: passes over air, other feeds, other
+lengths; and logs of the very program, driven not quite as planned, some from the middle, with passes that cut by up to 30 %
+more or less.
 """
 
 from __future__ import annotations
@@ -88,6 +89,19 @@ def pocketing(rng: np.random.Generator) -> Log:
     return played(parts)
 
 
+def another_raster(rng: np.random.Generator) -> Log:
+    """A raster of another part: other numbers and lengths of passes, leads and ways back, as a log of it would have them."""
+    passes = int(rng.integers(6, 40))
+    cut, lead, back = rng.uniform(1, 6), rng.uniform(0.1, 1.5), rng.uniform(0.3, 4)
+    there = _unit(rng)
+    other = -there if rng.random() < 0.5 else there
+    parts = [(rng.uniform(1, 6), np.zeros(3))]
+    for number in range(passes):
+        longer = 1 + 0.02 * rng.standard_normal()
+        parts += [(lead, np.zeros(3)), (cut * longer, there if number % 2 else other), (lead + back, np.zeros(3))]
+    return played(parts)
+
+
 def one_cut(rng: np.random.Generator) -> Log:
     """One long cut of a steady or unsteady force."""
     count = int(rng.integers(20, 200))
@@ -110,6 +124,7 @@ def _shuffled(force: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 JOBS: dict[str, Callable[[np.random.Generator], Log]] = {
     "turning": turning, "drilling": drilling, "facing": facing, "pocketing": pocketing, "one cut": one_cut,
+    "another raster": another_raster,
     "the sample's backwards": of_the_sample(lambda force, _: force[::-1]), "the sample's shuffled": of_the_sample(_shuffled)}
 
 
@@ -198,13 +213,13 @@ def revisions(program: ProgramTime, rng: np.random.Generator) -> dict[str, Progr
             "second part at another feed": changed(half, np.ones(len(number)))}
 
 
-def main(runs: int, right: int, seed: int) -> None:
+def main(runs: int, right: int, seed: int, jobs: list[str]) -> None:
     plan, force, place = sample()
     programs = {"sample": program_time(plan), "raster": raster(), "pocket": pocket(), "one line": one_line()}
     believed: dict[str, list[bool]] = {}
     for number in range(runs):
         rng = np.random.default_rng((seed, number))
-        job = list(JOBS)[number % len(JOBS)]
+        job = jobs[number % len(jobs)]
         name = ("sample", "raster", "pocket", "one line")[int(rng.choice(4, p=[0.4, 0.2, 0.2, 0.2]))]
         before = time.process_time()
         alignment = align(programs[name], *foreign(job, programs[name].duration, rng))
@@ -237,5 +252,6 @@ if __name__ == "__main__":
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--right", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--job", action="append", choices=list(JOBS), help="These alone.")
     arguments = parser.parse_args()
-    main(arguments.runs, arguments.right, arguments.seed)
+    main(arguments.runs, arguments.right, arguments.seed, arguments.job or list(JOBS))

@@ -23,6 +23,9 @@ LARGEST_DEFLECTION_M = 0.05
 LARGEST_MASS_KG = 5000.0
 # In whatever unit a table was written by mistake, a load is below this [N, N m], and a sigma above that [m].
 LARGEST_LOAD, SMALLEST_SIGMA = 1e9, 1e-15
+# The step of a gauge [um] from which on two readings of one load are often alike; engineering judgement: readings scatter by
+# about one.
+COARSE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
-                       *([] if planned else _repeated(table, wrench, deflection))]))
+                       *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta)))]))
 
 
 def _forces(table: Table, cell: Cell | None) -> Array:
@@ -182,14 +185,19 @@ def _backwards(table: Table) -> list[Finding]:
                     hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
 
 
-def _repeated(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
+def _repeated(table: Table, wrench: Array, deflection: Array, visit: NDArray[np.intp]) -> list[Finding]:
     """Loaded rows that stand in the table before, to the last digit: copied, they would count as measured again.
 
-    A few may be so by chance where readings have few digits.
+    A few may be so by chance where readings have few digits. Gauges that show no less than COARSE give the same reading on the
+    way up and down: of those only rows that stand in another visit (N,) count, to which the robot came anew.
     """
     loaded = np.flatnonzero(np.any(wrench != 0, axis=1) & np.any(np.nan_to_num(deflection) != 0, axis=1))
     rows = np.nan_to_num(np.column_stack([table.stack(*JOINTS), wrench, table.stack(*DEFLECTIONS)])[loaded])
-    again = np.setdiff1d(loaded, loaded[np.unique(rows, axis=0, return_index=True)[1]])
+    readings = np.unique(np.round(rows[:, -len(DEFLECTIONS):], 6))
+    coarse = len(readings) > 1 and np.diff(readings).min() >= COARSE
+    _, first, same_as = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    before = first[np.ravel(same_as)]
+    again = loaded[(before != np.arange(len(loaded))) & (not coarse or visit[loaded] != visit[loaded[before]])]
     if len(again) < 3 or len(again) < 0.1 * len(loaded):
         return []
     return [Finding("CS0012", "warning", f"{len(again)} of {len(loaded)} loaded rows stand in the table before, to the last "

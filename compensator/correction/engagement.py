@@ -25,8 +25,9 @@ from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import Estimate
 from compensator.forces.placement import TargetForces
+from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.common.tables import read_table
 
 Array = NDArray[np.float64]
@@ -107,8 +108,10 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
         return LoggedPass(offsets, settings.cutting_stiffness)
     first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings)
+    agreed = compared(first.forces, predicted.forces, predicted.path)
     stiffness = two_passes(first, predicted, offsets)
     return LoggedPass(offsets, stiffness, (
+        *agreed,
         Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * stiffness.value:.3g} N/mm, standard "
                 f"error {1e-3 * stiffness.std:.2g}", file=predicted.forces.log.source),))
 
@@ -186,7 +189,8 @@ def _deeper(predicted: Predicted, offsets: Array | None) -> tuple[Array, NDArray
 def two_passes(first: Predicted, second: Predicted, offsets: Array) -> Estimate:
     """K from a pass of the planned program (first) and one with offsets (N, 3) [m] (second), each under its own log.
 
-    Raises CompstiffError (CS4122) where the passes do not determine it: too few targets, or an error of more than half.
+    Raises CompstiffError (CS4122) where the passes do not determine it: too few targets, or an error of more than half;
+    Refused (CS3117) where the force falls with the depth.
     """
     direction, across = across_feed(first.path, first.forces.wrench[:, :3])
     both = np.zeros(len(across), dtype=bool)
@@ -201,6 +205,13 @@ def two_passes(first: Predicted, second: Predicted, offsets: Array) -> Estimate:
         std = float(np.sqrt((moments**2).sum() * STRETCHES / (STRETCHES - 1))) / power
         if value > 2 * std:
             return Estimate(value, std)
+        if value < -3 * std:
+            raise Refused(Finding(
+                "CS3117", "error", f"the corrected pass, which by force_log.sign cut {1e6 * np.abs(depth).mean():.0f} um "
+                f"deeper, shows less force ({np.sign(np.median(change)) * np.abs(change).mean():+.1f} N): "
+                f"{1e-3 * value:.3g} N/mm of depth, standard error {1e-3 * std:.3g}", file=second.forces.log.source,
+                hint="force_log.sign in cell.yaml is wrong (then the first correction doubled the error), or the logs are "
+                "swapped"))
         why = f"{1e-3 * value:.3g} N/mm with a standard error of {1e-3 * std:.3g}"
     else:
         why = f"only {counted(len(depth), 'target')} with force in both, expected at least {FEWEST_TARGETS}"

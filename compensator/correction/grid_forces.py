@@ -29,7 +29,9 @@ def forces_on(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForce
         # The chords of an arc are shorter than it is.
         log = replace(log, place=log.place + np.interp(log.place, given[known], (fine.length[kept] - given)[known]))
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
-        return _centred(place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air]), fine)
+        # The tare was judged on the program itself.
+        placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
+        return _centred(placed, fine)
     own = np.zeros(len(fine.toolpath), dtype=bool)
     own[kept] = True
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))

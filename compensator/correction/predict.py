@@ -15,12 +15,13 @@ from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settings
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
+from compensator.forces.two_logs import compared
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
 from compensator.rapid import marks_of
 from identification.common.arrays import rms
-from identification.common.findings import CompstiffError, Finding, Refused, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -29,6 +30,8 @@ Indices = NDArray[np.intp]
 # A program of fewer moves may well cut on all of them. In the air is what has this share of the largest force at most, or so
 # little [N]; engineering judgement, as of --tare (forces/zero.py).
 FEW, QUIET, LEAST = 5, 0.2, 5.0
+# Tools that are no farther apart than this [m, rad] are one; one shorter than this [m] is given in metres.
+SAME_TOOL, SAME_TURN, SHORT_TOOL = 1e-3, np.radians(0.5), 2e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +111,13 @@ def predict(
     """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
 
     Raises Refused (CS1022) for a model that its own measurements reject, CompstiffError (CS4202) for a program without a move,
-    and what `read_force_log`, `place_forces`, `targets_to_correct` and `predict_path` raise.
+    and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
-    (2779, [-11.4, 13.0, 1.0])
+    (2777, [-11.4, 13.0, 1.0])
     """
     doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
     if settings.correction.scale != EXACTLY_ONE:
@@ -125,7 +128,17 @@ def predict(
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
-    return replace(predicted, findings=(*doubts, *predicted.findings))
+    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted)))
+
+
+def _compared(predicted: Predicted) -> list[Finding]:
+    """What another log of the program says of this one; none was named: nothing."""
+    settings = predicted.settings
+    if settings.log.other_forces is None:
+        return []
+    alone = replace(settings, log=replace(settings.log, other_forces=None))
+    other = under_forces(predicted.path, predicted.program, predicted.model, settings.log.other_forces, alone)
+    return compared(other.forces, predicted.forces, predicted.path)
 
 
 def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
@@ -153,9 +166,9 @@ def under_forces(
             borders=borders(path.length))
         log = _by_marks(log, path, program, settings)
         noticed = (*noticed, *log.findings)
-        placed = place_forces(log, path, path.cell, tare=settings.log.tare)
+        placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
-                   *_without_zero(placed, path, settings))
+                   *_without_zero(placed, path, settings), *_other_tool(path, placed))
         targets, left = targets_to_correct(path, placed)
         loaded = LoadedPath(path, placed, model, targets)
         prediction = predict_path(loaded)
@@ -175,6 +188,21 @@ def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings:
         raise error("CS3088", "the log has a column mark, and no move of the program switches an output", file=log.source,
                     hint="give the program that was driven, which post --mark or correct --mark wrote")
     return placed_by_marks(log, form, path, marks.target)
+
+
+def _other_tool(path: RobotPath, placed: TargetForces) -> list[Finding]:
+    """The tools of moves with force that are not cell.yaml's (CS2055)."""
+    findings = []
+    for flange_from_tcp, places in path.each_tool(np.flatnonzero(placed.forced & path.known)):
+        apart = path.cell.flange_from_tcp.inverse() @ flange_from_tcp
+        off, turn = float(np.linalg.norm(apart.position)), float(np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1)))
+        if off > SAME_TOOL or turn > SAME_TURN:
+            short = 0 < np.linalg.norm(flange_from_tcp.position) < SHORT_TOOL
+            findings.append(Finding(
+                "CS2055", "warning" if short else "note", f"the tool of {counted(len(places), 'move')} with force is "
+                f"{1e3 * off:.1f} mm and {np.degrees(turn):.1f} deg from cell.yaml's; the program's is used",
+                file=path.toolpath.source, hint="is its tooldata in metres?" if short else ""))
+    return findings
 
 
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:

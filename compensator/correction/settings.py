@@ -114,6 +114,7 @@ class Settings:
         """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
         log, scale = self.log, self.correction.scale
         options = [word for first, last in log.tare for word in ("--tare", f"{first}:{last}")]
+        options += ["--trust-tare"] if log.trust_tare else []
         options += ["--log-format", log.log_format] if log.log_format else []
         options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
         options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []

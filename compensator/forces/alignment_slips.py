@@ -38,7 +38,7 @@ class Slips:
 def stretch_slips(regression: Regression, x: Array) -> Slips:
     """The slips about the alignment x: the states of the walk weighed by the residual of each stretch alone (forward and
     backward), the regression with the slips in turn."""
-    period, borders = regression.program.period, _borders(regression.program)
+    period, borders = regression.program.period, stretch_borders(regression.program)
     states = np.linspace(-REACH * period, REACH * period, STATES)
     step = -0.5 * ((states[:, None] - states) / (WALK * period)) ** 2
     start = -0.5 * (states / (0.5 * REACH * period)) ** 2
@@ -54,12 +54,12 @@ def stretch_slips(regression: Regression, x: Array) -> Slips:
 
     for _ in range(ROUNDS):
         fit = regression.fit(x, slip)
-        noise = np.sum(fit.residual**2) / _independent(fit.residual)
+        noise = np.sum(fit.residual**2) / independent_values(fit.residual)
         errors = np.array([energies(regression.force - regression.design(x, state) @ fit.coefficients) for state in states])
         mean, spread = _smoothed(-0.5 * errors.T / noise, step, start, states)
         slip, std = np.interp(planned, middles, mean), np.interp(planned, middles, spread)
     fit = regression.fit(x, slip)
-    independent = _independent(fit.residual)
+    independent = independent_values(fit.residual)
     left = float(np.sum(fit.residual**2)) / regression.energy
     penalty = 0.5 * float(np.sum((np.diff(mean) / (WALK * period)) ** 2))
     force = regression.force - fit.coefficients[0]
@@ -69,7 +69,7 @@ def stretch_slips(regression: Regression, x: Array) -> Slips:
                  tuple((float(borders[k]), float(borders[k + 1])) for k in odd))
 
 
-def _borders(program: ProgramTime) -> Array:
+def stretch_borders(program: ProgramTime) -> Array:
     """Planned times [s] half way through the air between stretches: what lies between two of them slips together."""
     time = program.time
     between = [0.5 * (time[b] + time[a]) for (_, b), (a, _) in pairwise(program.stretches)]
@@ -79,7 +79,7 @@ def _borders(program: ProgramTime) -> Array:
     return np.append(np.concatenate(pieces), time[-1])
 
 
-def _independent(residual: Array) -> float:
+def independent_values(residual: Array) -> float:
     """How many independent values the residual (n, 3) has: its bins over its autocorrelation time."""
     return len(residual) / autocorrelation_time(residual, 0.05).values
 

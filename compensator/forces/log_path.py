@@ -16,25 +16,62 @@ from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
 
+# The middle of all samples is off the path by more than this [m] where TCP or work object differ: what zones and delay put a
+# sample off cancels in the middle.
+BESIDE = 1e-3
+
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     """The log with the key `path_mm`, NaN where a sample is not on the path; a log that names the target nearest to the tool as
     it is.
 
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
-    objects, and what `place_by_time` raises.
+    objects, CS3121 positions come late in a log without time, and what `place_by_time` raises.
     """
     if log.key == "target":
         _check_targets(log, len(path.toolpath))
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
-        return log
+        return replace(log, place=_in_time(log, log.place, path))
     if log.key == "time":
         return place_by_time(log, path)
     points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
-    return replace(log, key="path_mm", place=match_forwards(points, length, _world_positions(log, path)))
+    position = _world_positions(log, path)
+    place = match_forwards(points, length, position)
+    findings = _beside(log, points, length, position, place)
+    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings))
+
+
+def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
+    """The places (M,) [m] at which the samples were taken, where the positions in the log are late (position_late_ms of
+    cell.yaml): that which is in the log so much later. NaN at its end. Raises CompstiffError (CS3121): no time."""
+    late = 1e-3 * path.cell.force_log.form.position_late_ms
+    if not late:
+        return place
+    if log.time is None:
+        raise error("CS3121", f"force_log.position_late_ms is {1e3 * late:g} in cell.yaml, and the log has no time",
+                    file=log.source, hint="log time_s, or state force_log.rate_hz")
+    on = ~np.isnan(place)
+    if not on.any():
+        return place
+    moved = np.interp(log.time + late, log.time[on], place[on], right=np.nan)
+    return np.asarray(np.where(on, moved, np.nan))
+
+
+def _beside(log: ForceLog, points: Array, length: Array, position: Array, place: Array) -> list[Finding]:
+    """Samples at positions (M, 3) [m] that lie beside the path, points (K, 3) [m] at length (K,) [m], at place (M,) [m]."""
+    on = ~np.isnan(place)
+    if not on.any():
+        return []
+    off = position[on] - np.column_stack([np.interp(place[on], length, axis) for axis in points.T])
+    middle = np.median(off, axis=0)
+    if np.linalg.norm(middle) < BESIDE:
+        return []
+    return [Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.1f} mm in the "
+                    f"middle ({', '.join(f'{1e3 * axis:+.1f}' for axis in middle)} mm, world frame)", file=log.source,
+                    hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 
 def _check_targets(log: ForceLog, count: int) -> None:

@@ -14,8 +14,9 @@ from compensator.forces.detection import SIGMAS, over_noise, over_scatter, witho
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
-from compensator.forces.zero import Range, Zero, base_from_log, zero_of
+from compensator.forces.zero import Zero, base_from_log, zero_of
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
@@ -27,6 +28,11 @@ __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
 Indices = NDArray[np.intp]
 # A log with more than this share of its samples off the path is that of another program.
 MOST_LOST = 0.9
+# A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
+# share of its targets; a logger that rounds flickers between neighbours.
+BACK, MOST_AGAIN = 5, 0.1
+# A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
+SMALL, SMALL_SHARE = 5.0, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,25 +62,29 @@ class TargetForces:
 
 
 def place_forces(
-    log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None
+    log: ForceLog, path: RobotPath, cell: Cell, *, tare: Range | Sequence[Range] | None = None,
+    trust_tare: bool = False
 ) -> TargetForces:
     """Averages the samples around each target, takes off bias and weight, and turns the mean into the base frame at the TCP.
 
     tare: first and last target of an air stretch, or several such. Their mean is the sensor's bias (zero.py), and their scatter
     says what a mean of so many samples shows without any force: targets within 5 sigma of that are without force. Without a
-    tare the scatter about each mean itself decides. Short gaps of small force inside a cut, at its feed, belong to the cut.
-    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, and what `on_path` and
-    `zero_of` raise.
+    tare the scatter about each mean itself decides. trust_tare: one that the log speaks against is used, with a warning. Short
+    gaps of small force inside a cut, at its feed, belong to the cut.
+    Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
+    `on_path` and `zero_of` raise.
     """
     log = on_path(log, path)
     target = _targets(log, path)
     on = target >= 0
+    _check_once(log)
     findings = _off_path(log, on)
-    rows = TargetRows(len(path.toolpath), target[on], log.weight[on])
+    behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
+    rows = TargetRows(len(path.toolpath), target[on], log.weight[on], behind)
     load, before_averaging = np.concatenate([log.force, log.moment], axis=1)[on], log.plain[on]
     mean = rows.mean(load)
     standard_error = rows.standard_error(load[:, :3], mean, log.rate * log.revolution if log.rate and log.revolution else 0.0)
-    zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare))
+    zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare), _outside(log, on), trusted=trust_tare)
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
     own_mean = mean if log.revolution is None else rows.mean(before_averaging)
     if zero.offset.any():
@@ -117,6 +127,13 @@ def _targets(log: ForceLog, path: RobotPath) -> Indices:
     return np.where(inside, nearest_target(length, np.where(inside, log.place, 0.0)), -1)
 
 
+def _outside(log: ForceLog, on: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Forces and moments (k, 6) of the rows before the first and after the last one on the path (M,)."""
+    inside = np.flatnonzero(on)
+    load = np.concatenate([log.force, log.moment], axis=1)
+    return (load[:inside[0]], load[inside[-1] + 1:]) if len(inside) else (load[:0], load[:0])
+
+
 def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
     """What is said of samples off the path; on (M,): rows on it. Raises CompstiffError (CS3005) where nearly all are off."""
     number = int(log.weight.sum())
@@ -130,6 +147,23 @@ def _off_path(log: ForceLog, on: NDArray[np.bool_]) -> list[Finding]:
     level: Level = "warning" if lost > 0.01 * number else "note"
     return [Finding("CS3007", level, f"{lost} of {counted(number, 'sample')} not on the path, not used",
                     file=log.source, line=int(log.line[np.argmin(on)]))]
+
+
+def _check_once(log: ForceLog) -> None:
+    """Raises CompstiffError (CS3119) for a log by target numbers that comes back to targets it had left: two passes in one
+    file, whose means would be mixed."""
+    if log.key != "target":
+        return
+    target = log.place.astype(np.intp)
+    furthest = np.maximum.accumulate(target)
+    back = target < furthest - BACK
+    returned = np.unique(target[back])
+    if len(returned) <= MOST_AGAIN * len(np.unique(target)):
+        return
+    row = int(np.argmax(back))
+    raise error("CS3119", f"the log comes back to {counted(len(returned), 'target')} that it had left, from target "
+                f"{furthest[row]} to {target[row]}: is it of several passes?", file=log.source, line=int(log.line[row]),
+                hint="one pass a file, that of the program that is corrected; rows in the order of time")
 
 
 def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
@@ -236,6 +270,7 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
     if forces.tare is not None:
         why = "the bias that was taken off is not theirs"
         hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
-    return [Finding("CS3041", "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed show a force, "
-                    f"{np.median(size):.1f} N in the middle, and are moved with the others: {why}",
+    small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
+    return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed "
+                    f"show a force, {np.median(size):.1f} N in the middle, and are moved with the others: {why}",
                     file=log.source, line=None, target=int(touched[0]), hint=hint)]

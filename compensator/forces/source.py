@@ -17,6 +17,7 @@ from identification.common.columns import FORCES, JOINTS, MOMENTS
 from identification.common.findings import CompstiffError, Finding, error
 from identification.common.table_layout import BLANKS, Layout, read_layout
 from identification.common.tables import check_columns, unread
+from identification.common.workbook import sheet_finding
 from identification.model.cell import ForceLogFile
 
 Indices = NDArray[np.intp]
@@ -175,6 +176,7 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     else:
         layout = read_layout(file, form.columns)
         names, rows, header_line = layout.names, layout.rows, layout.header_line or None
+        findings += sheet_finding(file)
     columns = [column for column in names if column]
     forces = FORCE_COUNTS if FORCE_COUNTS[0] in names and FORCES[0] not in names else FORCES
     check_columns(columns, forces, TOGETHER, name, header_line, hint="; or name them in cell.yaml, force_log.columns")

@@ -17,11 +17,12 @@ BATCHES = 8
 @dataclass(frozen=True, eq=False)
 class TargetRows:
     """The m rows of a log that lie on targets, of which there are `count` (N). target (m,) of each row; weight (m,): samples in
-    it."""
+    it. behind (m,): the row was taken on the way to the next target, where that is known."""
 
     count: int
     target: Indices
     weight: Array
+    behind: NDArray[np.bool_] | None = None
 
     @cached_property
     def samples(self) -> Array:
@@ -42,8 +43,12 @@ class TargetRows:
         return np.column_stack([self.sum(column) for column in values.T]) / np.maximum(self.samples, 1)[:, None]
 
     def between(self, first: int, last: int) -> Indices:
-        """The rows of the targets `first` to `last`."""
-        return np.flatnonzero((self.target >= first) & (self.target <= last))
+        """The rows of the targets `first` to `last`, those on the way to the next one left out: that move may cut."""
+        inside = np.flatnonzero((self.target >= first) & (self.target <= last))
+        if self.behind is None or last >= self.count - 1:
+            return inside
+        before = inside[~(self.behind[inside] & (self.target[inside] == last))]
+        return before if len(before) else inside
 
     def standard_error(self, force: Array, mean: Array, window: float) -> Array:
         """Standard error (N, 3) of the mean force by batch means, NaN under two rows: force (m, 3) with mean (N, 3), which are

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from compensator.forces.alignment_leaps import leaps
 from compensator.forces.alignment_regression import Regression, binned, plateau_share
 from compensator.forces.alignment_search import FASTEST, SLOWEST, candidates
 from compensator.forces.alignment_slips import Slips, stretch_slips
@@ -32,11 +33,14 @@ LOWEST_SCORE, LOWEST_SHARE, MOST_ODD = 15.0, 0.5, 1
 # over more, entries and corners are not told from what lies between them (engineering judgement; right logs have 0.8, 0.1 and
 # 5 mm or better, docs/benchmarks.md).
 BEYOND_PLATEAU, MOST_IN_AIR, MOST_SPREAD = 0.5, 0.25, 10e-3
+# A log that begins and ends inside the program has less to tell it from others: it must be of this share of it. All three logs
+# of other rasters that were placed once were of less than half (benchmarks/foreign_logs.py, seed 41).
+LEAST_COVERED = 0.55
 
 
 @dataclass(frozen=True, eq=False)
 class TimeAlignment:
-    """Arc length (M,) [m] of each sample, NaN before the start and after the end of the program.
+    """Arc length (M,) [m] of each sample, NaN before the start and after the end of the program, and on odd stretches.
 
     start [s]: the log's clock at the program's start; override: actual over planned speed; slip [s]: the largest departure from
     these two. score: log likelihood over that of the best other alignment; share: of the force's variance that is explained;
@@ -44,7 +48,8 @@ class TimeAlignment:
     and to which planned time [s], whose force does not follow the program. plateau: share of the force's variance that the best
     single plateau explains, which knows nothing of the program. in_air: RMS force on the program's air moves over that on its
     cuts, NaN where the log has none of either. std (M,) [s]: 1 sigma of a sample's planned time; spread (M,) [m]: of its place,
-    NaN outside; spread_on_cuts [m]: its median on moves that cut.
+    NaN outside; spread_on_cuts [m]: its median on moves that cut. leaps: where, in planned time [s], the log leaps against the
+    program, and by how much [s] of it. covered: share of the program's time from the first sample on it to the last.
     """
 
     length: Array
@@ -60,6 +65,8 @@ class TimeAlignment:
     std: Array
     spread: Array
     spread_on_cuts: float
+    leaps: tuple[tuple[float, float], ...] = ()
+    covered: float = 1.0
 
     def __post_init__(self) -> None:
         read_only(self.length, self.std, self.spread)
@@ -100,6 +107,13 @@ class TimeAlignment:
                            f"{1e3 * MOST_SPREAD:.0f} mm may be")
         if len(self.odd) > MOST_ODD:
             reasons.append(f"in {len(self.odd)} stretches the force does not follow the program, at most {MOST_ODD} may be so")
+        if self.covered < LEAST_COVERED:
+            reasons.append(f"it would be {100 * self.covered:.0f} % of the program alone, at least {100 * LEAST_COVERED:.0f} % "
+                           "are needed")
+        if self.leaps:
+            shown = ", ".join(f"{abs(size):.1f} s {'lost' if size < 0 else 'gained'} at {at:.0f} s of the program"
+                              for at, size in self.leaps[:3])
+            reasons.append(f"the log does not keep pace with the program, as where it stood still: {shown}")
         return tuple(reasons)
 
 
@@ -125,6 +139,8 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
     away = override * (time - middle)
     planned = x[0] + away + np.interp(time, regression.time, slips.slip)
     inside = (planned >= program.time[0]) & (planned <= program.time[-1])
+    for first, last in slips.odd:
+        inside &= (planned < first) | (planned >= last)
     covariance = regression.covariance(x, slips.slip, slips.independent)
     variance = covariance[0, 0] + 2 * away * covariance[0, 1] + away**2 * covariance[1, 1]
     std = np.sqrt(np.maximum(variance, 0.0) + np.interp(time, regression.time, slips.std) ** 2)
@@ -135,7 +151,8 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
         np.where(inside, np.interp(planned, program.time, program.length), np.nan), middle - float(x[0]) / override, override,
         float(np.max(np.abs(slips.slip), initial=0.0)), score, slips.share, rival, slips.odd,
         plateau_share(binned(time, force, span / coarse)), regression.force_in_air(x, slips.slip), np.asarray(std),
-        np.asarray(spread), float(np.median(on_cuts)) if len(on_cuts) else np.inf)
+        np.asarray(spread), float(np.median(on_cuts)) if len(on_cuts) else np.inf, leaps(regression, x, slips.slip),
+        float(np.ptp(planned[inside])) / program.duration if inside.any() else 0.0)
 
 
 def _refined(regression: Regression, x: Array) -> tuple[Array, Slips]:

@@ -77,6 +77,6 @@ def _odd_stretch(path: RobotPath, program: ProgramTime, alignment: TimeAlignment
     if not alignment.odd:
         return []
     low, high = (min(int(np.searchsorted(program.time, time)), len(program.time) - 1) for time in alignment.odd[0])
-    return [Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the program: is there no "
-                    "stock, or did the program stand still?", file=path.toolpath.source, line=int(path.toolpath.line[low]),
-                    target=low)]
+    return [Finding("CS3065", "warning", f"between targets {low} and {high} the force does not follow the program: its samples "
+                    "are left out. Is there no stock, or did the program stand still?", file=path.toolpath.source,
+                    line=int(path.toolpath.line[low]), target=low)]

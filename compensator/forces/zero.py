@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.payload import Payload, estimate_payload, turns, weight
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.tare_check import Range, TaredLog, doubts
 from compensator.forces.target_rows import TargetRows
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
-from identification.common.findings import Finding, counted, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.model.cell import Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.rotations import Frame
 
-Range = tuple[int, int]
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
-# A target of --tare is not in air where its mean is off the others' by this share of the largest force, by this force [N], and
-# by so many standard errors.
-IN_AIR, LEAST_FORCE, SURELY = 0.2, 5.0, 8.0
-# It is not in air either where not even a quarter of the other moves at the air feed, at least so many, lie within the largest
-# of LEAST_FORCE, OF_AIR times their own middle distance from their middle, and three standard errors of it. Drift, the inertia
-# of what hangs on the sensor and a weight that turns spread the air moves by as much as they keep them from the tare: a steady
-# drift takes a tare at the start to 1.0 of that distance (engineering judgement for the rest). Where the tare is quieter than
-# the air moves by more than QUIETER it is they that cut.
-QUARTER, FEWEST_AIR, OF_AIR, QUIETER = 0.25, 3, 3.0, 2.0
+NOTHING = (np.zeros((0, 6)), np.zeros((0, 6)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +57,16 @@ def base_from_log(path: RobotPath, cell: Cell) -> Frame:
     return Frame(np.broadcast_to(np.eye(3), path.base_from_tcp.rotation.shape), path.base_from_tcp.position)
 
 
-def zero_of(log: ForceLog, path: RobotPath, cell: Cell, loads: Array, rows: TargetRows, tare: Sequence[Range]) -> Zero:
-    """The zero of a log placed on a path: loads (m, 6) before any averaging of its rows.
+def zero_of(
+    log: ForceLog, path: RobotPath, cell: Cell, loads: Array, rows: TargetRows, tare: Sequence[Range],
+    outside: tuple[Array, Array] = NOTHING, *, trusted: bool = False
+) -> Zero:
+    """The zero of a log placed on a path: loads (m, 6) before any averaging of its rows; outside: those (k, 6) of the rows
+    before and after the program. trusted: what speaks against the tare is a warning.
 
     A tare gives the bias; stretches of different orientation give mass and centre too, where cell.yaml names none. Without a
     tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log,
-    CS3039 a stretch is not in air.
+    CS3039 a stretch is not in air, CS3066 nothing shows that it is.
     """
     form = cell.force_log
     frame = base_from_log(path, cell)
@@ -96,9 +91,10 @@ def zero_of(log: ForceLog, path: RobotPath, cell: Cell, loads: Array, rows: Targ
                                     "centre of mass is not known", file=log.source, hint="state centre_of_mass_mm"))
         held = form.sign * np.nan_to_num(weight(fall, mass, arm))
     if air is not None:
-        unheld = loads - held[rows.target]
-        _check_air(log, unheld, rows, tare)
-        findings += _check_against_air(log, unheld, rows, tare, moves_in_air(path.toolpath))
+        before, after = (load[:, :3] - held[end, :3] for load, end in zip(outside, (0, -1), strict=True))
+        stated = None if form.bias is None else form.bias[:3]
+        findings += _answered(doubts(TaredLog(log.source, (loads - held[rows.target])[:, :3], rows, moves_in_air(path.toolpath),
+                                              before, after, stated), tare), trusted=trusted)
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)
         findings += _tared(log, biases, bias, mass, tare)
@@ -137,71 +133,12 @@ def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Seque
     return Air(np.array(means), np.array(falls), np.sqrt(squares / max(degrees, 1)))
 
 
-def _check_air(log: ForceLog, loads: Array, rows: TargetRows, tare: Sequence[Range]) -> None:
-    """Raises CompstiffError (CS3039) where the targets of a stretch show forces that differ as those of a cut do: by a fifth of
-    the largest of the whole log."""
-    force, samples = loads[:, :3], rows.samples
-    seen = np.flatnonzero(samples)
-    mean = rows.mean(force)
-    spread = rows.sum(((force - mean[rows.target]) ** 2).sum(axis=1))[seen] / samples[seen]
-    mean = mean[seen]
-    error_of = np.sqrt(np.maximum(spread, np.median(spread)) / rows.rows[seen])
-    for first, last in tare:
-        inside = (seen >= first) & (seen <= last)
-        if not (~inside).any():
-            continue
-        middle = np.median(mean[inside], axis=0)
-        off = np.linalg.norm(mean - middle, axis=1)
-        worst = int(np.argmax(np.where(inside, off, -1.0)))
-        if off[worst] > max(IN_AIR * off.max(), LEAST_FORCE, SURELY * error_of[worst]):
-            raise error("CS3039", f"the targets {first} to {last} of --tare are not all in air: target {seen[worst]} shows "
-                        f"{off[worst]:.1f} N more than the middle of them, the largest force of the log is {off.max():.1f} N",
-                        file=log.source, hint="name targets during which the tool touches nothing")
-
-
-def _check_against_air(
-    log: ForceLog, loads: Array, rows: TargetRows, tare: Sequence[Range], air: NDArray[np.bool_]
-) -> list[Finding]:
-    """Holds the tare against the moves (N,) in air outside it; says so where there are too few.
-
-    A cut under the whole of a stretch does not show within it: it shows in that all air moves have the opposite of its force.
-    Raises CompstiffError (CS3039).
-    """
-    named = np.zeros(len(air), dtype=bool)
-    for first, last in tare:
-        named[first:last + 1] = True
-    possible = air & ~named & (rows.samples > 0)
-    # The stretch of a target reaches into the move behind it: best are those with air on either side.
-    between = possible & np.append(air[1:], True)
-    others = np.flatnonzero(between if between.sum() >= FEWEST_AIR else possible)
-    if len(others) < FEWEST_AIR:
-        return [Finding("CS3066", "note", "nothing in the log tells whether the targets of --tare are in air: "
-                        f"{counted(len(others), 'other move')} at an air feed", file=log.source,
-                        hint="did the tool touch nothing there?")]
-    mean = rows.mean(loads[:, :3])
-    scatter = rows.sum(((loads[:, :3] - mean[rows.target]) ** 2).sum(axis=1)) / np.maximum(rows.samples, 1)
-    middle = np.median(mean[others], axis=0)
-    spread = OF_AIR * float(np.median(np.linalg.norm(mean[others] - middle, axis=1)))
-    for first, last in tare:
-        inside = np.flatnonzero(rows.samples[first:last + 1]) + first
-        bias = np.average(mean[inside], axis=0, weights=rows.samples[inside])
-        off = np.linalg.norm(mean[others] - bias, axis=1)
-        noise = 3.0 * float(np.sqrt(np.median(scatter[others]) / rows.rows[inside].sum()))
-        allowed = max(LEAST_FORCE, spread, noise)
-        quiet = QUIETER**2 * np.median(scatter[inside]) < np.median(scatter[others])
-        if float(np.quantile(off, QUARTER)) > allowed and not quiet:
-            raise error("CS3039", f"the targets {first} to {last} of --tare are not in air: with their mean as the bias, "
-                        f"{int(np.sum(off > allowed))} of {counted(len(others), 'move')} at the air feed would show a force, "
-                        f"{np.median(off):.1f} N in the middle, at most {allowed:.1f} N are drift and noise", file=log.source,
-                        hint="name targets during which the tool touches nothing, such as "
-                        f"--tare {others[0]}:{_run(others)}")
-    return []
-
-
-def _run(numbers: NDArray[np.intp]) -> int:
-    """The last of the numbers (n,) that follow the first without a gap."""
-    gaps = np.flatnonzero(np.diff(numbers) > 1)
-    return int(numbers[gaps[0] if len(gaps) else -1])
+def _answered(doubts: list[Finding], *, trusted: bool) -> list[Finding]:
+    """Raises CompstiffError with the doubts of a tare; one that is trusted is used, and they are said."""
+    if doubts and not trusted:
+        raise CompstiffError(*doubts)
+    return [replace(doubt, level="warning", message=f"{doubt.message}; used all the same (--trust-tare)", hint="")
+            for doubt in doubts]
 
 
 def _per_stretch(values: Array, rows: TargetRows, tare: Sequence[Range]) -> Array:

@@ -20,6 +20,8 @@ from identification.common.findings import Finding, error
 from identification.model.cell import Cell
 
 MOST_SPEEDS_SHOWN = 8
+# A cutting feed beyond these [mm/s] is likely in another unit; engineering judgement.
+LEAST_FEED, MOST_FEED = 0.5, 500.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +90,23 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
         findings.append(Finding(
             "CS4301", "warning", "cell.yaml states no mass and centre of mass of the tool: the tooldata declares almost none",
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
+    findings += _odd_feeds(cam_path)
     content = module_text(cam_path, cell, settings, orientation).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, settings)
     toolpath = replace(program.toolpath, findings=(*findings, *program.toolpath.findings))
     return Posted(replace(program, toolpath=toolpath), content, cam_path.rapid, assumed)
+
+
+def _odd_feeds(cam_path: CamPath) -> list[Finding]:
+    """Cutting feeds that no robot mills at: mm/min under mm/s, or the other way round."""
+    feed = 1e3 * cam_path.feed[~cam_path.rapid]
+    feed = feed[feed > 0]
+    if not len(feed) or (feed.max() <= MOST_FEED and feed.min() >= LEAST_FEED):
+        return []
+    return [Finding("CS4307", "warning", f"cutting feeds from {feed.min():.3g} to {feed.max():.4g} mm/s: robots mill at "
+                    f"{LEAST_FEED:g} to {MOST_FEED:g}", file=cam_path.source,
+                    hint="a feed in mm/min is sixty times that in mm/s: check feed_mm_s, FEDRAT and its unit")]
 
 
 def _check(program: RapidProgram, cam_path: CamPath, orientation: Orientations, settings: PostingSettings) -> None:

@@ -86,6 +86,10 @@ def verify(
     if not (~np.isnan(first.deviation) & ~np.isnan(second.deviation)).any():
         raise error("CS6020", "no component was measured in both passes at the same place", file=after.source,
                     hint="measure both passes alike")
+    if np.array_equal(first.deviation, second.deviation, equal_nan=True) and np.nan_to_num(first.deviation).any():
+        findings.append(Finding(
+            "CS6034", "warning", f"has the very same readings as {before.source} at all {len(first)} places", file=after.source,
+            hint="two measurements never agree to the last digit: name the files of the two passes"))
     comparison = compare(first, second)
     predicted, scale = None, None
     axis_scales: dict[str, Scale] = {}

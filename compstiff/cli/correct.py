@@ -15,6 +15,7 @@ from compstiff.cli.options import (
     CORRECTION_OPTIONS,
     FEED_OPTIONS,
     LOG_OPTIONS,
+    OTHER_LOG,
     POSTING_OPTIONS,
     SPLITTING_OPTIONS,
     STIFFNESS,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 @click.option("--forces", "forces_file", type=EXISTING,
               help="The force log of this program; of several the folder of their logs.  [default: beside each]")
 @click.option("-o", "--output", required=True, type=TEXT_PATH, help="The corrected program to write; of several a folder.")
-@with_settings(*LOG_OPTIONS, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
@@ -54,6 +55,8 @@ def correct(
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
     """
     if is_batch(toolpath_files, output):
+        if settings.log.other_forces or settings.correction.first_forces:
+            raise click.UsageError("--other-forces and --first-forces name the log of one program: call it by itself.")
         from compstiff.batch.pairing import Folders
         from compstiff.batch.programs import Shared
 

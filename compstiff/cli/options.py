@@ -109,6 +109,7 @@ _output = functools.partial(option, "Output")
 LOG_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), multiple=True,
                  help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
+    _log("--trust-tare", is_flag=True, help="Use a tare that the log speaks against, or not for; else it is refused."),
     _log("--log-format", type=click.Choice(("metallicadour", "lvm", "net-ft")),
          help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
     _log("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
@@ -117,6 +118,11 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
     _correction("--accept-rejected", is_flag=True,
                 help="Use a stiffness file that its own measurements reject (identify says so); else it is refused, exit 3."),
+)
+# What a log is held against, for one program: `predict` and `correct`.
+OTHER_LOG: tuple[Decorator, ...] = (
+    _log("--other-forces", type=READABLE, help="A log of another pass of this program: refused where the two contradict each "
+         "other, target by target."),
 )
 # How an APT or CSV toolpath becomes RAPID: `post`, `predict` and `correct`.
 POSTING_OPTIONS: tuple[Decorator, ...] = (

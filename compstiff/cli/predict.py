@@ -8,7 +8,17 @@ import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import WRITABLE, command
-from compstiff.cli.options import CELL, FORCES, LOG_OPTIONS, POSTING_OPTIONS, REPORT, STIFFNESS, TOOLPATH, with_settings
+from compstiff.cli.options import (
+    CELL,
+    FORCES,
+    LOG_OPTIONS,
+    OTHER_LOG,
+    POSTING_OPTIONS,
+    REPORT,
+    STIFFNESS,
+    TOOLPATH,
+    with_settings,
+)
 from compstiff.outcome import Outcome, Session, call
 
 
@@ -18,7 +28,7 @@ from compstiff.outcome import Outcome, Session, call
 @STIFFNESS
 @FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*LOG_OPTIONS, *POSTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
@@ -35,7 +45,7 @@ def predict(
     from identification.common.files import check_writable, write_whole
 
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
-    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file]
+    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     outputs = [output, *([report] if report else [])]
     check_writable(outputs, overwrite=session.overwrite)
     predicted = predict_files(inputs, settings)

@@ -9,7 +9,7 @@ import difflib
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -20,14 +20,15 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
 from identification.common.sizes import LARGEST_CELL
+from identification.common.workbook import SAVE_AS, is_workbook, sheet_finding, workbook_text
 
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
-_SAVE_AS = "save the table as CSV (UTF-8), or write Parquet"
 # How files begin that are often given for a text table, and what they are.
 _NO_TEXT = {
-    b"PK\x03\x04": "a workbook or archive (.xlsx, .ods, .zip)", b"\xd0\xcf\x11\xe0": "an Excel workbook (.xls)",
+    b"PK\x03\x04": "an archive or a workbook of another form (.ods, .zip)",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (.xls); .xlsx is read",
     b"PAR1": "a Parquet file under another name; its suffix is .parquet",
     b"MATLAB": "a MATLAB file; `compstiff convert` reads some", b"%PDF": "a PDF file",
 }
@@ -70,23 +71,37 @@ def read_table(
     columns, those whose empty cells are read as NaN. together: optional columns of which all or none must be there.
     instead: for an optional column the required ones whose cells it may stand for; they may then be empty or missing. Raises
     CompstiffError: CS0005 cannot be read, CS0201 not a table, CS0202 column missing or twice, CS0203 text, NaN or infinity
-    where a number must be.
+    where a number must be, CS0207 a cell of a workbook that is neither number nor text.
     """
     file = Path(file)
     frame, line, header_line = _parquet(file) if file.suffix.lower() in (".parquet", ".pq") else _csv(file)
+    of_sheet = sheet_finding(file)
+    try:
+        table = _table(frame, line, header_line, str(file), required, optional, texts, may_be_empty, together, instead)
+    except CompstiffError as stopped:
+        raise type(stopped)(*stopped.findings, *of_sheet) from stopped
+    return replace(table, findings=(*of_sheet, *table.findings))
+
+
+def _table(
+    frame: pd.DataFrame, line: NDArray[np.intp], header_line: int, file: str, required: Sequence[str],
+    optional: Sequence[str], texts: Sequence[str], may_be_empty: Sequence[str], together: Sequence[Sequence[str]],
+    instead: Mapping[str, Sequence[str]] | None,
+) -> Table:
+    """`read_table` of cells that were read."""
     names = [str(name) for name in frame.columns]
     for group in [group for name, group in (instead or {}).items() if name in names]:
         required, optional = [name for name in required if name not in group], [*optional, *group]
         may_be_empty, together = [*may_be_empty, *group], [*together, group]
-    check_columns(names, required, together, str(file), header_line)
+    check_columns(names, required, together, file, header_line)
     wanted = [*required, *(name for name in optional if name in names)]
-    numbers = as_numbers(frame[wanted], str(file), names, line, may_be_empty=may_be_empty)
+    numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
     labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
               for name in texts if name in names}
     known = (*required, *optional, *texts)
     other = unread([name for name in names if name not in known], [name for name in known if name not in names])
-    notes = [Finding("CS0204", level, text, file=str(file), line=header_line) for level, text in other]
-    return Table(str(file), numbers, labels, line, tuple(names), tuple(notes))
+    notes = [Finding("CS0204", level, text, file=file, line=header_line) for level, text in other]
+    return Table(file, numbers, labels, line, tuple(names), tuple(notes))
 
 
 def check_columns(
@@ -97,6 +112,8 @@ def check_columns(
     be there. hint: what else may help."""
     missing = [name for name in required if name not in names]
     if missing:
+        lower = [name.lower() for name in names]
+        hint = "; names are in small letters" * any(name in lower for name in missing) + hint
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=file, line=line,
                     hint="the header line names the columns, unit included, as in docs/formats.md of the project" + hint)
@@ -218,15 +235,18 @@ def parquet_complaints(file: Path) -> Iterator[None]:
 
 
 def opened(file: Path) -> IO[bytes]:
-    """A text file as bytes of UTF-8; UTF-16 with its byte-order mark, as spreadsheets write it, is held in memory.
+    """A text file as bytes of UTF-8; UTF-16 with its byte-order mark, as spreadsheets write it, is held in memory, and so is
+    the first sheet of an .xlsx workbook.
 
-    Raises OSError, and CompstiffError (CS0201), which says what the file is where that can be told.
+    Raises OSError, and CompstiffError: CS0201, which says what the file is where that can be told, CS0207 a cell of a workbook.
     """
     with open(file, "rb") as stream:
         head = stream.read(8)
+        if head.startswith(b"PK\x03\x04") and is_workbook(file):
+            return io.BytesIO(workbook_text(file))
         kind = next((kind for mark, kind in _NO_TEXT.items() if head.startswith(mark)), None)
         if kind:
-            raise error("CS0201", f"is no text table but {kind}", file=str(file), hint=_SAVE_AS)
+            raise error("CS0201", f"is no text table but {kind}", file=str(file), hint=SAVE_AS)
         if head.startswith(_UTF_16):
             return io.BytesIO(decoded(head + stream.read(), str(file), encoding="utf-16").encode())
     return open(file, "rb")
@@ -238,7 +258,7 @@ def decoded(content: bytes, name: str, offset: int = 0, encoding: str = "utf-8")
         return content.decode(encoding)
     except UnicodeDecodeError as reason:
         raise error("CS0201", f"is not {encoding.upper()} text: {reason.reason} at byte {offset + reason.start}", file=name,
-                    hint=f"is it the file that is meant, in its place on the command line? {_SAVE_AS}") from reason
+                    hint=f"is it the file that is meant, in its place on the command line? {SAVE_AS}") from reason
 
 
 def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:

@@ -90,6 +90,7 @@ class ForceLogFile(Strict):
     columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
     rate_hz: Positive | None = None
     target: Literal["nearest", "ahead"] = "nearest"
+    position_late_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
     saturation_n: Positive | None = None
@@ -101,11 +102,15 @@ class ForceLogFile(Strict):
     payload: PayloadFile | None = None
 
 
+# A tool shorter than this [mm] is given in metres: no flange carries one.
+SHORTEST_TOOL = 2.0
+
+
 class LimitsFile(Strict):
     """What a correction may not exceed."""
 
-    max_offset_mm: Positive = 2.0
-    max_tilt_deg: Positive = 0.5
+    max_offset_mm: Positive = Field(default=2.0, le=100.0)
+    max_tilt_deg: Positive = Field(default=0.5, le=30.0)
 
 
 class ModbusFile(Strict):
@@ -244,6 +249,10 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     if log.frame == "sensor" and (log.sensor_quaternion is None or log.sensor_position_mm is None):
         raise error("CS0102", "force_log.frame is 'sensor', but sensor_quaternion and sensor_position_mm are not both "
                     "given", file=str(file), hint="state the sensor frame in the flange frame")
+    length = float(np.linalg.norm(described.tool.position_mm))
+    if 0 < length < SHORTEST_TOOL:
+        raise error("CS0102", f"tool.position_mm is {length:.3g} mm long, expected 0 or at least {SHORTEST_TOOL:g} mm",
+                    file=str(file), hint="it is in millimetres, as in RAPID tooldata: is it in metres?")
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)

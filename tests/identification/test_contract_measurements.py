@@ -169,3 +169,32 @@ def test_complaints_about_masses(tmp_path, lines, code, line, words) -> None:
 
 def test_masses_without_a_cell_are_refused(tmp_path) -> None:
     assert complaint(tmp_path, HUNG, HUNG_ROW).code == "CS1509"
+
+
+def up_and_down(step: float, visits: int = 6) -> list[str]:
+    """Cycles of 20, 40, 60, 40, 20 kg at poses of their own, read to `step` [um]: on the way down as on the way up."""
+    rng = np.random.default_rng(3)
+    rows = ["q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,mass_kg,dx_um,dy_um,dz_um"]
+    for _ in range(visits):
+        q, soft = np.append(rng.uniform([-60, -10, 0, -40, 30], [60, 30, 40, 40, 80]), 10.0), rng.uniform(-8, 8, 3)
+        for mass in (20, 40, 60, 40, 20):
+            read = np.round((soft * mass + rng.normal(0, 0.05, 3)) / step) * step
+            rows.append(",".join(f"{value:.9g}" for value in (*q, mass, *read)))
+    return rows
+
+
+def test_coarse_gauges_read_alike_up_and_down_and_a_copy_is_still_found(tmp_path: Path) -> None:
+    (tmp_path / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
+    cell = read_cell(tmp_path / "cell.yaml")
+
+    def codes(rows: list[str]) -> set[str]:
+        (tmp_path / "m.csv").write_text("\n".join(rows) + "\n")
+        return {finding.code for finding in read_measurements(tmp_path / "m.csv", cell).findings}
+
+    coarse = up_and_down(10.0)
+    assert len(set(coarse)) < len(coarse), "readings do repeat"
+    assert "CS0012" not in codes(coarse)
+    assert "CS0012" in codes([*coarse, *coarse[1:]])
+    fine = up_and_down(0.01)
+    assert "CS0012" not in codes(fine)
+    assert "CS0012" in codes([*fine, *[row for row in fine[1:6] for _ in range(2)]])

@@ -11,6 +11,7 @@ from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
 
+Passes = tuple[np.ndarray, np.ndarray]
 CUTTING = 400.0         # N/mm of depth
 COUNT = 60
 
@@ -63,12 +64,18 @@ def path() -> Path3:
     return straight()
 
 
+@pytest.fixture(scope="module")
+def uncorrected(path: Path3) -> tuple[np.ndarray, np.ndarray]:
+    """The pass of the planned program."""
+    return milled(path, np.zeros((COUNT, 3)))
+
+
 def largest(values: np.ndarray) -> float:
     return float(np.linalg.norm(values, axis=1).max())
 
 
-def test_with_the_cutting_stiffness_one_correction_lands(tmp_path: Path, path: Path3) -> None:
-    force, before = milled(path, np.zeros((COUNT, 3)))
+def test_with_the_cutting_stiffness_one_correction_lands(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    force, before = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(force))
     assert job.correct().code == 0
     _, as_logged = milled(path, commanded(job))
@@ -91,8 +98,8 @@ def test_what_an_unknown_cutting_stiffness_leaves_is_said(tmp_path: Path, path: 
     assert stated["rms"] == pytest.approx(1e6 * np.sqrt((left**2).sum(axis=1).mean()), rel=0.02)
 
 
-def test_the_stiffness_is_found_from_two_passes(tmp_path: Path, path: Path3) -> None:
-    first, before = milled(path, np.zeros((COUNT, 3)))
+def test_the_stiffness_is_found_from_two_passes(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    first, before = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))
     assert job.correct().code == 0
     second, _ = milled(path, commanded(job))
@@ -107,9 +114,9 @@ def test_the_stiffness_is_found_from_two_passes(tmp_path: Path, path: Path3) -> 
     assert largest(milled(path, commanded(job))[1]) < 5e-3 * largest(before)
 
 
-def test_a_log_of_the_corrected_pass_is_not_corrected_for_depth_twice(tmp_path: Path, path: Path3) -> None:
+def test_a_log_of_the_corrected_pass_is_not_corrected_for_depth_twice(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
     """The second log was taken nearly on the plan: next to nothing is added to it, unless --logged-with is forgotten."""
-    first, before = milled(path, np.zeros((COUNT, 3)))
+    first, before = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))
     assert job.correct("--cutting-stiffness", f"{CUTTING}").code == 0
     second, _ = milled(path, commanded(job))
@@ -121,8 +128,8 @@ def test_a_log_of_the_corrected_pass_is_not_corrected_for_depth_twice(tmp_path: 
     assert largest(milled(path, commanded(job))[1]) > 0.05 * largest(before)
 
 
-def test_refusals(tmp_path: Path, path: Path3) -> None:
-    first, _ = milled(path, np.zeros((COUNT, 3)))
+def test_refusals(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    first, _ = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))
     result = job.correct("--cutting-stiffness", "400000")
     assert (result.code, "CS4123" in result.err) == (1, True)
@@ -134,7 +141,7 @@ def test_refusals(tmp_path: Path, path: Path3) -> None:
     none = "target,ox_mm,oy_mm,oz_mm\n" + "".join(f"{i},0,0,0\n" for i in range(COUNT))
     (tmp_path / "none.csv").write_text(none)
     result = job.correct("--logged-with", tmp_path / "none.csv", "--first-forces", tmp_path / "forces.csv")
-    assert (result.code, "CS4122" in result.err) == (1, True), "two equal passes tell nothing"
+    assert (result.code, "CS3118" in result.err) == (1, True), "two equal passes tell nothing"
 
 
 def test_the_scale_of_a_measured_pass(tmp_path: Path, path: Path3) -> None:
@@ -148,3 +155,37 @@ def test_the_scale_of_a_measured_pass(tmp_path: Path, path: Path3) -> None:
     expected = (1.2 * plain[:, 3:]) ** 2 + (0.05 * scaled[:, :3]) ** 2
     np.testing.assert_allclose(scaled[:, 3:] ** 2, expected, rtol=0.02, atol=0.01)
     assert job.correct("--force", "--scale", "0").code == 2
+
+
+def test_a_wrong_sign_shows_in_the_second_pass(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """cell.yaml says that the log has the force by the tool; it has that on the tool. The first correction then goes the wrong
+    way, the corrected pass cuts less, and says so; the two logs agree with each other."""
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    job.cell += "force_log: {sign: by_tool}\n"
+    assert job.correct().code == 0
+    second, stood = milled(path, commanded(job))
+    assert np.linalg.norm(second, axis=1).mean() < np.linalg.norm(first, axis=1).mean()
+    assert largest(stood) > 0.2e-3
+    (tmp_path / "first.csv").write_text(text(first))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(second)
+    result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv",
+                         "--first-forces", tmp_path / "first.csv")
+    assert result.code == 3
+    assert "CS3117" in kit.codes(result)
+
+
+def test_another_log_of_the_program_is_held_against_the_first(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    (tmp_path / "again.csv").write_text(text(1.04 * first))
+    (tmp_path / "turned.csv").write_text(text(-first))
+    agreed = job.correct("--json", "--other-forces", tmp_path / "again.csv")
+    assert (agreed.code, "CS3115" in kit.codes(agreed)) == (0, True)
+    assert any("again.csv" in str(document) for document in agreed.json["inputs"])
+    refused = job.predict("--json", "--other-forces", tmp_path / "turned.csv")
+    assert (refused.code, "CS3110" in kit.codes(refused)) == (3, True)
+    both = kit.run("correct", tmp_path / "cell.yaml", tmp_path, "--stiffness", tmp_path / "stiffness.json", "-o",
+                   tmp_path / "all/", "--other-forces", tmp_path / "again.csv")
+    assert both.code == 2

@@ -231,11 +231,32 @@ def test_drift_and_inertia_do_not_make_a_cut_of_air(tmp_path: Path, drift: float
             place_forces(logged, path, path.cell, tare=(first, first + 2))
 
 
-def test_where_nothing_tells_air_the_tare_is_taken_and_it_is_said(tmp_path: Path) -> None:
-    """One feed throughout; and moves at the air feed that cut, beside which the tare is quiet."""
+def test_where_nothing_tells_air_the_tare_is_refused_unless_it_is_trusted(tmp_path: Path) -> None:
+    """One feed throughout, and no sample at either end of the program."""
     rows = np.column_stack([np.repeat(np.arange(5), 20), np.random.default_rng(4).normal(0, 2, (100, 3))])
-    alone = place(tmp_path, log_text("target,fx_n,fy_n,fz_n", rows), tare=(0, 2))
-    assert "CS3066" in {finding.code for finding in alone.findings}
+    text = log_text("target,fx_n,fy_n,fz_n", rows)
+    inner = log_text("target,fx_n,fy_n,fz_n", rows[20:80] + np.array([0, 60, 0, 0]))
+    with pytest.raises(CompstiffError, match="CS3066: nothing in the log shows"):
+        place(tmp_path, inner, tare=(2, 2))
+    trusted = place(tmp_path, inner, tare=(2, 2), trust_tare=True)
+    [said] = [finding for finding in trusted.findings if finding.code == "CS3066"]
+    assert said.level == "warning"
+    assert "CS3066" not in {finding.code for finding in place(tmp_path, text, tare=(0, 2)).findings}
+
+
+def test_a_tare_ends_at_its_last_target(tmp_path: Path) -> None:
+    """The stretch of a target reaches half way into the move behind it, which cuts: with it the bias would be 25 N off."""
+    along = np.linspace(0, 40, 4001)
+    force = np.random.default_rng(6).normal([3, -4, 5], 1, (4001, 3)) + np.where(along[:, None] > 20, [0.0, 150, 0], 0.0)
+    text = log_text("path_mm,fx_n,fy_n,fz_n", np.column_stack([along, force]))
+    forces = place(tmp_path, text, tare=(0, 2), trust_tare=True)
+    assert forces.tare is not None
+    assert_allclose(forces.tare[:3], [3, -4, 5], atol=0.2)
+
+
+def test_moves_at_the_air_feed_that_cut_are_said(tmp_path: Path) -> None:
+    """Beside them the tare is quiet."""
+    (tmp_path / "cell.yaml").write_text(CELL)
     program, log = milled_and_back(np.random.default_rng(5), 0.0, 0.0, 120.0)
     swapped = program.replace("v200", "v2").replace("v20,", "v200,").replace("v2,", "v20,")
     (tmp_path / "forces.csv").write_text(log)
@@ -303,3 +324,18 @@ def test_a_light_force_that_dips_at_the_cutting_feed_stays_with_its_cut(tmp_path
     assert dips.forced[1:].all()
     assert_allclose(dips.wrench[4:6, 1], 32, atol=1e-6)
     assert not hop_forces(tmp_path, "v500", 32.0, noise).forced[4:6].any()
+
+
+def test_positions_that_come_late(tmp_path: Path) -> None:
+    """30 ms late at 100 mm/s: each sample gets the place that the log has 3 mm later. The force is that place, in newtons."""
+    time = np.arange(0.0, 0.4, 1e-3)
+    true = 100 * time
+    logged = np.maximum(true - 3.0, 0.0)
+    rows = np.column_stack([time, logged, 10 + true, 0 * time, 0 * time])
+    text, cell = log_text("time_s,path_mm,fx_n,fy_n,fz_n", rows), CELL + "force_log: {position_late_ms: 30}\n"
+    here = place(tmp_path, text, cell)
+    assert_allclose(here.wrench[1:4, 0], [20, 30, 40], atol=0.1)
+    left_out = place(tmp_path, text)
+    assert_allclose(left_out.wrench[1:4, 0], [23, 33, 43], atol=0.1)
+    with pytest.raises(CompstiffError, match="CS3121.*no time"):
+        place(tmp_path, log_text("path_mm,fx_n,fy_n,fz_n", rows[:, 1:]), cell)

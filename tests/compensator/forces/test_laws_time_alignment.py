@@ -121,6 +121,31 @@ def test_a_program_that_stood_still_is_noticed() -> None:
     assert not alignment.believed
 
 
+def test_a_stop_that_the_slips_took_up_is_noticed() -> None:
+    """Three seconds in the air at four tenths: it was placed at a score of 39, a ninth of the samples over 10 mm off."""
+    plan, force, place = sample_log()
+    program = program_time(plan)
+    time, values, _ = stood_still(program, clock(plan, place, 0.9, 5.0, 0.3), force, place, 0.4, 3.0)
+    alignment = align(program, time[::10], values[::10])
+    [(at, lost)] = alignment.leaps
+    # What stands in the program's own time goes by 0.9 of it, and a little less in its corners.
+    assert lost == pytest.approx(-0.85 * 3.0, abs=0.4)
+    assert 0.35 < at / program.duration < 0.45
+    assert not alignment.believed
+    assert "stood still" in "; ".join(alignment.against)
+
+
+def test_a_part_of_another_raster_is_refused() -> None:
+    """It was placed at a score of 55: some of its passes are like some of this raster's, and it has no others."""
+    program = raster()
+    rng = np.random.default_rng((41, 8))
+    rng.choice(4, p=[0.4, 0.2, 0.2, 0.2])       # the benchmark's draw of the program, which was this raster
+    alignment = align(program, *foreign("another raster", program.duration, rng))
+    assert alignment.score > 15
+    assert alignment.covered < 0.5
+    assert not alignment.believed
+
+
 def test_a_raster_of_equal_passes_needs_its_ends() -> None:
     """Logged whole, the first and the last pass fix it; from the middle of it any pass may be any other."""
     rng = np.random.default_rng(3)
@@ -181,8 +206,9 @@ def test_refusals_on_the_command_line(sample_inputs: Inputs, tmp_path: Path) -> 
     assert not (tmp_path / "out.mod").exists()
 
 
-def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path) -> None:
-    """One pass of the log has no force but the sensor's noise: a warning at its targets, the rest placed all the same."""
+def test_a_pass_over_air_is_named_and_left_out(sample_inputs: Inputs, tmp_path: Path) -> None:
+    """One pass of the log has no force but the sensor's noise: a warning at its targets, which get no sample; the rest is
+    placed all the same."""
     plan, force, place = sample_log()
     program = program_time(plan)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~program.air, [False]]).astype(int)))
@@ -199,5 +225,7 @@ def test_a_pass_over_air_is_named_and_used(sample_inputs: Inputs, tmp_path: Path
     # The stretch reaches half way into the air on either side.
     assert edges[1::2][11] - 1 <= low <= first
     assert last <= high <= edges[::2][13]
+    assert not predicted.forces.samples[first + 1:last].any()
+    assert np.mean(predicted.forces.samples > 0) > 0.9
     assert (finding.target, finding.line) == (low, plan.toolpath.line[low])
     assert finding.file == str(sample_inputs.toolpath)

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -45,3 +46,13 @@ def test_a_corrected_program_is_accepted_as_the_posted_one_was(accepts):
     assert accepts(written.content)
     assert not accepts(written.content.replace(b"p10_c1, ", b"p10_c1 "))
     assert not accepts(written.content.replace(UNUSED.encode(), UNUSED[:-1].encode()))
+
+
+@pytest.mark.parametrize("name", ["position_stream.mod"])
+def test_the_modules_that_are_loaded_as_they_are_are_rapid(accepts, name):
+    """Every instruction of the stream module is one that it needs, and all its moves stand still at their end."""
+    text = (Path(__file__).parents[3] / "rapid_templates" / name).read_bytes()
+    assert accepts(text)
+    assert not accepts(text.replace(b"EGMReset streamId;", b"EGMReset streamId", 1))
+    assert b"EGMRun" not in text.replace(b"nothing is guided", b"")
+    assert text.isascii()

@@ -78,9 +78,9 @@ def test_a_folder_with_logs_elsewhere_in_two_processes(place: Shop) -> None:
 def test_the_options_of_correct_count_for_every_program(place: Shop) -> None:
     programs = place.put("a", "b")
     out = place.folder / "out"
-    tared = place.correct(place.part, "--forces", place.log, "-o", place.folder / "tared.mod", "--tare", "1:3")
+    tared = place.correct(place.part, "--forces", place.log, "-o", place.folder / "tared.mod", "--tare", "1:3", "--trust-tare")
     assert tared.exit_code == 0, tared.output
-    assert place.correct(*programs, "-o", out, "--tare", "1:3").exit_code == 0
+    assert place.correct(*programs, "-o", out, "--tare", "1:3", "--trust-tare").exit_code == 0
     assert (out / "b.mod").read_bytes() == (place.folder / "tared.mod").read_bytes() != place.alone()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.workshop import COLUMNS, Workshop, workshop
+from tests.runs.command_line.workshop import COLUMNS, USER, Workshop, workshop
 
 ROBOTS = ("irb6660-205-1.90", "irb6700-200-2.60")
 CORRECT = ("correct", "@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv", "-o", "@out.mod")
@@ -94,7 +94,8 @@ CELL = [
     M("position as text", "cell.yaml", rewrite(r"position_mm: \[([^\]]*)\]", r"position_mm: '\1'"), CORRECT, 1, "CS0102"),
     M("position of two numbers", "cell.yaml", rewrite(r"position_mm: \[([^,]*),", "position_mm: ["), CORRECT, 1, "CS0102"),
     M("decimal comma in the cell", "cell.yaml", rewrite(r"\[(\d+)\.(\d+),", r"[\1,\2,"), CORRECT, 1, "CS0102"),
-    M("tool in metres", "cell.yaml", rewrite(r"position_mm: \[.*?\]", "position_mm: [0.110, -0.020, 0.260]"), IDENTIFY, 0, ""),
+    M("tool in metres", "cell.yaml", rewrite(r"position_mm: \[.*?\]", "position_mm: [0.110, -0.020, 0.260]"), IDENTIFY, 1,
+      "CS0102"),
     M("Euler angles for a quaternion", "cell.yaml", rewrite(r"quaternion: \[.*?\]", "quaternion: [0, 90, 0]"), CORRECT, 1,
       "CS0102"),
     M("a quaternion that is none", "cell.yaml", rewrite(r"quaternion: \[.*?\]", "quaternion: [1, 1, 0, 0]"), CORRECT, 1,
@@ -110,6 +111,13 @@ CELL = [
     M("a unit behind a number", "cell.yaml", swap("[2, 2, 2]", "[2 um, 2 um, 2 um]"), CORRECT, 1, "CS0102"),
     M("a negative sigma", "cell.yaml", swap("[2, 2, 2]", "[2, -2, 2]"), CORRECT, 1, "CS0102"),
     M("a limit of zero", "cell.yaml", lambda text: text + "limits: {max_offset_mm: 0}\n", CORRECT, 1, "CS0102"),
+    M("a path with backslashes", "cell.yaml", rewrite(r"^robot: .*", r"robot: robots\\\\my.yaml"), CORRECT, 1, "CS0104"),
+    M("a robot in capitals", "cell.yaml", rewrite(r"^robot: .*", lambda m: m[0].upper().replace("ROBOT:", "robot:")),
+      CORRECT, 1, "CS0104"),
+    M("the limit in micrometres", "cell.yaml", lambda text: text + "limits: {max_offset_mm: 2000}\n", CORRECT, 1, "CS0102"),
+    M("a prior in units of 1e6", "cell.yaml", lambda text: text + "prior: {stiffness_nm_per_rad: [2, 6, 2, 0.5, 0.2, 0.1]}\n",
+      IDENTIFY, 1, "CS1101"),
+    M("a payload in grams", "cell.yaml", swap("frame: base", "frame: tool, payload: {mass_kg: 12400}"), CORRECT, 1, "CS3032"),
     M("another robot in the cell", "cell.yaml", rewrite("^robot: .*", "robot: irb4400-60"), CORRECT, 1, "CS1202"),
 ]
 TABLE = [
@@ -138,6 +146,19 @@ TABLE = [
       1)[:, None]),
       IDENTIFY, 0, "CS1013"),
     M("every row twice", "measurements.csv", lines(lambda rows: [*rows, *rows[1:]]), IDENTIFY, 0, "CS0012"),
+    M("a header in capitals", "measurements.csv", lines(lambda rows: [rows[0].upper(), *rows[1:]]), IDENTIFY, 1, "CS0202"),
+    M("a unit in brackets", "measurements.csv", swap("q1_deg", "q1 [deg]"), IDENTIFY, 1, "CS0202"),
+    M("German thousands", "measurements.csv", lambda text: text.replace(",", ";").replace(".", ",").replace(
+      "250,0000", "1.250,0000"), IDENTIFY, 1, "CS0203"),
+    M("a line at the end", "measurements.csv", lambda text: text + "End of measurement\n", IDENTIFY, 1, "CS0201"),
+    M("a dash for a reading", "measurements.csv", lines(lambda rows: [*rows[:3], rows[3].rsplit(",", 1)[0] + ",-", *rows[4:]]),
+      IDENTIFY, 1, "CS0203"),
+    M("times of day", "measurements.csv", lines(lambda rows: [rows[0] + ",time_s", *(row + ",10:21:00" for row in rows[1:])]),
+      IDENTIFY, 1, "CS0203"),
+    M("a plan that was not filled in", "measurements.csv", lines(lambda rows: [rows[0], *(row.rsplit(",", 3)[0] + ",,,"
+      for row in rows[1:])]), IDENTIFY, 1, "CS1004"),
+    M("a sensor unplugged", "measurements.csv", columns(["dz_um"], 0), IDENTIFY, 0, "CS1021"),
+    M("a sensor that is stuck", "measurements.csv", columns(["dx_um"], lambda d: 0 * d + 37.2), IDENTIFY, 0, "CS1021"),
     M("no row with a load", "measurements.csv", columns(FORCES, 0), IDENTIFY, 1, "CS1005"),
     M("the tool's length wrong", "cell.yaml", rewrite(r"260\.0*", "360.0"), IDENTIFY, 0, "CS1013"),
     M("a misspelt purpose", "measurements.csv", lines(lambda rows: [rows[0] + ",purpose",
@@ -162,6 +183,9 @@ PROGRAM = [
     M("an external axis", "part.mod", swap("[9E9,9E9,", "[100,9E9,"), CORRECT, 3, "CS4104"),
     M("moves of other kinds", "part.mod", swap("MoveL", "MoveLAO"), CORRECT, 1, "CS4202"),
     M("the suffix of a text", "part.txt", lambda text: "MODULE a\nENDMODULE\n", instead("@part.mod", "@part.txt"), 1, "CS4201"),
+    M("tooldata in metres", "part.mod", rewrite(r"tMill:=\[TRUE,\[\[([^\]]*)\]", lambda m: "tMill:=[TRUE,[[" + ",".join(
+        f"{float(x) / 1e3:.6f}" for x in m[1].split(",")) + "]"), CORRECT, 0, "CS2055"),
+    M("a decimal comma in a target", "part.mod", rewrite(r"(MoveL \[\[)(-?\d+)\.", r"\1\2,"), CORRECT, 1, "CS2004"),
     M("another program", "part.mod", lines(lambda rows: [row for i, row in enumerate(rows) if i not in (4, 5, 6)]),
       CORRECT, 1, "CS3004"),
 ]
@@ -182,8 +206,17 @@ LOG = [
     M("places in another work object", "along.csv", columns(PLACES, lambda p: p + np.array([300, 0, 0])), ALONG, 1, "CS3005"),
     M("places with x and y swapped", "along.csv", columns(["x_mm", "y_mm"], lambda p: p[:, ::-1]), ALONG, 1, "CS3005"),
     M("half of the log lost", "forces.csv", lines(lambda rows: rows[:30]), CORRECT, 0, "CS3012"),
+    M("two passes in one log", "forces.csv", lines(lambda rows: [*rows, *rows[1:]]), CORRECT, 1, "CS3119"),
+    M("two passes along the path", "along.csv", lines(lambda rows: [*rows, *rows[1:]]), ALONG, 0, "CS3007"),
+    M("the logger's tool longer by 4 mm", "along.csv", columns(PLACES, lambda p: p + np.array([0, 0, 4])), ALONG, 0, "CS3120"),
+    M("a log that runs backwards", "along.csv", lines(lambda rows: [rows[0], *rows[:0:-1]]), ALONG, 3, "CS3086"),
+    M("a line at the end of the log", "forces.csv", lambda text: text + "End\n", CORRECT, 1, "CS0201"),
     M("a bias that nobody took off", "forces.csv", columns(FORCES, lambda f: f + np.array([300, -150, 80])), CORRECT, 0,
       "CS3087"),
+    M("the tare inside the cut", "forces.csv", same, call("--tare", "4:6"), 1, "CS3039"),
+    M("the tare half in the cut", "forces.csv", same, call("--tare", "0:3"), 1, "CS3039"),
+    M("another log that is turned over", "second.csv", lambda text: "target,fx_n,fy_n,fz_n\n" + "".join(
+        f"{k},{-80 - 4 * k},{120 + 3 * k},150\n" for k in range(2, 10)), call("--other-forces", "@second.csv"), 3, "CS3110"),
     M("the tare behind the program", "forces.csv", same, call("--tare", "90:95"), 1, "CS3006"),
 ]
 CALL = [
@@ -195,6 +228,12 @@ CALL = [
     M("the cell for the stiffness", "part.mod", same, instead("@stiffness.json", "@cell.yaml"), 1, "CS1201"),
     M("the stiffness of another robot", "stiffness.json", rewrite(r'"robot": "[^"]*"', '"robot": "irb4400-60"'), CORRECT,
       1, "CS1202"),
+    M("the measurements for the log", "part.mod", same, instead("@forces.csv", "@measurements.csv"), 1, "CS3005"),
+    M("the log for the measurements", "part.mod", same, ("identify", "@cell.yaml", "@forces.csv", "-o", "@found.json"), 1,
+      "CS0202"),
+    M("the scale in per cent", "part.mod", same, call("--scale", "110"), 3, "CS4107"),
+    M("the tolerance in millimetres", "part.mod", same, call("--tolerance", "0.005"), 2, "CS0002"),
+    M("the cutting stiffness in N/m", "part.mod", same, call("--cutting-stiffness", "10000"), 1, "CS4123"),
     M("the program over itself", "part.mod", same, (*instead("@out.mod", "@part.mod"), "--force"), 1, "CS0006"),
     M("report over the program", "part.mod", same, (*call("--report", "@out.mod"), "--force"), 1, "CS0006"),
     M("report over the stiffness", "part.mod", same, (*IDENTIFY, "--report", "@found.json", "--force"), 1, "CS0006"),
@@ -211,6 +250,20 @@ CALL = [
     M("watched into the watched folder", "part.mod", same, ("watch", "@.", "@out", "--cell", "@cell.yaml", "--stiffness",
                                                          "@stiffness.json", "--once"), 1, "CS6006"),
 ]
+# A slot posted from a table, beside the sound program; readings of three places.
+PLACED = "workobject: " + kit.yaml_frame(USER) + "\n"
+READ = "target,dx_um,dy_um,dz_um\n" + "".join(f"{k},{100 + k},{-40 - k},{7 + k}\n" for k in range(12))
+
+
+def slot(robot: str, feed: float, air: float) -> str:
+    """A toolpath table beside the sound program of a robot: an approach, 20 mm of cut, a retract."""
+    first = kit.targets_of(workshop(robot).files["part.mod"])[3]
+    place, turn = 1e3 * first.p, ",".join(f"{value:.8f}" for value in kit.quaternion(first.r))
+    steps = [(0, 0, 30, air, 1), (0, 0, 0, air, 1), (10, 0, 0, feed, 0), (20, 0, 0, feed, 0), (20, 0, 30, air, 1)]
+    return "x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s,rapid\n" + "".join(
+        f"{place[0] + x:.4f},{place[1] + y:.4f},{place[2] + z:.4f},{turn},{speed},{rapid}\n" for x, y, z, speed, rapid in steps)
+
+
 MISTAKES = [*CELL, *TABLE, *PROGRAM, *LOG, *CALL]
 
 
@@ -220,6 +273,25 @@ def test_the_sound_job_is_done_without_a_word(tmp_path: Path, robot: str, words:
     result = workshop(robot).run(tmp_path, {}, *words)
     assert result.code == 0, result
     assert {finding["level"] for finding in result.json["findings"]} <= {"note"}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(("feed", "air", "odd"), [(20, 200, False), (1200, 12000, True), (0.02, 0.2, True)])
+def test_a_feed_in_another_unit_is_said(tmp_path: Path, robot: str, feed: float, air: float, odd: bool) -> None:
+    shop = workshop(robot)
+    files = {"part.csv": slot(robot, feed, air), "cell.yaml": shop.files["cell.yaml"] + PLACED}
+    result = shop.run(tmp_path, files, "post", "@cell.yaml", "@part.csv", "-o", "@posted.mod")
+    assert result.code == 0, result
+    assert ("CS4307" in kit.codes(result)) is odd
+
+
+def test_one_file_of_readings_given_twice_is_said(tmp_path: Path) -> None:
+    shop = workshop(ROBOTS[0])
+    after = READ.replace("100", "12").replace(",10", ",1")
+    for words, same_file in ((("@before.csv", "@after.csv"), False), (("@before.csv", "@before.csv"), True)):
+        result = shop.run(tmp_path, {"before.csv": READ, "after.csv": after}, "verify", "@cell.yaml", *words)
+        assert result.code == 0, result
+        assert ("CS6034" in kit.codes(result)) is same_file
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -1,0 +1,139 @@
+"""Two logged passes of one program: passes that agree pass, each way in which one log is wrong is named.
+
+The forces are drawn, not milled: a smooth force along a slot, there and back, and what a second pass changes of it: wear,
+another engagement in places, noise.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.forces.placement import TargetForces, place_forces, read_force_log
+from compensator.forces.two_logs import compared
+from compensator.path.robot_path import RobotPath, robot_path
+from compensator.rapid import read_rapid
+from identification.common.findings import CompstiffError, Refused
+from identification.model.cell import read_cell
+
+COUNT = 60
+SWAPPED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])
+TURNED = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> RobotPath:
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "cell.yaml").write_text("robot: irb6660-205-1.90\ntool: {position_mm: [120, 0, 250]}\n")
+    moves = "\n".join(f"MoveL [[{1000 + 4 * min(k, 59 - k)},{0 if k < 30 else 30},700],[0.02522428,-0.00054983,-0.99944426,"
+                      "0.02178562],[-1,-1,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,z0,tSpindle;" for k in range(COUNT))
+    program = f"MODULE M\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n"
+    return robot_path(read_rapid(program.encode(), "m.mod").toolpath, read_cell(folder / "cell.yaml"))
+
+
+def force(rng: np.random.Generator) -> np.ndarray:
+    """(COUNT, 3) [N]: air at both ends, else a steady part that turns with the feed, and one that wanders."""
+    back = np.where(np.arange(COUNT) < 30, 1.0, -1.0)[:, None]
+    wander = np.column_stack([np.interp(np.arange(COUNT), np.linspace(0, COUNT, 12), rng.normal(0, 60, 12)) for _ in range(3)])
+    shown = back * rng.normal(0, 120, 3) + wander + [0, 0, -80]
+    shown[[0, 1, 58, 59]] = 0
+    return np.asarray(shown)
+
+
+def second_pass(first: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The same cut again: 15 % of wear and 5 % from place to place."""
+    return np.asarray(first * rng.uniform(0.9, 1.15) * (1 + 0.05 * rng.standard_normal((COUNT, 1))))
+
+
+def placed(shown: np.ndarray, path: RobotPath, file: Path, rng: np.random.Generator, moved: float = 0.0) -> TargetForces:
+    """A log of 12 samples a target by path length [mm], 3 N of noise; moved [mm] along the path."""
+    along = 1e3 * path.length
+    place = np.linspace(along[0], along[-1], 12 * COUNT)
+    values = np.column_stack([np.interp(place - moved, along, axis) for axis in shown.T]) + rng.normal(0, 3, (len(place), 3))
+    np.savetxt(file, np.column_stack([place, values]), "%.4f", ",", header="path_mm,fx_n,fy_n,fz_n", comments="")
+    return place_forces(read_force_log(file), path, path.cell, tare=(0, 1), trust_tare=True)
+
+
+def two(path: RobotPath, folder: Path, seed: int, change=lambda shown: shown, moved: float = 0.0):
+    rng = np.random.default_rng(seed)
+    first = force(rng)
+    return (placed(first, path, folder / "one.csv", rng),
+            placed(change(second_pass(first, rng)), path, folder / "two.csv", rng, moved))
+
+
+def test_two_passes_of_one_cut_agree(path: RobotPath, tmp_path: Path) -> None:
+    """None of twenty is refused; that single targets differ is said of one at most."""
+    warned = 0
+    for seed in range(100, 120):
+        findings = compared(*two(path, tmp_path, seed), path)
+        assert (findings[0].code, findings[0].level) == ("CS3115", "note")
+        assert {finding.code for finding in findings[1:]} <= {"CS3116"}
+        warned += len(findings) > 1
+    assert warned <= 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("code", "change", "words"), [
+    ("CS3110", lambda shown: -shown, "the opposite sign"),
+    ("CS3111", lambda shown: shown @ SWAPPED.T, "x y z of one as y x z of the other"),
+    ("CS3111", lambda shown: shown @ TURNED.T, "axes turned by 5[1-5] deg"),
+    ("CS3114", lambda shown: force(np.random.default_rng(77)), "no sign, frame"),
+])
+def test_a_log_read_wrongly_is_refused_by_name(
+    path: RobotPath, tmp_path: Path, seed: int, code: str, change, words: str
+) -> None:
+    """Where the forces are nearly alike in the axes that are mixed up, as a warning."""
+    try:
+        findings = list(compared(*two(path, tmp_path, seed, change), path))
+    except Refused as refused:
+        findings = list(refused.findings)
+    [said] = [finding for finding in findings if finding.code == code]
+    assert said.level != "note"
+    assert re.search(words, said.message)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_log_displaced_along_the_path_is_named(path: RobotPath, tmp_path: Path, seed: int) -> None:
+    """By 12 mm, three targets."""
+    try:
+        findings = list(compared(*two(path, tmp_path, seed, moved=12.0), path))
+    except Refused as refused:
+        findings = list(refused.findings)
+    [said] = [finding for finding in findings if finding.code == "CS3112"]
+    assert said.level in ("warning", "error")
+    assert 8 < float(said.message.split("placed ")[1].split(" mm")[0]) < 16
+
+
+@pytest.mark.parametrize("constant", [150.0, 400.0])
+def test_a_tare_in_a_cut_of_one_of_them_is_named(path: RobotPath, tmp_path: Path, constant: float) -> None:
+    """A constant on every target that cuts, which a tare elsewhere takes off wrongly."""
+    def biased(shown: np.ndarray) -> np.ndarray:
+        return shown + np.where(shown.any(axis=1), 1.0, 0.0)[:, None] * [0, constant, 0]
+
+    try:
+        findings = list(compared(*two(path, tmp_path, 3, biased), path))
+    except Refused as refused:
+        findings = list(refused.findings)
+    assert "CS3113" in {finding.code for finding in findings}
+
+
+def test_targets_that_differ_are_told(path: RobotPath, tmp_path: Path) -> None:
+    def chipped(shown: np.ndarray) -> np.ndarray:
+        shown = shown.copy()
+        shown[20:24] += [0, 150, 0]
+        return shown
+
+    [said] = [finding for finding in compared(*two(path, tmp_path, 5, chipped), path) if finding.code == "CS3116"]
+    assert said.level == "warning"
+    low, high = (int(word) for word in said.message.split("(")[1].split(")")[0].split(",")[0].split(" to "))
+    assert 19 <= low <= 21
+    assert 22 <= high <= 24
+
+
+def test_one_log_twice_is_an_error(path: RobotPath, tmp_path: Path) -> None:
+    first, _ = two(path, tmp_path, 1)
+    with pytest.raises(CompstiffError, match="CS3118"):
+        compared(first, first, path)
