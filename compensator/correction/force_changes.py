@@ -25,6 +25,8 @@ MEDIAN = 0.6745
 MOST_PIECES, PLACES, SHARE = 1000, 50, 0.5
 # So many places tell the noise.
 FEWEST = 12
+# The lines of a spindle whose speed is ambiguous are in places so many times their mean over the log.
+WORSE = 3.0
 
 
 def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
@@ -45,6 +47,14 @@ def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
     # What an added target does to the mean of the program's own beside it is looked at too.
     around = asking | np.append(asking[1:], False) | np.insert(asking[:-1], 0, False)
     return np.where(around, spacing, pieces)
+
+
+def shortest_piece(planned: Predicted) -> float:
+    """The time [s] that a piece of a move must last, so that what a plain mean over it keeps of the spindle's lines moves the tool
+    by less than half the tolerance; 0 where means go over whole revolutions, or there are no lines."""
+    if not planned.forces.log.lines_left:
+        return 0.0
+    return WORSE * planned.forces.log.lines_left * float(_softness(planned)[0]) / (SHARE * planned.settings.correction.tolerance)
 
 
 def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:

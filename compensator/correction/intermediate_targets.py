@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
-from compensator.correction.force_changes import pieces_to_look_at
+from compensator.correction.force_changes import pieces_to_look_at, shortest_piece
 from compensator.correction.grid_forces import averaged, forces_on, noise_of, place_of, weight_of
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.needed_targets import Wanted, needed_points
@@ -59,7 +59,11 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
     if not len(planned.targets):
         return planned, as_given, None
     with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-        pieces = pieces_to_look_at(planned, spacing_of(path.toolpath, *settings.min_spacing))
+        least, shortest = settings.min_spacing, shortest_piece(planned)
+        if shortest > least.time:
+            planned = replace(planned, findings=(*planned.findings, _coarse(planned, shortest)))
+        spacing = spacing_of(path.toolpath, least.length, max(least.time, shortest))
+        pieces = pieces_to_look_at(planned, spacing)
         pieces = np.where(np.diff(path.length, prepend=np.nan) < settings.long_move, np.inf, pieces)
         grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets)
         if grid is None:
@@ -142,6 +146,13 @@ def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> 
     robot = path.cell.robot
     confdata[:, :3] += configuration(robot, fine.theta[points])[:, :3] - configuration(robot, path.theta[owner])[:, :3]
     return confdata
+
+
+def _coarse(planned: Predicted, shortest: float) -> Finding:
+    """CS3093: pieces shorter than this [s] show the spindle's lines in place of the force."""
+    return Finding("CS3093", "note", f"between targets nothing is looked at that is shorter than {1e3 * shortest:.0f} ms: the "
+                   "spindle's speed is ambiguous, and shorter means of the force are tooth passing", file=planned.forces.log.source,
+                   hint="state the speed: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")
 
 
 def _findings(toolpath: Toolpath, added: Indices, looked_at: LookedAt, tolerance: float) -> list[Finding]:

@@ -35,7 +35,8 @@ class ForceLog:
     rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
     None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
-    estimated.
+    estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
+    keeps of them, one over T seconds 1/T times that.
     """
 
     source: str
@@ -53,6 +54,7 @@ class ForceLog:
     saturated: NDArray[np.bool_]
     findings: tuple[Finding, ...] = ()
     spread: Array | None = None
+    lines_left: float = 0.0
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -77,7 +79,7 @@ def read_force_log(
     if not source.rows:
         raise _empty(source)
     rate, of_rate = _rate(source)
-    spindle, of_spindle = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
+    spindle, left, of_spindle = _spindle(source, rate, spindle_rpm or form.spindle_rpm)
     window = rate / spindle if rate and spindle else None
     size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
     health = Health(str(file), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not of_rate else None)
@@ -108,7 +110,7 @@ def read_force_log(
         str(file), load[:, :3], load[:, 3:], source.has_moment, source.key, place, rows.line, rows.weight, time, rate,
         revolution=1 / spindle if window and spindle else None,
         plain=np.concatenate([rows.plain, no_moment], axis=1) if window else load,
-        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings))
+        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left)
 
 
 def _empty(source: ForceSource) -> CompstiffError:
@@ -133,38 +135,38 @@ def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
         hint="" if stated else "state force_log.rate_hz in cell.yaml if the logger has a fixed rate")]
 
 
-def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, list[Finding]]:
-    """The spindle's speed [Hz], and what is to be said of it."""
+def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, float, list[Finding]]:
+    """The spindle's speed [Hz]; what plain means keep of its lines where it is ambiguous [N s]; and what is to be said of it."""
     name = str(source.file)
     if rate is None:
         if stated_rpm is None:
-            return None, []
-        return None, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log "
+            return None, 0.0, []
+        return None, 0.0, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log "
                               "was sampled: plain means were taken", file=name, hint="log time_s, or state force_log.rate_hz")]
     stated = None if stated_rpm is None else stated_rpm / 60
     if stated is not None and 2 * stated > rate:
-        return None, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
+        return None, 0.0, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
                               "means were taken", file=name)]
     seen = revolutions.spectrum(source.stretches, rate, source.rows)
     spindle = None if seen is None else revolutions.find_spindle(*seen, stated)
     if stated is None:
         if spindle is None:
             few = "the log is too short" if seen is None else "no comb of lines stands out of its spectrum"
-            return None, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
+            return None, 0.0, [Finding("CS3028", "note", f"spindle speed not found ({few}): plain means were taken", file=name,
                                   hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")]
         if spindle.rivals:
-            return None, [_ambiguous(spindle, rate, name)]
-        return spindle.frequency, [_averaged(
+            return None, spindle.left, [_ambiguous(spindle, rate, name)]
+        return spindle.frequency, 0.0, [_averaged(
             spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
             f"at {spindle.strongest:.1f} Hz", name)]
     if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
-        return spindle.frequency, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+        return spindle.frequency, 0.0, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
     other = None if seen is None else revolutions.find_spindle(*seen)
     findings = [_averaged(stated, "as stated", name)]
     if other is not None:
         findings.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
                             f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
-    return stated, findings
+    return stated, 0.0, findings
 
 
 def _ambiguous(spindle: revolutions.Spindle, rate: float, name: str) -> Finding:

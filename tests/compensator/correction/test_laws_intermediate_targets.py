@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
 from compensator.correction.force_changes import noise_of_one
 from compensator.correction.needed_targets import beyond_noise, window_means, windows
+from compensator.correction.settings import Settings
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
@@ -267,3 +270,16 @@ def test_an_arc_is_kept_where_the_corrected_arc_is_one(tmp_path: Path, wave: flo
     if cut:
         assert job.correct("--force", "--keep-targets").code == 0
         assert job.out.read_text().count("MoveC") == 1
+
+
+def test_tooth_passing_is_no_force_to_follow(sample: Corrected, sample_inputs: Inputs) -> None:
+    """Where the spindle's speed is ambiguous short means are tooth passing: no target is added for them. With the speed stated
+    targets are, and along a cut their offsets do not go to and fro."""
+    assert "CS3093" in {finding.code for finding in sample.findings}
+    assert len(sample.predicted.path.toolpath) == len(sample.predicted.program.toolpath)
+    settings = Settings.of(tare=((0, 2),), spindle_rpm=9000.0)
+    known = correct(predict_files(sample_inputs, settings))
+    assert "CS3093" not in {finding.code for finding in known.findings}
+    assert len(known.correction.targets) > len(sample.correction.targets)
+    turn = np.diff(known.correction.offset, n=2, axis=0)[np.all(np.diff(known.correction.targets)[:-1, None] == 1, axis=1)]
+    assert np.median(np.linalg.norm(turn, axis=1)) < 5e-6

@@ -303,7 +303,7 @@ def hop_forces(folder: Path, feed_between: str, between: float, noise: np.ndarra
     level = np.select([target == 0, np.isin(target, (4, 5))], [0.0, between], 60.0)
     force = np.column_stack([0 * level, level, -level]) + noise
     (folder / "hop.csv").write_text(log_text("target,fx_n,fy_n,fz_n", np.column_stack([target, force])))
-    return place_forces(read_force_log(folder / "hop.csv"), here, here.cell, tare=(0, 0))
+    return place_forces(read_force_log(folder / "hop.csv"), here, here.cell, tare=(0, 0), trust_tare=True)
 
 
 @pytest.mark.parametrize("feed", ["v500", "v30"])
