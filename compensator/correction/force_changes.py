@@ -50,11 +50,10 @@ def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
 
 
 def shortest_piece(planned: Predicted) -> float:
-    """The time [s] that a piece of a move must last, so that what a plain mean over it keeps of the spindle's lines moves the tool
-    by less than half the tolerance; 0 where means go over whole revolutions, or there are no lines."""
-    if not planned.forces.log.lines_left:
-        return 0.0
-    return WORSE * planned.forces.log.lines_left * float(_softness(planned)[0]) / (SHARE * planned.settings.correction.tolerance)
+    """The time [s] that a piece of a move must last, so that what a plain mean over it keeps of the spindle's lines moves the
+    tool by less than half the tolerance; 0 where means go over whole revolutions, or there are no lines."""
+    left = planned.forces.log.lines_left
+    return WORSE * left * float(_softness(planned)[0]) / (SHARE * planned.settings.correction.tolerance) if left else 0.0
 
 
 def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:

@@ -151,8 +151,8 @@ def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> 
 def _coarse(planned: Predicted, shortest: float) -> Finding:
     """CS3093: pieces shorter than this [s] show the spindle's lines in place of the force."""
     return Finding("CS3093", "note", f"between targets nothing is looked at that is shorter than {1e3 * shortest:.0f} ms: the "
-                   "spindle's speed is ambiguous, and shorter means of the force are tooth passing", file=planned.forces.log.source,
-                   hint="state the speed: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")
+                   "spindle's speed is ambiguous, and shorter means of the force are tooth passing",
+                   file=planned.forces.log.source, hint="state the speed: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")
 
 
 def _findings(toolpath: Toolpath, added: Indices, looked_at: LookedAt, tolerance: float) -> list[Finding]:

@@ -136,17 +136,18 @@ def _rate(source: ForceSource) -> tuple[float | None, list[Finding]]:
 
 
 def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) -> tuple[float | None, float, list[Finding]]:
-    """The spindle's speed [Hz]; what plain means keep of its lines where it is ambiguous [N s]; and what is to be said of it."""
+    """The spindle's speed [Hz]; what plain means keep of its lines where it is ambiguous [N s]; what is to be said of it."""
     name = str(source.file)
     if rate is None:
         if stated_rpm is None:
             return None, 0.0, []
-        return None, 0.0, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the log "
-                              "was sampled: plain means were taken", file=name, hint="log time_s, or state force_log.rate_hz")]
+        return None, 0.0, [Finding("CS3028", "warning", f"the spindle speed {stated_rpm:g} rpm is stated, but not how fast the "
+                                   "log was sampled: plain means were taken", file=name,
+                                   hint="log time_s, or state force_log.rate_hz")]
     stated = None if stated_rpm is None else stated_rpm / 60
     if stated is not None and 2 * stated > rate:
-        return None, 0.0, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): plain "
-                              "means were taken", file=name)]
+        return None, 0.0, [Finding("CS3028", "warning", f"under two samples a revolution ({rate:g} Hz at {stated_rpm:g} rpm): "
+                                   "plain means were taken", file=name)]
     seen = revolutions.spectrum(source.stretches, rate, source.rows)
     spindle = None if seen is None else revolutions.find_spindle(*seen, stated)
     if stated is None:
