@@ -93,7 +93,7 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     points = np.flatnonzero(known & near)
     loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points)
     # What is left of the covariance is the mean force's.
-    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance))
+    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0)
     prediction = predict_path(replace(loaded, model=exact))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
     own[grid.kept[planned.targets]] = planned.prediction.position
