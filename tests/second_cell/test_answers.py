@@ -42,6 +42,19 @@ def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
     assert sum(one.named**2 for one in fresh) < 0.5 * sum(one.plain**2 for one in fresh)
 
 
+@pytest.mark.parametrize("weight", ["known", "unknown"])
+def test_what_is_stated_of_fresh_poses_holds_there(weight: str) -> None:
+    """Springs alone are fitted and are the truth but for the arm's own weight: the intervals hold where nothing was measured."""
+    inside, points = [], []
+    for seed in range(7720, 7725):
+        case = simulate(seed, "cycles", "near", weight=weight)
+        one = at_fresh_poses(case, diagnosed(case))
+        inside.append(one.components[0])
+        points.append(one.points[0])
+    assert np.mean(inside) > 0.88
+    assert np.mean(points) > 0.8
+
+
 @pytest.mark.parametrize(("seed", "plan", "stratum"), [(7710, "cycles", "near"), (7711, "five", "worse"),
                                                        (7712, "single", "tails")])
 def test_noise_alone_gets_no_name(seed: int, plan: str, stratum: str) -> None:
