@@ -44,7 +44,7 @@ def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
 
 @pytest.mark.parametrize("weight", ["known", "unknown"])
 def test_what_is_stated_of_fresh_poses_holds_there(weight: str) -> None:
-    """Springs alone are fitted and are the truth but for the arm's own weight: the intervals hold where nothing was measured."""
+    """Springs are fitted and are the truth but for the arm's own weight: the intervals hold where nothing was measured."""
     inside, points = [], []
     for seed in range(7720, 7725):
         case = simulate(seed, "cycles", "near", weight=weight)
