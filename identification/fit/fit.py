@@ -56,6 +56,8 @@ PRIOR_CONFLICT = 1e-3
 UNIT = 100.0
 # Residual over stated noise from which it is said that the stated noise does not explain the data.
 LARGER_THAN_STATED = 2.0
+# A residual so many times smaller than the stated noise is worth a word where there are so many readings.
+SMALLER_THAN_STATED, ENOUGH_READINGS = 0.25, 30
 # Chi-squared a reading under the stated noise from which mistakes in the files are looked for.
 WORTH_A_LOOK = 2.0
 
@@ -221,7 +223,7 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         elif grade.grade == "tentative":
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
-    findings += [*_against_prior(fitted, grades), *_larger_noise(fitted),
+    findings += [*_against_prior(fitted, grades), *_other_noise(fitted),
                  *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:
         if conflict.is_conflict:
@@ -290,9 +292,13 @@ def _mistakes(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> list[Findin
         for named in possible)]
 
 
-def _larger_noise(fitted: Posterior) -> list[Finding]:
-    """A residual (CS1013) that the stated noise does not explain."""
+def _other_noise(fitted: Posterior) -> list[Finding]:
+    """A residual that the stated noise does not explain (CS1013), or that is far smaller (CS1042)."""
     ratio = float(np.sqrt(fitted.chi2 / max(fitted.readings - 6, 1)))
+    if ratio < SMALLER_THAN_STATED and fitted.readings >= ENOUGH_READINGS:
+        return [Finding("CS1042", "warning", f"the residual is {ratio:.2g} times what the stated noise allows; the intervals "
+                        "use the estimated noise, which does not trust so small a one", file=fitted.data.rows.source,
+                        hint="is the noise in cell.yaml in micrometres and newtons, of one reading?")]
     if ratio <= LARGER_THAN_STATED:
         return []
     components, noise = fitted.components, fitted.at_map.noise

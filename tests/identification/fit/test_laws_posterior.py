@@ -176,6 +176,15 @@ def test_larger_noise_than_stated_widens_the_intervals_and_is_said(tmp_path) -> 
     assert np.all(np.abs(fit.model.mean + np.log(TRUE)) < 4 * fit.model.log_std)
 
 
+def test_far_smaller_noise_than_stated_is_said(tmp_path) -> None:
+    """A sensor's noise in nanometres: a hundred times what the readings show."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(5))
+    stated = replace(cell, noise=replace(cell.noise, deflection=100 * cell.noise.deflection, deflection_stated=True))
+    told = {seen: {finding.code for finding in fit_stiffness(seen, rows).findings} for seen in (cell, stated)}
+    assert "CS1042" not in told[cell]
+    assert "CS1042" in told[stated]
+
+
 def test_the_sign_turned_round_is_refused(tmp_path) -> None:
     cell, rows = simulate(tmp_path, np.random.default_rng(7))
     with pytest.raises(CompstiffError, match="CS1010.*against the force") as caught:
