@@ -57,7 +57,8 @@ class Row:
     """One way to command a pass, on one robot and part: sums of squares, sizes and counts over the steps that cut.
 
     before, after (S,) [um] off plan; faces (2, S) [um] of the machined faces before and after; place (S,); worse (S,) by more
-    than 2 stated sigma; grown (S,) [um] beyond before; within: share of the steps within 2 stated sigma.
+    than 2 stated sigma; grown (S,) [um] beyond before; within: share of the steps within 2 sigma of what is
+    stated for the part.
     """
 
     name: str
@@ -86,10 +87,10 @@ class Result:
     targets: tuple[int, int] = (0, 0)
 
 
-def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray) -> Row:
+def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray, left_um: np.ndarray | None = None) -> Row:
     cut = first.cutting | after.cutting
     before, behind = (np.linalg.norm(done.off_um, axis=1)[cut] for done in (first, after))
-    stated = first.steps.between(sigma_um)[cut]
+    stated = first.steps.between(sigma_um if left_um is None else left_um)[cut]
     return Row(name, before, behind, np.array([first.surface_um[cut], after.surface_um[cut]]), first.steps.place[cut],
                made_worse(first, after, sigma_um)[cut], grown(first, after)[cut], float(np.mean(behind <= 2 * stated)))
 
@@ -114,7 +115,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         least = job.mirrored(log, job.springs("lsq.json", least_squares_k(job)))
         rows = [row("mirrored once, literature k", job.first, job.mill(literature), found.at_own),
                 row("mirrored once, least squares k", job.first, job.mill(least), found.at_own),
-                *(row(name, job.first_with(one.part), again_milled(job, one, held=held), one.sigma_um) for name, one, held in (
+                *(row(name, job.first_with(one.part), again_milled(job, one, held=held), one.sigma_um,
+                      one.left_um) for name, one, held in (
                     ("corrected: pass 2", found, False),
                     ("corrected again from the log of pass 2: pass 3", again, False),
                     ("and once more: pass 4", last, False),
@@ -162,8 +164,9 @@ def hidden(arguments: tuple[str, int, dict[str, float]]) -> Result:
         all_the_same = settings(accept_rejected=True)
         ignored, named = job.correct(log, stiffness, all_the_same), job.correct(log, extended, all_the_same)
         truth = job.mill(job.with_the_truth(named.job.planned.forces.wrench))
-        rows = [row("effect ignored", job.first_with(ignored.part), again_milled(job, ignored), ignored.sigma_um),
-                row("diagnosed first", job.first_with(named.part), again_milled(job, named), named.sigma_um),
+        rows = [row("effect ignored", job.first_with(ignored.part), again_milled(job, ignored), ignored.sigma_um,
+                    ignored.left_um),
+                row("diagnosed first", job.first_with(named.part), again_milled(job, named), named.sigma_um, named.left_um),
                 row("corrected with the cell itself", job.first, truth, named.at_own)]
         causes = ", ".join(f"{cause['effect']}{'' if cause['joint'] is None else ':' + str(cause['joint'])}"
                            for cause in diagnosis["causes"])

@@ -12,6 +12,7 @@ from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.engagement import following_the_cut, logged_pass
+from compensator.correction.expected_left import ExpectedLeft, expected_left
 from compensator.correction.intermediate_targets import with_intermediate_targets
 from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
@@ -30,9 +31,9 @@ class Corrected:
     """One program, corrected. planned: the program as it was given; predicted: with the intermediate targets that were added to
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
     loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
-    the tolerance. left_as_logged (M,) [m]: how far off a cutting stiffness of 10 N/mm
-    leaves the tool, None where the force was made to follow the cut. feed: the feed check, and advice: on the posture, where
-    they were asked for.
+    the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
+    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. feed: the feed check, and advice: on
+    the posture, where they were asked for.
     """
 
     planned: Predicted
@@ -42,6 +43,7 @@ class Corrected:
     content: bytes
     residual: Array
     between: BetweenTargets | None
+    left: ExpectedLeft
     left_as_logged: Array | None
     feed: FeedCheck | None
     advice: Advice | None
@@ -59,6 +61,7 @@ class Corrected:
             "residual_um": largest_and_rms(1e6 * self.residual),
             "between_um": self.between.as_dict() if self.between else None,
             "held_back": int((np.abs(self.correction.share - 1) > 0.01).sum()),
+            "expected_left_um": self.left.as_dict(),
             "expected_worse": round(float(self.correction.harm.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
             "feed_check": self.feed.as_dict() if self.feed else None,
@@ -78,6 +81,7 @@ class Corrected:
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
                else "the rounding of the written numbers)"),
             self.between_line(),
+            self.left.line(),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
@@ -135,5 +139,6 @@ def correct(planned: Predicted) -> Corrected:
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
-    return Corrected(planned, predicted, kept, correction, content, residual, between, cut.left_as_logged, feed,
+    left = expected_left(predicted, kept, cut, logged, residual, between)
+    return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged, feed,
                      advice, findings)

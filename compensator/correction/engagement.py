@@ -118,15 +118,20 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
 
 def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> CorrectedPass:
     """The corrected pass of a program whose targets as given stand at the places `kept`."""
-    offsets = logged.offsets
-    if offsets is not None:
-        offsets = np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
+    offsets = _at_all(logged.offsets, kept, predicted)
     if logged.stiffness is None:
         with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
             return CorrectedPass(predicted.loaded, predicted.prediction, left_as_logged(predicted, ASSUMED, offsets))
     forces, findings = engaged(predicted, logged.stiffness, offsets)
     loaded = replace(predicted.loaded, forces=forces)
     return CorrectedPass(loaded, predict_path(loaded), None, findings)
+
+
+def _at_all(offsets: Array | None, kept: Indices, predicted: Predicted) -> Array | None:
+    """Offsets of the targets as given, at all targets of the program (N, 3) [m]."""
+    if offsets is None:
+        return None
+    return np.column_stack([np.interp(np.arange(len(predicted.path.toolpath)), kept, axis) for axis in offsets.T])
 
 
 def standing(predicted: Predicted, offsets: Array | None) -> Array:
@@ -172,7 +177,18 @@ def left_as_logged(predicted: Predicted, stiffness: float, offsets: Array | None
     By g = K (e . n) / F_n more force it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left.
     """
     per_newton, _ = _deeper(predicted, offsets)
-    growth = np.abs(stiffness * per_newton[predicted.targets])
+    return _left(predicted, stiffness * per_newton)
+
+
+def left_at_depth(predicted: Predicted, kept: Indices, logged: LoggedPass) -> Array:
+    """The same (M,) [m] for a cut of the settings' depth across the feed: the force grows with the depth, K is F_n over it."""
+    per_newton, _ = _deeper(predicted, _at_all(logged.offsets, kept, predicted))
+    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    return _left(predicted, per_newton * across / predicted.settings.correction.depth_of_cut)
+
+
+def _left(predicted: Predicted, growth: Array) -> Array:
+    growth = np.abs(growth[predicted.targets])
     return np.asarray(np.linalg.norm(predicted.prediction.position, axis=1) * growth / (1 + growth))
 
 

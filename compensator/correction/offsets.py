@@ -14,7 +14,8 @@ Array = NDArray[np.float64]
 
 
 def offsets_csv(corrected: Corrected) -> bytes:
-    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note.
+    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note, and 1 sigma
+    of what is expected to be left on the part.
 
     One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
     which a target may have intermediate ones beside it and so a narrower share of the log.
@@ -32,7 +33,9 @@ def offsets_csv(corrected: Corrected) -> bytes:
     offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
     kept = corrected.kept
     columns = {**_columns(offset[kept], "ox_mm oy_mm oz_mm", 6), **_columns(turn[kept], "orx_deg ory_deg orz_deg", 8)}
-    return _csv(corrected.planned, columns)
+    left = np.zeros(count)
+    left[targets] = 1e6 * corrected.left.std
+    return _csv(corrected.planned, columns, _columns(left[kept, None], "left_um", 4))
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -45,10 +48,10 @@ def deviation_csv(predicted: Predicted) -> bytes:
     >>> compstiff.deviation_csv(predicted).split(b",")[:3]
     [b'target', b'line', b'x_mm']
     """
-    return _csv(predicted, {})
+    return _csv(predicted, {}, {})
 
 
-def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
+def _csv(predicted: Predicted, columns: dict[str, Array], last: dict[str, Array]) -> bytes:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -72,6 +75,7 @@ def _csv(predicted: Predicted, columns: dict[str, Array]) -> bytes:
         )},
         "samples": predicted.forces.samples,
         "note": _notes(predicted, left),
+        **{name: pa.array(values, from_pandas=True) for name, values in last.items()},
     })
     stream = io.BytesIO()
     stream.write((",".join(table.column_names) + "\n").encode())

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected
+from compensator.correction.expected_left import CAUSES
 from compensator.correction.feed_pages import feed_figures, feed_table
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
@@ -39,8 +40,8 @@ def path_report(job: Predicted | Corrected) -> str:
         offset, residual = figures["offset_mm"], figures["residual_um"]
         lead.append(
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
-            f"same model leaves {residual['largest']:.2f} um at most; what the stiffnesses' uncertainty leaves is the 1 sigma "
-            f"above. {figures['expected_worse']:.1f} of them are expected to end up farther off than uncorrected. "
+            f"same model leaves {residual['largest']:.2f} um at most. {corrected.left.sentence()} "
+            f"{figures['expected_worse']:.1f} of them are expected to end up farther off than uncorrected. "
             + ("The force follows the cut with the stated cutting stiffness." if corrected.left_as_logged is None else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
                f"{corrected.as_logged()}."))
@@ -55,6 +56,8 @@ def path_report(job: Predicted | Corrected) -> str:
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
                  ["left at targets by the same model, largest / RMS [um]",
                   f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
+        for cause, words in CAUSES.items():
+            rows.append([f"expected to be left on the part: {words}, RMS [um]", f"{figures['expected_left_um'][cause]:.2f}"])
         if figures["between_um"]:
             between = figures["between_um"]
             rows.append(["left between targets, largest / RMS [um]", f"{between['largest']:.2f} / {between['rms']:.2f}"])

@@ -91,6 +91,7 @@ class ForceLogFile(Strict):
     rate_hz: Positive | None = None
     target: Literal["nearest", "ahead"] = "nearest"
     position_late_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    gain_std: Annotated[float, Field(ge=0, le=0.5)] = 0.01
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
     saturation_n: Positive | None = None

@@ -36,12 +36,13 @@ def settings(**wanted: Any) -> Settings:
 @dataclass(frozen=True)
 class Correction:
     """What `correct` gave: the job itself, the part with a target for each that was written, their commands, and the sigma
-    (N,) [um] that is stated for them."""
+    (N,) [um] that is stated for their deviation, and for what is left on the part."""
 
     job: Corrected
     part: Part
     commands: Commands
     sigma_um: np.ndarray
+    left_um: np.ndarray
 
     @property
     def at_own(self) -> np.ndarray:
@@ -138,13 +139,14 @@ class MillingJob:
         written = milling.read_commands(job.content.decode())
         assert np.array_equal(milling.read_commands(self.program.read_text()).position_mm, self.part.target_mm)
         path, prediction = job.predicted.path, job.predicted.prediction
-        sigma = np.zeros(len(path.toolpath))
+        sigma, left = np.zeros((2, len(path.toolpath)))
         sigma[prediction.targets] = 1e6 * np.linalg.norm(prediction.std, axis=1)
+        left[job.correction.targets] = 1e6 * job.left.std
         part = self.part
         if len(written.position_mm) != len(part.target_mm):
             # What refines a move says of its own targets where they were planned.
             part = part.with_targets(1e3 * path.toolpath.position)
-        return Correction(job, part, written, sigma)
+        return Correction(job, part, written, sigma, left)
 
     def cell_in_base(self) -> Path:
         """The cell with a log in the base frame."""

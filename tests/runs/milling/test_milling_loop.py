@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.correction.expected_left import CAUSES
+from compensator.correction.settings import Estimate
 from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms, settings
 from tests.virtual_cell.cell import parse
 from tests.virtual_cell.files import PRIOR
@@ -70,6 +72,27 @@ def test_targets_where_the_force_asks_for_them_make_it_better(
     without = job.mill(kept.commands)
     for places in (("sharp corner",), ("slot ends",), ()):
         assert 1 - gone(first, second, *places) < 0.9 * (1 - gone(job.first, without, *places))
+
+
+def test_what_is_stated_for_the_part_holds_there(job: MillingJob, corrected: Correction, first: Pass, second: Pass) -> None:
+    """Two sigma hold nearly all of what the part is off, which those of the deviation alone do not; and it is no blank cheque
+    where the depth of cut is stated, as a CAM system knows it."""
+    off = np.linalg.norm(second.off_um, axis=1)[first.cutting]
+    left, sigma = (first.steps.between(values)[first.cutting] for values in (corrected.left_um, corrected.sigma_um))
+    assert np.mean(off <= 2 * left) > 0.9
+    assert np.mean(off <= 2 * sigma) < 0.6
+    assert rms(left) < 6 * rms(off)
+    figures = corrected.job.as_dict()["expected_left_um"]
+    assert np.isclose(figures["rms"] ** 2, sum(figures[cause] ** 2 for cause in CAUSES))
+
+
+def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, log: Path, corrected: Correction) -> None:
+    deeper = job.correct(log, stiffness, settings(depth_of_cut=4e-3))
+    ratio = deeper.job.left.cut[corrected.job.left.cut > 0] / corrected.job.left.cut[corrected.job.left.cut > 0]
+    assert np.all((ratio > 0.25) & (ratio < 0.6))
+    known = job.correct(log, stiffness, settings(cutting_stiffness=Estimate(25e3, 0.0)))
+    assert not known.job.left.cut.any()
+    assert np.allclose(known.job.left.sensor, 0.01 * np.linalg.norm(known.job.predicted.prediction.position, axis=1), rtol=0.2)
 
 
 def test_nothing_gets_worse_but_at_the_sharp_corner(first: Pass, corrected: Correction, second: Pass) -> None:
