@@ -294,7 +294,8 @@ def _check_parts(data: LoadTest, of_force: Array) -> None:
         row = int(np.argmax(ratio))
         raise error("CS1081", f"the force error moves the tool by {ratio[row]:.3g} times the sensor's 1 sigma, at most "
                     f"{LARGEST_RATIO:g} can be computed with", file=data.rows.source, line=int(data.rows.line[row]),
-                    hint=f"look at this row's load and sigma, and at measurement and prior in {data.cell.source.name}")
+                    hint=f"look at this row's load and sigma, and at measurement and prior in {data.cell.source.name}: are "
+                    "stiffnesses in N m/rad?")
 
 
 def sensor_sigma(data: LoadTest) -> Array:

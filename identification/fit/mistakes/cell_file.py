@@ -13,7 +13,7 @@ from identification.model.rotations import Frame
 
 # A tool's length [m].
 LENGTHS = (0.02, 1.5)
-UNITS = ((1000.0, "metres"), (25.4, "inches"), (10.0, "centimetres"), (0.001, "micrometres"))
+UNITS = ((25.4, "inches"), (10.0, "centimetres"), (0.001, "micrometres"))
 
 
 def cell_mistakes(data: LoadTest) -> list[Mistake]:

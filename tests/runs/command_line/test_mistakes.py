@@ -116,7 +116,7 @@ CELL = [
       CORRECT, 1, "CS0104"),
     M("the limit in micrometres", "cell.yaml", lambda text: text + "limits: {max_offset_mm: 2000}\n", CORRECT, 1, "CS0102"),
     M("a prior in units of 1e6", "cell.yaml", lambda text: text + "prior: {stiffness_nm_per_rad: [2, 6, 2, 0.5, 0.2, 0.1]}\n",
-      IDENTIFY, 1, "CS1101"),
+      IDENTIFY, 1, "CS1081"),
     M("a payload in grams", "cell.yaml", swap("frame: base", "frame: tool, payload: {mass_kg: 12400}"), CORRECT, 1, "CS3032"),
     M("another robot in the cell", "cell.yaml", rewrite("^robot: .*", "robot: irb4400-60"), CORRECT, 1, "CS1202"),
 ]

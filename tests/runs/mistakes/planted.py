@@ -185,8 +185,8 @@ def _tcp(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]
     return replace(case, tcp=case.tcp + np.array([0, 0, 20.0 * rng.choice([-1, 1])])), ("tcp",)
 
 
-def _tcp_metres(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
-    return replace(case, tcp=1e-3 * case.tcp), ("tcp_unit[metres]",)
+def _tcp_inches(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    return replace(case, tcp=case.tcp / 25.4), ("tcp_unit[inches]",)
 
 
 def _of_part(case: Files) -> np.ndarray:
@@ -223,7 +223,7 @@ MISTAKES: dict[str, Plant] = {
     "deflections swapped": _swapped("moved"), "forces cyclic": _cyclic("force"), "deflections cyclic": _cyclic("moved"),
     "force in tool frame": _tool_frame, "base turned 90": _base_turned, "joints swapped": _joints_swapped,
     "joint sign": _joint_sign, "joint zero 2 deg": _joint_zero, "radians": _radians, "TCP 20 mm": _tcp,
-    "TCP in metres": _tcp_metres, "sign in the second half": _sign_in_part, "one deflection x 0.1": _column_unit,
+    "TCP in inches": _tcp_inches, "sign in the second half": _sign_in_part, "one deflection x 0.1": _column_unit,
     "zeroed under load": _reference, "times in ms": _times(1000.0, "time_unit[ms]"),
     "times in minutes": _times(1 / 60, "time_unit[minutes]"), "forces in kgf": _scaled("force", 1 / 9.80665, "unit"),
     "forces in lbf": _scaled("force", 1 / 4.44822, "unit"), "forces in kN": _scaled("force", 1e-3, "unit"),
