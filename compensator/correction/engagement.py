@@ -38,6 +38,8 @@ STRETCHES = 20
 FEWEST_TARGETS = 40
 # What is left for this cutting stiffness [N/m] is told where none is known.
 ASSUMED = 1e4
+# So large a share of the force grows with the depth of cut; that of the edges does not. Engineering judgement.
+GROWS = 0.5
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -181,10 +183,10 @@ def left_as_logged(predicted: Predicted, stiffness: float, offsets: Array | None
 
 
 def left_at_depth(predicted: Predicted, kept: Indices, logged: LoggedPass) -> Array:
-    """The same (M,) [m] for a cut of the settings' depth across the feed: the force grows with the depth, K is F_n over it."""
+    """The same (M,) [m] for a cut of the settings' depth a across the feed: half the force grows with it, K = F_n / 2 a."""
     per_newton, _ = _deeper(predicted, _at_all(logged.offsets, kept, predicted))
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    return _left(predicted, per_newton * across / predicted.settings.correction.depth_of_cut)
+    return _left(predicted, GROWS * per_newton * across / predicted.settings.correction.depth_of_cut)
 
 
 def _left(predicted: Predicted, growth: Array) -> Array:

@@ -6,7 +6,7 @@ The covariance of a prediction is that of the robot under the force as logged. O
               mean force; and what a correction that is held back leaves
     sensor    the gain of the force sensor: so large a share of the deviation
     cut       where no cutting stiffness is known: the corrected tool stands deeper in the cut by e . n, the force grows by
-              g = (e . n) / a with a depth of cut a (--depth-of-cut), and |d| g / (1 + g) is left (engagement.py)
+              g = (e . n) / 2 a with a depth of cut a (--depth-of-cut), and |d| g / (1 + g) is left (engagement.py)
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
               distributed up to half the tolerance
 
@@ -59,8 +59,9 @@ class ExpectedLeft:
         """The same for the terminal."""
         figures = self.as_dict()
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items())
+        remedy = "; state --depth-of-cut or --cutting-stiffness" if figures["cut"] > 0.5 * figures["rms"] else ""
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
-                f"({parts})")
+                f"({parts}{remedy})")
 
     def sentence(self) -> str:
         """The same for the report."""

@@ -34,7 +34,7 @@ SLOPE = 1.0
 
 # Depth of cut across the feed [m] where nothing is known of it: finishing takes 0.2 to 1 mm, roughing several. Engineering
 # judgement, on the safe side.
-DEPTH = 1e-3
+DEPTH = 0.5e-3
 
 
 @dataclass(frozen=True)
