@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.model.compliance import equilibrium
-from identification.model.robot import built_in_robots, read_robot
+from identification.model.robot import RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 from tests.virtual_cell import files
 from tests.virtual_cell.cell import Hidden, simulate
@@ -87,7 +87,7 @@ def right(seed: int, robot: str = VIRTUAL, design: str = "ladder12", hidden: tup
                  [f"P{k}" for k in plan.pose], np.array(TCP_MM), robot, "", "", stated, stiffness)
 
 
-def _ladder(model, rng: np.random.Generator) -> Design:  # type: ignore[no-untyped-def]
+def _ladder(model: RobotModel, rng: np.random.Generator) -> Design:
     """Poses in the middle of the joints' ranges, each with a load cycle along x, y and z."""
     middle, half = model.limits.mean(axis=1), np.minimum(0.35 * np.ptp(model.limits, axis=1), np.radians(90))
     theta = middle + half * rng.uniform(-1, 1, (200, 6))
