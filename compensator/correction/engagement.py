@@ -184,8 +184,9 @@ def left_as_logged(predicted: Predicted, stiffness: float, offsets: Array | None
 
 def left_at_depth(predicted: Predicted, kept: Indices, logged: LoggedPass) -> Array:
     """The same (M,) [m] for a cut of the settings' depth a across the feed: half the force grows with it, K = F_n / 2 a."""
-    per_newton, _ = _deeper(predicted, _at_all(logged.offsets, kept, predicted))
-    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
+        per_newton, _ = _deeper(predicted, _at_all(logged.offsets, kept, predicted))
+        _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
     return _left(predicted, GROWS * per_newton * across / predicted.settings.correction.depth_of_cut)
 
 
