@@ -51,7 +51,7 @@ def deviated_tool(loaded: LoadedPath, theta: Array) -> Frame:
     if loaded.model.of_springs_alone or not len(loaded.targets):
         return pose
     rows = load_state_of(loaded, rest)
-    return displaced(pose, (loaded.model.added(rows) + rows.of_weight - rows.of_sag)[loaded.targets])
+    return displaced(pose, (loaded.model.added(rows) + rows.of_weight)[loaded.targets])
 
 
 def _plain(loaded: LoadedPath, theta: Array) -> tuple[Frame, Array]:

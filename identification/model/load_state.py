@@ -150,15 +150,15 @@ class LoadState:
 
     @cached_property
     def of_weight(self) -> Array:
-        """What the robot's own weight adds to the deviation (n, 6) [m, rad], first order: the load moves the weight, and the
-        change of the gravity torques turns the springs once more; with `of_sag`, and what a yielding at the sagged pose moves
-        the tool otherwise. 0.1 to 0.4 % of the deflection on the IRB 6660, zero without `links`."""
+        """What the robot's own weight adds to the deviation (n, 6) [m, rad] beside `of_sag`, first order: the load moves the
+        weight, and the change of the gravity torques turns the springs once more; and yielding at the sagged pose moves the
+        tool otherwise. With `of_sag` 0.1 to 0.4 % of the deflection on the IRB 6660, zero without `links`."""
         if self.robot.link_mass is None:
             return np.zeros((len(self), 6))
         unloaded = loaded_angles(self.robot, self.theta, -self.compliance * self.torque) if self.at_load else self.theta
         change = self._gravity_at(self.loaded) - self._gravity_at(unloaded)
         turned = np.asarray(np.einsum("nri,ni->nr", self.jacobian, self.compliance * change))
-        return turned if self._sagged is None else turned + self._sagged.elastic - self.elastic
+        return turned if self._sagged is None else turned + self._sagged.elastic - self.elastic - self.of_sag
 
     @cached_property
     def elastic(self) -> Array:

@@ -165,7 +165,7 @@ class IdentifiedModel:
         rest = loaded_angles(self.robot, theta, state.deflection)
         plain = forward(self.robot, rest, flange_from_tcp)
         rows = self.load_state(rest, wrench, flange_from_tcp)
-        return displaced(plain, self.added(rows) + rows.of_weight - rows.of_sag)
+        return displaced(plain, self.added(rows) + rows.of_weight)
 
     def predict(self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None) -> tuple[Array, Array, Array]:
         """Predicted TCP deviation and its posterior covariance.
