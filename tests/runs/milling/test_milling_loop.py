@@ -86,10 +86,25 @@ def test_what_is_stated_for_the_part_holds_there(job: MillingJob, corrected: Cor
     assert np.isclose(figures["rms"] ** 2, sum(figures[cause] ** 2 for cause in CAUSES))
 
 
+def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
+    """By g = |d . n| / 2 a at a depth of 0.5 mm, n across the feed: |d| g / (1 + g) is left."""
+    predicted = corrected.job.predicted
+    targets, position = predicted.targets, predicted.path.base_from_tcp.position
+    inner = (targets > 0) & (targets < len(position) - 1)
+    deviation, force = predicted.prediction.position[inner], predicted.forces.wrench[targets[inner], :3]
+    along = position[targets[inner] + 1] - position[targets[inner] - 1]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    across = force - np.sum(force * along, axis=1)[:, None] * along
+    pushes = np.linalg.norm(across, axis=1) > 0.06 * np.linalg.norm(force, axis=1)
+    growth = np.abs(np.sum(deviation * across, axis=1) / np.linalg.norm(across, axis=1)) / (2 * 0.5e-3)
+    left = np.linalg.norm(deviation, axis=1) * growth / (1 + growth)
+    assert rms(left[pushes]) > 5e-6
+    assert np.allclose(corrected.job.left.cut[inner][pushes], left[pushes], rtol=1e-6)
+
+
 def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, log: Path, corrected: Correction) -> None:
     deeper = job.correct(log, stiffness, settings(depth_of_cut=4e-3))
-    ratio = deeper.job.left.cut[corrected.job.left.cut > 0] / corrected.job.left.cut[corrected.job.left.cut > 0]
-    assert np.all((ratio > 0.125) & (ratio < 0.4))
+    assert rms(deeper.job.left.cut) < 0.4 * rms(corrected.job.left.cut)
     known = job.correct(log, stiffness, settings(cutting_stiffness=Estimate(25e3, 0.0)))
     assert not known.job.left.cut.any()
     assert np.allclose(known.job.left.sensor, 0.01 * np.linalg.norm(known.job.predicted.prediction.position, axis=1), rtol=0.2)
