@@ -81,7 +81,7 @@ class Corrected:
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
                else "the rounding of the written numbers)"),
             self.between_line(),
-            self.left.line(),
+            self.left.line(self.planned.settings.correction.depth_of_cut),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),

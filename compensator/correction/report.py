@@ -40,7 +40,8 @@ def path_report(job: Predicted | Corrected) -> str:
         offset, residual = figures["offset_mm"], figures["residual_um"]
         lead.append(
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
-            f"same model leaves {residual['largest']:.2f} um at most. {corrected.left.sentence()} "
+            f"same model leaves {residual['largest']:.2f} um at most. "
+            f"{corrected.left.sentence(predicted.settings.correction.depth_of_cut)} "
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
             + ("The force follows the cut with the stated cutting stiffness." if corrected.left_as_logged is None else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
