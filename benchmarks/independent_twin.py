@@ -168,7 +168,7 @@ def at_fresh_poses(case: Case, found: Diagnosis) -> Fresh:
         told = extended_model(replace(judgement, carried=None, plain=posterior(data, terms)))
 
     def tried(model: IdentifiedModel) -> tuple[float, float, float]:
-        each = [model.predict(theta[k:k + 1], wrench[k:k + 1]) for k in range(len(theta))]
+        each = [model.predict(theta[k:k + 1], wrench[k:k + 1], dwell=plan.dwell[k:k + 1]) for k in range(len(theta))]
         off = np.array([position[0] for position, _, _ in each]) - moved
         covariance = np.array([spread[0, :3, :3] for _, _, spread in each])
         distance = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.loaded_path import LoadedPath
-from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError
 from identification.model.compliance import displacement, equilibrium, loaded_angles
 from identification.model.effects_in_force import EffectInForce, displaced, split, turned
@@ -82,13 +81,8 @@ def load_state_of(loaded: LoadedPath, rest: Array) -> LoadState:
     known = ~np.isnan(planned).any(axis=1)
     before = np.maximum.accumulate(np.where(known, np.arange(len(planned)), int(np.argmax(known))))
     wrench = np.nan_to_num(loaded.forces.wrench)
-    return loaded.model.load_state(planned[before], wrench, path.flange_from_tcp, _dwell(path, np.any(wrench != 0, axis=1)))
-
-
-def _dwell(path: RobotPath, loaded: NDArray[np.bool_]) -> Array:
-    """How long the load has been on at each target (N,) [s]: since the last one without; moves of unknown feed take none."""
-    time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))
-    return np.asarray(time - np.maximum.accumulate(np.where(loaded, 0.0, time)))
+    # A target's force acts during the move there; moves of unknown feed take no time.
+    return loaded.model.load_state(planned[before], wrench, path.flange_from_tcp, np.nan_to_num(path.move_time, posinf=0.0))
 
 
 def resting_angles(loaded: LoadedPath) -> Array:

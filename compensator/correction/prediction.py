@@ -55,13 +55,13 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     count = len(targets)
     pose, of_effects = deviated_tool(loaded, theta), None
     if model.effects and count:
-        of_effects = model.slopes(load_state_of(loaded, theta))[targets]
+        of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets)
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
         covariance[places] = model.deviation_covariance(
-            theta[places], wrench[places], tool, None if of_effects is None else of_effects[places])[:, :3, :3]
+            theta[places], wrench[places], tool, None if of_effects is None else of_effects.of(places))[:, :3, :3]
         if scatter[places].any():
             carried = compliance_matrix(model.robot, theta[places], tool, model.compliance)[:, :3, :3]
             covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter[places], carried)

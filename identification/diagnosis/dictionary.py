@@ -80,8 +80,9 @@ class Dictionary:
         return [k for k, entry in enumerate(self.entries) if entry.joint == joint and entry.effect.gear_law]
 
     def amplitude(self, signature: int) -> float:
-        """The size of a signature's column [unit of its first parameter]."""
-        return float(self.signatures[signature].scale[0])
+        """The typical size of a signature's effect [unit of its first law's first parameter]."""
+        first = self.entries[self.entry_of[signature]].signatures.start
+        return float(self.signatures[first].scale[0])
 
     def part(self, entries: list[int]) -> Dictionary:
         """These entries alone."""

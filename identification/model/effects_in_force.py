@@ -109,6 +109,34 @@ def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> 
     return result
 
 
+@dataclass(frozen=True, eq=False)
+class OfEffects:
+    """slopes (N, 6, 6 + P): `slopes` of the rows; squares (N, 2): `squares`."""
+
+    slopes: Array
+    squares: Array
+
+    def of(self, rows: NDArray[np.intp]) -> OfEffects:
+        """Those of these rows alone."""
+        return OfEffects(self.slopes[rows], self.squares[rows])
+
+
+def squares(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> Array:
+    """Squares of what each effect adds, its own law with it, position [m^2] and rotation [rad^2], summed over the effects
+    (n, 2)."""
+    alone: dict[tuple[str, int | None], Array] = {}
+    for term, own in zip(effects, split(values, effects), strict=True):
+        effect = term.effect.of if isinstance(term.effect, LawOf) else term.effect
+        key = (effect.stored, term.joint)
+        alone[key] = alone.get(key, np.zeros((len(rows), 6))) + term.contribution(rows, own)
+    return np.asarray(np.sum([sizes(each) for each in alone.values()], axis=0))
+
+
+def sizes(moved: Array) -> Array:
+    """Squared norms (n, 2) of position and rotation (n, 6)."""
+    return np.asarray((moved**2).reshape(-1, 2, 3).sum(axis=2))
+
+
 def turned(side: Array) -> NDArray[np.bool_]:
     """True (n,) where an effect rests at another end of its play (side: -1 or 1, 0 in between) than it last did."""
     known = np.flatnonzero(side)

@@ -32,6 +32,7 @@ class LawOf(Effect):
     def __init__(self, of: Effect) -> None:
         self.of = of
         self.name = f"{PREFIX}{of.name}"
+        self.law = of.law
         self.of_robot = of.of_robot
         self.joints = of.joints
         near = [effects()[name] for name in of.near_laws if name in effects()]
@@ -60,8 +61,10 @@ def uncertain(effect: Effect) -> bool:
 
 
 def known(name: str) -> Effect | None:
-    """The effect of this name, or the law of one; None where there is none."""
+    """The effect that stiffness.json stores under this name, or the law of one; None where there is none."""
+    plain, _, law = name.removeprefix(PREFIX).partition(".")
+    named = effects().get(plain)
+    of = next((one for one in (named, *named.other_laws) if one.law == law), None) if named else None
     if not name.startswith(PREFIX):
-        return effects().get(name)
-    of = effects().get(name.removeprefix(PREFIX))
+        return of
     return LawOf(of) if of is not None and uncertain(of) else None

@@ -10,7 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.compliance import displacement, equilibrium, loaded_angles, loaded_pose, regressor
-from identification.model.effects_in_force import EFFECTS, SPRINGS, EffectInForce, added, displaced, slopes
+from identification.model.effects_in_force import (
+    EFFECTS,
+    SPRINGS,
+    EffectInForce,
+    OfEffects,
+    added,
+    displaced,
+    sizes,
+    slopes,
+    squares,
+)
 from identification.model.gravity import DOWN
 from identification.model.kinematics import forward
 from identification.model.load_state import LoadState, load_state
@@ -25,6 +35,9 @@ NORMAL_97_5 = 1.959963984540054
 # What the robot's own weight adds, sagging and moved by the load, in shares of the deviation: 1 sigma where the robot file has
 # no `links`. Engineering judgement: 0.1 to 0.4 % on the IRB 6660 of the tests, part of which the springs take up.
 UNKNOWN_WEIGHT = 2e-3
+# How far a named effect's real law is off the dictionary's where nothing was measured, in shares of what the effect adds: 1
+# sigma. Engineering judgement: 3 to 10 % for beams, bearings, couplings and gears of other laws (docs/benchmarks.md).
+UNKNOWN_LAW = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +50,8 @@ class IdentifiedModel:
     distribution's where few readings must tell the noise too), None: those of N(mean, covariance).
     fall (3,) acceleration of free fall in the base frame [m/s^2], tool_mass [kg] and tool_centre (3,) [m] in the flange frame:
     for effects that gravity torques enter. unknown_weight: 1 sigma, as a share of the deviation, of what the robot's own weight
-    adds where its file has no `links`. source: the file it was read from, None: none.
+    adds where its file has no `links`; unknown_law: of how far a named effect's real law is off, as a share of what the effect
+    adds. source: the file it was read from, None: none.
     """
 
     robot: RobotModel
@@ -52,6 +66,7 @@ class IdentifiedModel:
     tool_centre: Array | None = None
     interval: Array | None = None
     unknown_weight: float = UNKNOWN_WEIGHT
+    unknown_law: float = UNKNOWN_LAW
     source: Path | None = None
 
     @property
@@ -133,7 +148,7 @@ class IdentifiedModel:
 
     def load_state(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> LoadState:
         """What the effects may look at: rows in the order of their loads, one visit, at rest at theta (N, 6) [rad] under wrench
-        (N, 6); flange_from_tcp one tool or one a row; dwell (N,) [s] time the load has been on."""
+        (N, 6); flange_from_tcp one tool or one a row; dwell (N,) [s] time each row's load is on."""
         return load_state(self.robot, flange_from_tcp, theta, wrench, self.compliance, fall=self.fall, tool_mass=self.tool_mass,
                          tool_centre=self.tool_centre, at_load=True, dwell=dwell)
 
@@ -150,53 +165,58 @@ class IdentifiedModel:
         """
         return np.asarray(rows.of_sag + added(rows, self.effects, self.values))
 
-    def slopes(self, rows: LoadState) -> Array:
-        """Derivative (N, 6, 6 + P) by (ln c, parameters) of what the effects add; that of the sag is a few thousandths
-        of the springs' own and left out."""
-        return slopes(rows, self.effects, self.values)
+    def of_effects(self, rows: LoadState) -> OfEffects:
+        """What the uncertainty of the deviation needs of the effects in force in these rows. The slope of the sag is a few
+        thousandths of the springs' own and left out."""
+        return OfEffects(slopes(rows, self.effects, self.values), squares(rows, self.effects, self.values))
 
-    def loaded_pose(self, theta: Array, wrench: Array, flange_from_tcp: Frame) -> Frame:
+    def loaded_pose(self, theta: Array, wrench: Array, flange_from_tcp: Frame, dwell: Array | None = None) -> Frame:
         """base_from_tcp (N) of the robot that is commanded to theta (N, 6) [rad] and yields under wrench (N, 6), its own weight
         (where the robot file has `links`) and effects in force included. The rows are one visit, in the order of their
-        loads, from zero load."""
+        loads, from zero load; dwell (N,) [s] time each is on: without it nothing creeps."""
         if self.of_springs_alone:
             return loaded_pose(self.robot, theta, flange_from_tcp, wrench, self.compliance)
         state = equilibrium(self.robot, theta, flange_from_tcp, wrench, self.compliance)
         rest = loaded_angles(self.robot, theta, state.deflection)
         plain = forward(self.robot, rest, flange_from_tcp)
-        rows = self.load_state(rest, wrench, flange_from_tcp)
+        rows = self.load_state(rest, wrench, flange_from_tcp, dwell)
         return displaced(plain, self.added(rows) + rows.of_weight)
 
-    def predict(self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None) -> tuple[Array, Array, Array]:
+    def predict(
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame | None = None, dwell: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
         """Predicted TCP deviation and its posterior covariance.
 
-        theta (N, 6) [rad], wrench (N, 6) [N, N m] base frame; rows as in `loaded_pose`. Returns position (N, 3) [m], rotation
-        vector (N, 3) [rad], covariance (N, 6, 6) of both, first order in x: for the springs
+        theta (N, 6) [rad], wrench (N, 6) [N, N m] base frame; rows and dwell as in `loaded_pose`. Returns position (N, 3)
+        [m], rotation vector (N, 3) [rad], covariance (N, 6, 6) of both, first order in x: for the springs
         `sum over i, j of (J_i tau_i c_i) Sigma_ij (J_j tau_j c_j)`.
         """
         tool = self.flange_from_tcp if flange_from_tcp is None else flange_from_tcp
-        position, rotation = displacement(self.loaded_pose(theta, wrench, tool), forward(self.robot, theta, tool))
-        return position, rotation, self.deviation_covariance(theta, wrench, tool)
+        loaded = self.loaded_pose(theta, wrench, tool, dwell)
+        position, rotation = displacement(loaded, forward(self.robot, theta, tool))
+        of_effects = self.of_effects(self.load_state(theta, wrench, tool, dwell)) if self.effects else None
+        return position, rotation, self.deviation_covariance(theta, wrench, tool, of_effects)
 
     def deviation_covariance(
-        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: Array | None = None
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None
     ) -> Array:
         """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`. With what the robot's own weight may add
-        where it is not known, alike in every direction.
+        where it is not known, and what the effects' real laws may add, alike in every direction.
 
-        of_effects (N, 6, 6 + P): `slopes` of these rows, where they are rows of a longer history; else they are one visit.
+        of_effects: of these rows, where they are rows of a longer history; else they are one visit.
         """
         by_x = regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance
-        elastic = by_x.sum(axis=2)
+        unknown = np.zeros((len(by_x), 2))
+        if self.robot.link_mass is None:
+            unknown += self.unknown_weight**2 * sizes(by_x.sum(axis=2))
         if self.effects:
-            if of_effects is None:
-                of_effects = self.slopes(self.load_state(theta, wrench, flange_from_tcp))
-            by_x = np.concatenate([by_x + of_effects[:, :, SPRINGS], of_effects[:, :, EFFECTS]], axis=2)
+            of_effects = of_effects or self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
+            slope = of_effects.slopes
+            by_x = np.concatenate([by_x + slope[:, :, SPRINGS], slope[:, :, EFFECTS]], axis=2)
+            unknown += self.unknown_law**2 * of_effects.squares
         covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
-        if self.robot.link_mass is None and self.unknown_weight:
-            axes = np.arange(6)
-            squares = (elastic**2).reshape(-1, 2, 3).sum(axis=2) / 3
-            covariance[:, axes, axes] += self.unknown_weight**2 * np.repeat(squares, 3, axis=1)
+        axes = np.arange(6)
+        covariance[:, axes, axes] += np.repeat(unknown / 3, 3, axis=1)
         return covariance
 
     def as_dict(self) -> dict[str, Any]:
@@ -222,6 +242,6 @@ class IdentifiedModel:
             "covariance": covariance.tolist(),
             "log_compliance": {"mean": [*self.mean[SPRINGS].tolist(), *self.values.tolist()],
                                "covariance": self.covariance.tolist()},
-            "effects": [{"effect": term.effect.name, "joint": term.joint} for term in self.effects],
+            "effects": [{"effect": term.effect.stored, "joint": term.joint} for term in self.effects],
             "fit": self.fit,
         }

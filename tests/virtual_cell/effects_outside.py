@@ -9,7 +9,7 @@ import numpy as np
 
 from tests.virtual_cell.effects_measurement import BURST, STAND
 from tests.virtual_cell.hidden import Draw, Parameters, effect
-from tests.virtual_cell.laws import AngleDependent, Backlash, Creep, Hysteresis, Lifting, Row, Stiffening, Warming
+from tests.virtual_cell.laws import AngleDependent, Backlash, Hysteresis, Lifting, Row, Stiffening, Warming
 from tests.virtual_cell.plant import Plant
 
 
@@ -64,16 +64,6 @@ def floor_bolt(plant: Plant, joint: None, parameters: Parameters) -> None:
 def rod_stretch(plant: Plant, joint: None, parameters: Parameters) -> None:
     """The parallel rod and its bearings yield along the rod: the softer for joint 3, the flatter the parallelogram."""
     plant.yields("rod_length", parameters["compliance_m_per_n"])
-
-
-def _recovery(draw: Draw) -> Parameters:
-    return {"ratio": draw.factor * 0.025, "time_s": float(draw.rng.uniform(2, 10))}
-
-
-@effect("slow_recovery", _recovery)
-def slow_recovery(plant: Plant, joint: None, parameters: Parameters) -> None:
-    """Creep that is not gone when the load is: each row starts from what the rows before have left."""
-    plant.laws.append(Creep(plant.compliance, parameters["ratio"], parameters["time_s"], without_memory=False))
 
 
 @effect("load_cell_hysteresis", lambda draw: {"force_n": draw.factor * 12.0})

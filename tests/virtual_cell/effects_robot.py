@@ -135,9 +135,11 @@ def tool_point(plant: Plant, joint: None, parameters: Parameters) -> None:
 
 
 def _creep(draw: Draw) -> Parameters:
-    return {"ratio": draw.factor * np.sqrt(0.01 * 0.03), "time_s": float(np.exp(draw.rng.uniform(np.log(1), np.log(10))))}
+    """In half of the cases what crept under earlier loads is still there, else the robot rested before each."""
+    return {"ratio": draw.factor * np.sqrt(0.01 * 0.03), "time_s": float(np.exp(draw.rng.uniform(np.log(1), np.log(10)))),
+            "memory": float(draw.rng.integers(2))}
 
 
 @effect("creep", _creep)
 def creep(plant: Plant, joint: None, parameters: Parameters) -> None:
-    plant.laws.append(Creep(plant.compliance, parameters["ratio"], parameters["time_s"]))
+    plant.laws.append(Creep(plant.compliance, parameters["ratio"], parameters["time_s"], not parameters.get("memory", 0.0)))

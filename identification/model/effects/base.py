@@ -68,9 +68,10 @@ class Effect(ABC):
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
     the data. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint
     whose shapes a real one of this kind may mix in. law_family: what laws of one gear that imitate each other have in common,
-    as a sentence; "" where there is no other. sentence: the cause as a shop-floor engineer says it ({joint} is filled in).
-    settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law comes from,
-    or "engineering judgement" with its reason.
+    as a sentence; "" where there is no other. law: which law this is, where one name has several ("" for the first);
+    other_laws: the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor engineer says it
+    ({joint} is filled in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document
+    its law comes from, or "engineering judgement" with its reason.
     """
 
     name: str
@@ -83,10 +84,17 @@ class Effect(ABC):
     gear_law: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
     law_family: ClassVar[str] = ""
+    law: str = ""
+    other_laws: ClassVar[tuple[Effect, ...]] = ()
     sentence: ClassVar[str]
     settles: ClassVar[str]
     turning: ClassVar[str] = ""
     formula_source: ClassVar[str] = ""
+
+    @property
+    def stored(self) -> str:
+        """Its name in stiffness.json, with its law."""
+        return f"{self.name}.{self.law}" if self.law else self.name
 
     @property
     def where(self) -> dict[str, int | str]:

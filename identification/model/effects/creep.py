@@ -1,22 +1,31 @@
-"""The deflection goes on growing while the load is on."""
+"""The deflection goes on growing while the load is on, and goes back as slowly when it is gone."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.load_state import LoadState
 
+# log(1 + u) as a sum of Kelvin elements: the integral of (1 - exp(-s u)) exp(-s) / s over s, by steps of ln s.
+STEP = 1.2
+RATES = np.exp(np.arange(-12.0, 2.5, STEP))
+SHARES = STEP * np.exp(-RATES)
+
 
 class Creep(Effect):
-    """`el rho log(1 + t / t0)`, t the time the load has been on."""
+    """Each change of the springs' deflection creeps on by `rho log(1 + t / t0)`, t the time since it came (Boltzmann's
+    superposition): what crept under earlier loads of the visit goes back as slowly as it came. memory 0: nothing of it was
+    left, because the robot rested before each load. Along a toolpath nothing rests."""
 
     name = "creep"
     family = "structure"
     of_robot = True
     formula_source = ("M. E. Kassner, K. K. Smith, C. S. Campbell, Low-temperature creep in pure metals and alloys, J. "
-                      "Mater. Sci. 50, 2015: logarithmic in time; in proportion to the deflection: engineering judgement")
+                      "Mater. Sci. 50, 2015: logarithmic in time; in proportion to the deflection, changes of the load "
+                      "superposed as in linear viscoelasticity: engineering judgement")
     parameters = (
         Parameter("ratio", "1", 0.017, 0.0, 0.3,
                   source="engineering judgement: 1 to 3 % for each factor e of time, their geometric mean",
@@ -24,6 +33,9 @@ class Creep(Effect):
         Parameter("time_s", "s", 3.0, 0.05, 300.0, grid=(1.0, 3.0, 10.0), shape=True,
                   source="engineering judgement: 1 to 10 s, when the first reading after loading is taken",
                   bounds_source="engineering judgement: from one reading to the time one pose takes"),
+        Parameter("memory", "1", 1.0, 0.0, 1.0, grid=(0.0, 1.0), shape=True,
+                  source="engineering judgement: in a load cycle nobody waits for the robot to recover",
+                  bounds_source="engineering judgement: what crept under earlier loads is all there still, or nothing of it"),
     )
     sentence = "the robot goes on yielding while the load is on"
     settles = "hold one load and read the sensors after 5 and after 60 seconds"
@@ -32,5 +44,33 @@ class Creep(Effect):
         return "dwell_s is not given" if np.isnan(rows.dwell).all() else ""
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        grown = values[0] * np.log1p(np.nan_to_num(rows.dwell) / values[1])
-        return np.asarray(rows.elastic * grown[:, None])
+        ratio, time, memory = values
+        if rows.at_load:
+            memory = 1.0
+        load, held = rows.compliance * rows.torque, np.nan_to_num(rows.dwell)
+        crept = load * np.log1p(held / time)[:, None]
+        if memory:
+            crept = crept + memory * _left_of_earlier(rows, load, held, time)
+        return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
+
+
+def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> Array:
+    """What is still there (n, 6) of what crept under the loads (n, 6) of the visit before each row's own.
+
+    An element that stood at z when a load came stands at `load + (z - load) exp(-t / T)` a time t after. Between the reading
+    before and a row's load the load before is still on; where no times are known, no time passes there.
+    """
+    before = np.concatenate([load[:1], load[:-1]])
+    pause = np.diff(rows.time, prepend=np.nan) - held
+    pause = np.where(pause > 0, pause, 0.0)
+    first, total = rows.starts, np.zeros_like(load)
+    bands = np.ones((2, len(load)))
+    for rate, share in zip(RATES / time, SHARES, strict=True):
+        stays, waits = np.exp(-rate * held), np.exp(-rate * pause)
+        bands[1, :-1] = np.where(first, 0.0, -stays * waits)[1:]
+        # The part of z that is not this row's own load: z = own + left.
+        left = np.where(first, 0.0, stays)[:, None]
+        own = load * (1 - stays)[:, None]
+        z = solve_banded((1, 0), bands, own + left * before * (1 - waits)[:, None])
+        total += share * (z - own)
+    return total

@@ -27,8 +27,9 @@ class GravityCompensator(SizeAndAngle, GearTwist):
                   source="engineering judgement: no angle is more likely than another",
                   bounds_source="engineering judgement: any direction, a full turn"),
     )
-    sentence = "the gravity compensator makes joint 2 stiffer at some angles than at others"
-    settles = "measure at more angles of joint 2"
+    sentence = "joint 2 is stiffer at some of its angles than at others, as a gravity compensator makes it"
+    settles = ("look whether a spring or cylinder carries the lower arm: where the robot file has no links, a gear that grows "
+               "stiffer under the arm's weight looks the same; measure at more angles of joint 2")
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         share = values[0] * np.cos(2 * rows.theta[:, i] + values[1])

@@ -1,11 +1,12 @@
-"""A gear that is softer under small torques (two-slope torsion curve of harmonic and cycloidal gears)."""
+"""A gear that is softer under small torques: the two-slope torsion curve of harmonic and cycloidal gears, or one that stiffens
+all the way."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter, saturated
+from identification.model.effects.base import Parameter, Signature, saturated
 from identification.model.effects.documents import HARMONIC_DRIVE
 from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
@@ -15,14 +16,48 @@ from identification.model.load_state import LoadState
 SOFTER = 0.8
 
 
-class SoftZone(GearTwist):
+class SofterNearZero(GearTwist):
+    """What both laws have in common."""
+
+    of_gravity = True
+    law_family = SOFTER_NEAR_ZERO
+    sentence = "the gear of joint {joint} is softer under small torques than under large ones"
+    settles = "a torque ladder on this joint through zero with small steps"
+
+
+class CubicZone(SofterNearZero):
+    """`J_i a c_i (T phi((g + tau) / T) - T phi(g / T) - tau)`, phi + phi^3 = u: a share a of the gear's twist is that of a
+    spring `c_i^-1 x (1 + (x / (T c_i))^2)`. Gravity's torque is a part of it, so that the joint is stiffer where its weight is
+    far out; c_i is the compliance without any torque."""
+
+    name = "soft_zone"
+    law = "cubic"
+    formula_source = (f"{HARMONIC_DRIVE}, fig. 11: the stiffness rises from K1 over K2 to K3; a cubic spring through these: "
+                      "engineering judgement")
+    parameters = (
+        Parameter("share", "1", 0.45, 0.0, 1.0,
+                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1: 0.4 to 0.5 less compliance under large torques",
+                  bounds_source="a spring that is all linear, to one that is all cubic"),
+        Parameter("torque_nm", "N*m", 300.0, 10.0, 5000.0, grid=(40.0, 120.0, 360.0, 1000.0), shape=True,
+                  source=f"{HARMONIC_DRIVE}, table 42: T2 is 108 to 843 N m for sizes 40 to 80",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 10 to 5000 N m is engineering judgement"),
+    )
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        share, torque = values
+        gravity, load = rows.gravity[:, i], rows.torque[:, i]
+        cubic = torque * (_cubic((gravity + load) / torque) - _cubic(gravity / torque))
+        return np.asarray(share * rows.compliance[i] * (cubic - load))
+
+
+class SoftZone(SofterNearZero):
     """`J_i a (sat((g + tau) / T) - sat(g / T))`: below T the gear yields by a / T more for each newton metre. Its typical size
     follows from the joint: K3/K1 = 1.8 makes a = 0.8 T c_i."""
 
     name = "soft_zone"
-    of_gravity = True
+    other_laws = (CubicZone(),)
     formula_source = (f"{HARMONIC_DRIVE}, fig. 11: straight lines of stiffness K1, K2, K3 between the torques T1 and T2; "
-                      "here two lines")
+                      "here two lines, or a cubic spring")
     parameters = (
         Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
                   source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
@@ -34,9 +69,10 @@ class SoftZone(GearTwist):
                   bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
                                 "m; 5 to 1500 N m of that is engineering judgement"),
     )
-    law_family = SOFTER_NEAR_ZERO
-    sentence = "the gear of joint {joint} is softer under small torques than under large ones"
-    settles = "a torque ladder on this joint through zero with small steps"
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        others = [signature for law in self.other_laws for signature in law.signatures(rows, joint)]
+        return [*super().signatures(rows, joint), *others]
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         extra, torque = values
@@ -49,3 +85,8 @@ class SoftZone(GearTwist):
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * saturated(log.torque / values[1]))
+
+
+def _cubic(u: Array) -> Array:
+    """phi with phi + phi^3 = u."""
+    return np.asarray(2 / np.sqrt(3) * np.sinh(np.arcsinh(1.5 * np.sqrt(3) * u) / 3))

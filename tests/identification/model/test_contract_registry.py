@@ -36,11 +36,15 @@ def test_the_dictionary_is_the_contract_s() -> None:
         assert f"`{name}`" in DOCUMENT
 
 
+def every_law() -> list[Effect]:
+    return [law for effect in effects().values() for law in (effect, *effect.other_laws)]
+
+
 def source_table() -> list[str]:
     """The table under "Sources" of docs/effects.md, as the code has it: parameters with the same sources share their rows."""
     lines = ["| effect | what | source |", "|---|---|---|"]
-    for effect in effects().values():
-        lines.append(f"| `{effect.name}` | formula | {effect.formula_source} |")
+    for effect in every_law():
+        lines.append(f"| `{effect.stored}` | formula | {effect.formula_source} |")
         alike: dict[tuple[object, ...], list[str]] = {}
         for p in effect.parameters:
             alike.setdefault((p.typical, p.low, p.high, p.unit, p.source, p.bounds_source), []).append(f"`{p.name}`")
@@ -55,7 +59,7 @@ def test_every_effect_and_every_parameter_states_its_source() -> None:
     """A document with a year, a page of the project, the paper (docs/paper.md), a data sheet, or engineering judgement."""
     told = re.compile(r"\b(19|20)\d\d\b|\bdocs/|\bthe paper\b|catalogue|FAQ|tech tool|Table \d|StrengthBook|^the same: "
                       r"|^engineering judgement: .{10}")
-    for effect in effects().values():
+    for effect in every_law():
         sources = [effect.formula_source]
         sources += [source for p in effect.parameters for source in (p.source, p.bounds_source)]
         for source in sources:

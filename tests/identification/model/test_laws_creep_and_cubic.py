@@ -1,0 +1,95 @@
+"""Two laws against answers of their own: creep by superposed steps, a stiffening gear by the roots of its cubic."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.model.effects import effects
+from identification.model.effects_in_force import EffectInForce
+from identification.model.law_of import known
+from identification.model.load_state import LoadState, load_state
+from identification.model.rotations import Frame
+from identification.model.stiffness import IdentifiedModel
+from tests.support import random_poses, robot
+
+TOOL = Frame(np.eye(3), np.array([0.1, 0.0, 0.2]))
+RATIO, T0 = 0.02, 3.0
+
+
+def cycle(pause: float) -> LoadState:
+    """Two visits of one pose: loads up and back, each held for a while, `pause` seconds of the load before between them."""
+    arm, rng = robot(), np.random.default_rng(4)
+    held = np.array([6.0, 20.0, 11.0, 40.0, 5.0] * 2)
+    force = np.zeros((10, 6))
+    force[:, 1] = [100, 300, 0, -200, 0] * 2
+    rows = load_state(arm, TOOL, np.repeat(random_poses(arm, 2, rng, 0.6), 5, axis=0), force, np.full(6, 1e-6), dwell=held)
+    time = np.cumsum(held + pause) + 300.0 * np.repeat([0, 1], 5)
+    return replace(rows, visit=np.repeat(np.array([0, 1]), 5), time=time)
+
+
+@pytest.mark.parametrize("pause", [0.0, 4.0])
+def test_creep_is_the_sum_of_its_steps(pause: float) -> None:
+    """Each change of the load creeps on from when it came, each visit from rest."""
+    rows = cycle(pause)
+    twist = rows.compliance * rows.torque
+    expected = np.zeros((10, 6))
+    for n in range(10):
+        first = 5 * (n // 5)
+        for k in range(first, n + 1):
+            step = twist[k] - (twist[k - 1] if k > first else 0.0)
+            age = rows.time[n] - (rows.time[k] - rows.dwell[k])
+            expected[n] += RATIO * np.log1p(age / T0) * (rows.jacobian[n] @ step)
+    creep = effects()["creep"].contribution(rows, None, np.array([RATIO, T0, 1.0]))
+    assert_allclose(creep, expected, atol=0.004 * np.abs(expected).max())
+
+
+def test_creep_without_memory_counts_each_load_by_itself() -> None:
+    rows = cycle(0.0)
+    plain = np.einsum("nri,ni->nr", rows.jacobian, rows.compliance * rows.torque)
+    creep = effects()["creep"].contribution(rows, None, np.array([RATIO, T0, 0.0]))
+    assert_allclose(creep, RATIO * np.log1p(rows.dwell / T0)[:, None] * plain, atol=1e-15)
+    half = effects()["creep"].contribution(rows, None, np.array([RATIO, T0, 0.5]))
+    whole = effects()["creep"].contribution(rows, None, np.array([RATIO, T0, 1.0]))
+    assert_allclose(half, (creep + whole) / 2, atol=1e-15)
+
+
+@pytest.mark.parametrize("joint", [2, 5])
+def test_a_cubic_gear_is_the_root_of_its_cubic(joint: int) -> None:
+    """All of it: the spring x + x^3 / (T c)^2 = c torque, preloaded by the arm's weight."""
+    arm, rng = robot("irb6660-205-1.90"), np.random.default_rng(5)
+    heavy = replace(arm, link_mass=np.array([500, 400, 300, 100, 40, 20.0]), link_centre=np.full((6, 3), 0.2))
+    force = np.concatenate([rng.uniform(-400, 400, (8, 3)), np.zeros((8, 3))], axis=1)
+    rows = load_state(heavy, TOOL, random_poses(arm, 8, rng, 0.6), force, np.full(6, 1e-6))
+    i, c, torque = joint - 1, 1e-6, 300.0
+    assert np.abs(rows.gravity[:, i]).max() > 20
+
+    def spring(load: float) -> float:
+        roots = np.roots([1 / (torque * c) ** 2, 0.0, 1.0, -c * load])
+        return float(roots[np.argmin(np.abs(roots.imag))].real)
+
+    law = known("soft_zone.cubic")
+    assert law is not None
+    moved = law.contribution(rows, joint, np.array([1.0, torque]))
+    for n in range(8):
+        g, tau = rows.gravity[n, i], rows.torque[n, i]
+        assert_allclose(moved[n], rows.jacobian[n, :, i] * (spring(g + tau) - spring(g) - c * tau), rtol=1e-7, atol=1e-15)
+    assert_allclose(law.contribution(rows, joint, np.array([0.4, torque])), 0.4 * moved, rtol=1e-12)
+
+
+def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
+    """Without any other uncertainty: 5 % of the size of each effect's own displacement, alike in every direction."""
+    arm, rng = robot(), np.random.default_rng(6)
+    tilt = EffectInForce(effects()["bearing_tilt"], 3)
+    mean = np.concatenate([np.log(np.full(6, 1e-6)), [4e-7]])
+    model = IdentifiedModel(arm, TOOL, mean, np.zeros((7, 7)), effects=(tilt,), unknown_weight=0.0)
+    theta = random_poses(arm, 5, rng, 0.6)
+    wrench = np.concatenate([rng.uniform(-300, 300, (5, 3)), np.zeros((5, 3))], axis=1)
+    _, _, covariance = model.predict(theta, wrench)
+    alone = tilt.contribution(model.load_state(theta, wrench, TOOL), np.array([4e-7]))
+    expected = 0.05**2 * np.repeat((alone**2).reshape(5, 2, 3).sum(axis=2) / 3, 3, axis=1)
+    assert_allclose(np.diagonal(covariance, axis1=1, axis2=2), expected, rtol=1e-9)
+    assert not replace(model, unknown_law=0.0).predict(theta, wrench)[2].any()
