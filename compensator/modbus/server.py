@@ -34,10 +34,10 @@ class Endpoint:
 async def serve(device: OffsetDevice, endpoint: Endpoint, stop: asyncio.Event, ready: Callable[[int], None]) -> None:
     """Serves until `stop` is set; ready is called with the port. Raises CompstiffError: CS5103 it cannot listen,
     CS5105 a file of its certificates."""
-    from pymodbus import FramerType
     from pymodbus.constants import ExcCodes
-    from pymodbus.server import ModbusTcpServer, ModbusTlsServer
     from pymodbus.simulator import DataType, SimData, SimDevice
+
+    from compensator.modbus.connections import bounded_server
 
     async def action(
         function: int, start: int, address: int, count: int, current: list[int], new: list[int] | list[bool] | None
@@ -61,12 +61,7 @@ async def serve(device: OffsetDevice, endpoint: Endpoint, stop: asyncio.Event, r
     _check_free(endpoint)
     registers = SimData(0, values=[0] * (at.LAST_ADDRESS + 1), datatype=DataType.REGISTERS)
     simulated = SimDevice(endpoint.unit, simdata=registers, action=action)
-    address = (endpoint.host, endpoint.port)
-    if context is None:
-        server = ModbusTcpServer(simulated, address=address)
-    else:
-        # The framer of plain sockets: it counts the bytes of a frame, the TLS one takes whatever arrives together.
-        server = ModbusTlsServer(simulated, address=address, sslctx=context, framer=FramerType.SOCKET)
+    server = bounded_server(simulated, (endpoint.host, endpoint.port), context)
     try:
         await server.serve_forever(background=True)
     except RuntimeError as reason:

@@ -26,6 +26,8 @@ _TAKEN = frozenset((
     "readonly", "record", "retry", "return", "step", "sysmodule", "task", "test", "then", "to", "trap", "true", "trynext",
     "undo", "var", "viewonly", "while", "with", "xor", "main", "tmill", "wpart", "vair", "zpath",
 ))
+# A comment from the CAM file is cut off there.
+LONGEST_COMMENT = 200
 _KINDS = {Move.LINEAR: "MoveL", Move.ARC_VIA: "", Move.ARC_END: "MoveC"}
 
 
@@ -97,5 +99,6 @@ def _millimetres(feed: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """Text for a RAPID comment."""
-    return " ".join(text.encode("ascii", "replace").decode().split())
+    """Text for a RAPID comment: one line of printable ASCII, bounded."""
+    line = " ".join("".join(sign if " " <= sign <= "~" or sign.isspace() else "?" for sign in text).split())
+    return line if len(line) <= LONGEST_COMMENT else f"{line[:LONGEST_COMMENT - 3]}..."

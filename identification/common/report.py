@@ -46,7 +46,7 @@ class ReportTable:
 
 
 def _embedded(content: Any) -> str:
-    """JSON that may stand inside a script element."""
+    """JSON that may stand inside a script element, whatever it holds: no `<` is left in it."""
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: plain(item) for key, item in value.items()}
@@ -58,7 +58,7 @@ def _embedded(content: Any) -> str:
             return float(value) if np.isfinite(value) else None
         return value.item() if isinstance(value, np.generic) else value
 
-    return json.dumps(plain(content), allow_nan=False).replace("</", "<\\/")
+    return json.dumps(plain(content), allow_nan=False).replace("<", "\\u003c")
 
 
 def render(

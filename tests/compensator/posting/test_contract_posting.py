@@ -312,3 +312,17 @@ def test_a_file_of_several_tools_is_posted_tool_by_tool_with_stops_at_the_bottom
         (20, 60, "vAir", "zPath"), (20, 12, "vAir", "zPath"), (20, 5, "vFeed1", "fine"), (20, 60, "vAir", "fine")]
     read = read_rapid(text.encode(), "two.mod").toolpath
     assert read.feed[2] == pytest.approx(1e-3)
+
+
+def test_comments_of_the_cam_file_stay_comments(tmp_path, cell):
+    """Control characters, other alphabets and lines without an end: one printable line each, and the same moves."""
+    said = "\x1b[31m ! x\x07\x85 MoveL \u2028 Fräsen " + "x" * 5000
+    (tmp_path / "shell.apt").write_text(APT.replace("MULTAX/ON", f"PPRINT {said}\nMULTAX/ON", 1), encoding="utf-8")
+    content = post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod").content
+    (tmp_path / "shell.apt").write_text(APT)
+    plain = post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod").content
+    more = [line for line in content.splitlines() if line not in plain.splitlines()]
+    assert more
+    assert all(line.lstrip().startswith(b"!") and len(line) < 250 for line in more)
+    assert re.fullmatch(rb"[\n\r\t -~]*", content)
+    assert [line for line in content.splitlines() if line not in more] == plain.splitlines()
