@@ -2,8 +2,9 @@
 
     python benchmarks/upload.py [EACH]      every fault (about a quarter of an hour), or every EACH-th
 
-An emulated controller (tests/compensator/upload/emulator.py) behind a proxy that does one thing wrong, once: at every request of an
-upload with `--load`, into an empty task and over a module that is loaded. Checked is what tests/compensator/upload/fault_runs.py says.
+An emulated controller (tests/compensator/upload/emulator.py) behind a proxy that does one thing wrong, once: at every request
+of an upload with `--load`, into a task without the module and over one that is loaded. Checked is what
+tests/compensator/upload/fault_runs.py says.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from tests.compensator.upload.fault_runs import Bench
 
 def main(each: int) -> None:
     """Prints a line a generation and way."""
-    print("| controller | into | faults | done (0) | refused (3) | unconfirmed (4) | untrue answers | mastership left | sessions left |")
+    print("| controller | into | faults | done (0) | refused (3) | unconfirmed (4) | untrue answers | mastership left "
+          "| sessions left |")
     print("|---|---|---|---|---|---|---|---|---|")
     for generation, name in ((1, "RWS 1.0"), (2, "RWS 2.0")):
         for replace in (False, True):
@@ -39,8 +41,8 @@ def main(each: int) -> None:
                     held += bench.controller.holder is not None
                     sessions += bool(bench.controller.sessions)
                 into = "a loaded module" if replace else "a task without it"
-                print(f"| {name} | {into} | {len(chosen)} | {codes[0]} | {codes[3]} | {codes[4]} | {untrue} | {held} | {sessions} |",
-                      flush=True)
+                print(f"| {name} | {into} | {len(chosen)} | {codes[0]} | {codes[3]} | {codes[4]} | {untrue} | {held} "
+                      f"| {sessions} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -190,7 +190,8 @@ class _Handler(BaseHTTPRequestHandler):
                     return
                 session = secrets.token_hex(8)
                 controller.sessions.add(session)
-                self.cookies = [f"-http-session-={session}; path=/; {controller.cookie_domain}httponly", "ABBCX=29; path=/; secure"]
+                self.cookies = [f"-http-session-={session}; path=/; {controller.cookie_domain}httponly",
+                                "ABBCX=29; path=/; secure"]
             controller.log.append((self.command, unquote(self.path)))
             if statuses := controller.sick.get((self.command, unquote(path))):
                 self._refuse(_Refused(statuses.pop(0), -1073414144, "out of order"))

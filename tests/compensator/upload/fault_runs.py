@@ -88,6 +88,9 @@ class Bench:
         before = LOADED if self.replace else None
         assert loaded in (before, self.new), (fault, run)
         assert all(allowed(method, path) for method, path in controller.log), (fault, controller.log)
+        # Renaming, asking for mastership and loading are never repeated.
+        once = [path for method, path in controller.log if method == "POST" and "release" not in path]
+        assert len(once) - len(set(once)) <= (fault.kind == "duplicate request"), (fault, once)
         if run.code == 0:
             assert files, (fault, run)
             assert loaded == self.new, (fault, run)
