@@ -26,8 +26,9 @@ GONE, HELD, NO_FILE = -1073445880, -1073445862, -1073414146
 @dataclass
 class RobotController:
     """What the controller holds. files: by path from the root ($HOME or HOME); tasks: execution state and modules of each;
-    holder: the session that has mastership, "other" for somebody else. log: every request below its login; executing: what the
-    controller as a whole says. sick: statuses with which the next requests to a resource are answered."""
+    holder: the session that has mastership, "other" for somebody else; a logout alone does not give it back. log: every request
+    below its login; executing: what the controller as a whole says. sick: statuses with which the next requests to a resource are
+    answered."""
 
     generation: int = 1
     files: dict[str, bytes] = field(default_factory=dict)
@@ -217,7 +218,6 @@ class _Handler(BaseHTTPRequestHandler):
         query = {key: values[0] for key, values in parse_qs(urlsplit(self.path).query).items()}
         if path == "/logout":
             controller.sessions.discard(session)
-            controller.holder = None if controller.holder == session else controller.holder
             self._answer(200, b"<html></html>", "text/html")
         elif path.startswith("/fileservice/"):
             self._file(unquote(path.removeprefix("/fileservice/")), body, form, torn)

@@ -90,8 +90,9 @@ class HttpProxy:
             return _gone(client)
         if fault.kind == "late request":
             _gone(client)
-            self.late.append(threading.Thread(target=self._later, args=(request, fault.byte), daemon=True))
-            self.late[-1].start()
+            thread = threading.Thread(target=self._later, args=(request, fault.byte), daemon=True)
+            thread.start()
+            self.late.append(thread)
             return False
         if fault.kind == "refuse request":
             client.sendall(_status(fault.code))

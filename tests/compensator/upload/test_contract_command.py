@@ -239,3 +239,17 @@ def test_the_record_is_held_against_the_module(controller, cell, tmp_path):
     assert kit.call(cell, other, "--apply").codes == ["CS6103"]
     plain = kit.write_module(tmp_path, "c.mod", record=False)
     assert (kit.call(cell, plain, "--apply").code, kit.call(cell, plain).codes) == (0, ["CS6102"])
+
+
+def test_a_name_that_was_taken_since_the_look_is_not_written_over(controller, cell, tmp_path):
+    from compensator.upload.address import Controller
+    from compensator.upload.remote import Remote
+    from compensator.upload.session import Session
+    from compensator.upload.transfer import place
+    from identification.common.findings import Refused
+    from identification.model.cell import read_cell
+
+    controller.files["HOME/a.mod"] = b"another's"
+    with Session(Controller.of(read_cell(cell), PASSWORD)) as opened, pytest.raises(Refused, match="CS6111"):
+        place(Remote(opened), "HOME", "a.mod", b"ours")
+    assert controller.files == {"HOME/a.mod": b"another's"}
