@@ -141,9 +141,17 @@ class Remote:
                 self._release()
 
     def _release(self) -> None:
-        with contextlib.suppress(Lost, Answered):
-            self.session.post(self.dialect.mastership_path.format(action="release"), {}, repeat=True)
-            self.released = True
+        """Asks until it is given back, or the controller itself says that there is nothing to give back."""
+        for _ in range(1 + self.session.controller.retries):
+            try:
+                self.session.post(self.dialect.mastership_path.format(action="release"), {}, repeat=True)
+                self.released = True
+            except Lost:
+                return
+            except Answered as answer:
+                self.released = answer.meant
+            if self.released:
+                return
 
 
 class MastershipRefused(Answered):

@@ -26,9 +26,9 @@ GONE, HELD, NO_FILE = -1073445880, -1073445862, -1073414146
 @dataclass
 class RobotController:
     """What the controller holds. files: by path from the root ($HOME or HOME); tasks: execution state and modules of each;
-    holder: the session that has mastership, "other" for somebody else; a logout alone does not give it back. log: every request
-    below its login; executing: what the controller as a whole says. sick: statuses with which the next requests to a resource are
-    answered."""
+    holder: the session that has mastership, "other" for somebody else; a logout alone does not give it back. log: every
+    request below its login; executing: what the controller as a whole says. sick: statuses with which the next requests to a
+    resource are answered."""
 
     generation: int = 1
     files: dict[str, bytes] = field(default_factory=dict)
@@ -198,7 +198,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._refuse(_Refused(statuses.pop(0), -1073414144, "out of order"))
                 return
             try:
-                if len(body) < wanted and not path.startswith("/fileservice"):
+                if len(body) < wanted and self.command != "PUT":
                     self.close_connection = True
                     return
                 self._do(path, body, session, torn=len(body) < wanted)
