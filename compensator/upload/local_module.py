@@ -16,6 +16,7 @@ SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
 RECORD = "compstiff-correction"
 _MODULE = re.compile(rb"^[ \t]*MODULE[ \t]+([A-Za-z][A-Za-z0-9_]*)", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*ENDMODULE\b", re.MULTILINE | re.IGNORECASE)
+_PART = re.compile(r"_[0-9]{3,}$")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*\.(mod|modx|sys|sysx)", re.IGNORECASE)
 
 
@@ -50,8 +51,11 @@ class LocalModule:
         shown = [f"module: {self.name}, {len(self.content)} bytes, SHA-256 {self.sha256[:16]}..."]
         if self.record is not None:
             summary = _summary(self.record)
-            shown.append(f"record: corrected from {summary['input']} with {summary['stiffness']} and {summary['forces']}, "
-                         f"robot {summary['robot']}, largest offset {summary['largest_offset_mm']} mm")
+            sources = ", ".join(f"{summary[key]}" for key in ("input", "stiffness", "forces", "cell") if summary[key])
+            shown.append(f"record: corrected from {sources}")
+            if summary["largest_offset_mm"] is not None:
+                shown.append(f"record: {summary['corrected']} targets corrected, largest offset "
+                             f"{summary['largest_offset_mm']:.4f} mm")
         return shown
 
 
@@ -87,22 +91,30 @@ def check_name(name: str) -> str:
 def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[str, Any] | None, tuple[Finding, ...]]:
     path = file.with_name(f"{file.name}.json")
     record = _read_record(path)
+    if record is None:      # a part of a program that was split: the record is the main module's
+        path = file.with_name(f"{_PART.sub('', file.stem)}{file.suffix}.json")
+        record = _read_record(path)
+        record = record if record and any(output.get("file") == file.name for output in _outputs(record)) else None
     if record is None:
-        return None, (Finding("CS6102", "warning", f"has no record of a correction beside it ({path.name})", file=str(file),
+        return None, (Finding("CS6102", "warning", f"has no record of a correction beside it ({file.name}.json)", file=str(file),
                               hint="right for a first pass; a corrected program keeps its record beside it"),)
-    outputs = [record["output"], *(part for part in record.get("parts") or [] if isinstance(part, dict))]
-    if not any(output.get("sha256") == digest for output in outputs):
+    if not any(output.get("sha256") == digest for output in _outputs(record)):
         difference = Finding("CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was "
                              "changed since it was corrected", file=str(file),
                              hint="" if changed else "correct it again, or --changed where it was changed on purpose")
         if not changed:
             raise Refused(difference)
         return record, (difference,)
-    corrected_for = str((record.get("robot") or {}).get("name", ""))
+    corrected_for = _summary(record)["robot"]
     if corrected_for != robot:
         raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
                               file=str(file), hint="give the cell.yaml it was corrected with"))
     return record, ()
+
+
+def _outputs(record: dict[str, Any]) -> list[dict[str, Any]]:
+    parts = record.get("parts")
+    return [record["output"], *(part for part in (parts if isinstance(parts, list) else []) if isinstance(part, dict))]
 
 
 def _read_record(path: Path) -> dict[str, Any] | None:
@@ -118,12 +130,15 @@ def _read_record(path: Path) -> dict[str, Any] | None:
 
 
 def _summary(record: dict[str, Any]) -> dict[str, Any]:
-    def file(of: str) -> str | None:
-        named = record.get(of)
-        return named.get("file") if isinstance(named, dict) else None
+    """What the record says, as far as it says it."""
+    def inside(*keys: str) -> Any:
+        found: Any = record
+        for key in keys:
+            found = found.get(key) if isinstance(found, dict) else None
+        return found
 
-    summary = record.get("summary") if isinstance(record.get("summary"), dict) else {}
-    robot = record.get("robot")
-    return {"input": file("input"), "stiffness": file("stiffness"), "forces": file("forces"), "cell": file("cell"),
-            "robot": robot.get("name") if isinstance(robot, dict) else None, "compstiff": record.get("compstiff"),
-            "largest_offset_mm": (summary or {}).get("largest_offset_mm")}
+    largest = inside("summary", "offset_mm", "largest")
+    return {**{key: inside(key, "file") for key in ("input", "stiffness", "forces", "cell")}, "robot": inside("robot", "name"),
+            "compstiff": inside("compstiff"), "targets": inside("summary", "targets"),
+            "corrected": inside("summary", "corrected"),
+            "largest_offset_mm": float(largest) if isinstance(largest, int | float) else None}

@@ -37,7 +37,7 @@ def write_module(folder: Path, name: str = "part_corrected.mod", content: bytes 
         (folder / f"{name}.json").write_text(json.dumps({
             "format": "compstiff-correction", "version": 1, **named, "parts": [], "robot": {"name": robot},
             "output": {"file": name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()},
-            "summary": {"largest_offset_mm": 0.1234}}))
+            "summary": {"targets": 12, "corrected": 9, "offset_mm": {"largest": 0.1234, "rms": 0.1}}}))
     return file
 
 

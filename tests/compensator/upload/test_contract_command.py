@@ -1,5 +1,6 @@
 """`upload` as a user calls it, on an emulated controller of either generation: what it shows, does, refuses and logs."""
 
+import hashlib
 import json
 
 import pytest
@@ -39,8 +40,8 @@ def test_dry_run_then_the_file_then_the_module(controller, cell, tmp_path):
     shown = CliRunner().invoke(upload, [str(cell), str(file), "--load", "T_ROB1"], env=kit.ENVIRONMENT)
     assert shown.exit_code == 0, shown.output
     for text in ("system 6660-500123", controller.robotware, f"RWS {controller.generation}.0", "module: Insert", "input.x",
-                 "largest offset 0.1234 mm", f"new file: {path}", "there now: part_corrected-0123456789.mod, 17 bytes",
-                 "task T_ROB1: ready", "would load the module Insert", "dry run"):
+                 "9 targets corrected, largest offset 0.1234 mm", f"new file: {path}", "task T_ROB1: ready",
+                 "there now: part_corrected-0123456789.mod, 17 bytes", "would load the module Insert", "dry run"):
         assert text in shown.stdout
     assert "other.mod" not in shown.stdout
     assert len(controller.files) == 2
@@ -253,3 +254,31 @@ def test_a_name_that_was_taken_since_the_look_is_not_written_over(controller, ce
     with Session(Controller.of(read_cell(cell), PASSWORD)) as opened, pytest.raises(Refused, match="CS6111"):
         place(Remote(opened), "HOME", "a.mod", b"ours")
     assert controller.files == {"HOME/a.mod": b"another's"}
+
+
+def test_the_record_of_a_real_correction_is_read(controller, cell, tmp_path, sample_inputs):
+    from compensator.correction.files import Outputs, correct_files
+    from compensator.correction.settings import Settings
+
+    out = tmp_path / "insert_corrected.mod"
+    correct_files(sample_inputs, Outputs(out), Settings.of(tare=((0, 2),)), overwrite=False)
+    written = json.loads(out.with_name(f"{out.name}.json").read_text())
+    done = kit.call(cell, out, "--apply", "--load", "T_ROB1")
+    assert (done.code, done.codes) == (0, []), done.text
+    record = done.document["result"]["record"]
+    assert record["largest_offset_mm"] == written["summary"]["offset_mm"]["largest"] > 0
+    assert (record["targets"], record["corrected"]) == (written["summary"]["targets"], written["summary"]["corrected"])
+    assert (record["input"], record["forces"]) == ("insert.mod", "insert.forces.parquet")
+    assert controller.loaded()[done.document["result"]["module"]] == out.read_bytes()
+
+
+def test_a_part_of_a_split_program_has_the_record_of_its_main_module(controller, cell, tmp_path):
+    main = kit.write_module(tmp_path, "out.mod")
+    part = kit.write_module(tmp_path, "out_001.mod", kit.module_text("Part1"), record=False)
+    assert kit.call(cell, part).codes == ["CS6102"]
+    record = json.loads(main.with_name("out.mod.json").read_text())
+    record["parts"] = [{"file": "out_001.mod", "sha256": hashlib.sha256(part.read_bytes()).hexdigest()}]
+    main.with_name("out.mod.json").write_text(json.dumps(record))
+    assert kit.call(cell, part, "--apply").codes == []
+    part.write_bytes(part.read_bytes() + b"! later\r\n")
+    assert kit.call(cell, part, "--apply").codes == ["CS6101"]
