@@ -96,7 +96,8 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
         record = _read_record(path)
         record = record if record and any(output.get("file") == file.name for output in _outputs(record)) else None
     if record is None:
-        return None, (Finding("CS6102", "warning", f"has no record of a correction beside it ({file.name}.json)", file=str(file),
+        return None, (Finding("CS6102", "warning", f"has no record of a correction beside it ({file.name}.json)",
+                              file=str(file),
                               hint="right for a first pass; a corrected program keeps its record beside it"),)
     if not any(output.get("sha256") == digest for output in _outputs(record)):
         difference = Finding("CS6101", "warning" if changed else "error", f"is not what its record {path.name} says: it was "
