@@ -282,3 +282,39 @@ def test_a_part_of_a_split_program_has_the_record_of_its_main_module(controller,
     assert kit.call(cell, part, "--apply").codes == []
     part.write_bytes(part.read_bytes() + b"! later\r\n")
     assert kit.call(cell, part, "--apply").codes == ["CS6101"]
+
+
+def test_the_password_typed_at_a_terminal_is_not_echoed(controller, cell, tmp_path, monkeypatch):
+    monkeypatch.setattr("click.testing._NamedTextIOWrapper.isatty", lambda self: True)
+    done = CliRunner().invoke(upload, [str(cell), str(kit.write_module(tmp_path)), "--apply"], input=f"{PASSWORD}\n",
+                              env={"COMPSTIFF_CONTROLLER_PASSWORD": None})
+    assert done.exit_code == 0, done.output
+    assert "password of Default User at http" in done.stderr
+    assert PASSWORD not in done.output
+    assert len(controller.files) == 1
+
+
+def test_ctrl_c_while_it_is_under_way_says_what_is_there(controller, cell, tmp_path, monkeypatch):
+    from compensator.upload import remote
+
+    file = kit.write_module(tmp_path)
+    renamed = remote.Remote.rename
+
+    def interrupted_after(self, path, name):
+        renamed(self, path, name)
+        raise KeyboardInterrupt
+
+    def interrupted_before(self, path, name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(remote.Remote, "rename", interrupted_before)
+    stopped = kit.call(cell, file, "--apply", "--load", "T_ROB1")
+    assert (stopped.code, stopped.codes) == (130, ["CS6120"])
+    assert "interrupted; the new file is not there, what was there is as it was, nothing was loaded" in stopped.message
+    assert controller.files == {}
+    monkeypatch.setattr(remote.Remote, "rename", interrupted_after)
+    stopped = kit.call(cell, file, "--apply", "--load", "T_ROB1")
+    assert "interrupted; the new file is there, whole (read back), nothing was loaded" in stopped.message
+    assert list(controller.files) == [kit.new_path(file)]
+    log = [json.loads(line) for line in (tmp_path / "upload-log.jsonl").read_text().splitlines()]
+    assert [line.get("exit_code") for line in log] == [None, 130, None, 130]
