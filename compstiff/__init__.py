@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from compensator.modbus.push import push
     from compensator.posting.job import post_files
     from compensator.posting.read_toolpath import read_toolpath
+    from compensator.upload.address import Controller
+    from compensator.upload.upload import upload
     from compensator.verification.verify import verify
     from compstiff.batch.pairing import Folders, paired
     from compstiff.batch.programs import Shared, correct_programs
@@ -66,6 +68,8 @@ _FILES = {
     "compensator.modbus.push": ("push",),
     "compensator.posting.job": ("post_files",),
     "compensator.posting.read_toolpath": ("read_toolpath",),
+    "compensator.upload.address": ("Controller",),
+    "compensator.upload.upload": ("upload",),
     "compensator.verification.verify": ("verify",),
     "compstiff.batch.pairing": ("Folders", "paired"),
     "compstiff.batch.programs": ("Shared", "correct_programs"),
@@ -90,11 +94,11 @@ _FILES = {
 }
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
-    "Address", "CompstiffError", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
+    "Address", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
     "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "deviation_csv",
     "diagnose", "diagnose_joint_logs", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "milling_poses",
     "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_measurements",
-    "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "verify",
+    "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "upload", "verify",
     "watch_folder", "write",
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shlex
 import sys
 from collections.abc import Callable, Iterable
@@ -20,8 +21,13 @@ STATUS = {DONE: "ok", FAILED: "failed", REFUSED: "refused", DEFECT: "defect", IN
 
 
 def call(*words: object) -> str:
-    """A call of the command line to copy: a name with a blank is one word of it."""
-    return shlex.join(["compstiff", *map(str, words)])
+    """A call of the command line to copy: a name with a blank is one word of it, as this system's shell writes it."""
+    line = ["compstiff", *map(str, words)]
+    if os.name == "nt":
+        from subprocess import list2cmdline
+
+        return list2cmdline(line)
+    return shlex.join(line)
 
 
 @dataclass
@@ -87,7 +93,6 @@ def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str
 
 def _defect(session: Session, defect: Exception) -> Finding:
     """An unexpected exception as a finding, its traceback kept in a log file."""
-    import os
     import tempfile
     import traceback
 
@@ -96,7 +101,7 @@ def _defect(session: Session, defect: Exception) -> Finding:
     log = "(the log could not be written)"
     with contextlib.suppress(OSError):
         handle, log = tempfile.mkstemp(prefix="compstiff-", suffix=".log")
-        with os.fdopen(handle, "w") as stream:
+        with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as stream:
             stream.write(f"compstiff {session.command}, arguments {sys.argv[1:]}\n\n{traceback.format_exc()}")
     return Finding("CS0070", "error", f"a defect in compstiff: {type(defect).__name__}: {defect}",
                    hint=f"nothing was written; please report it with the log file {log}")

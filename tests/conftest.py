@@ -18,6 +18,11 @@ from identification.model.cell import read_cell
 TARE = (0, 2)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--no-posix`: without what Windows does not have (tests/without_posix/removal.py)."""
+    parser.addoption("--no-posix", action="store_true", help="take fcntl, fork, POSIX signals and renames over open files away")
+
+
 @pytest.fixture(scope="session")
 def sample_inputs(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
     """The shipped files, with the stiffnesses identified from the shipped measurements."""

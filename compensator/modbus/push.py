@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from compensator.modbus import audit
 from compensator.modbus.link import Address, ExceptionReply, Link, LinkLost
 from compensator.modbus.offset_file import Offsets, check_offsets, tables_of
 from compensator.modbus.receiver import Receiver
@@ -27,9 +26,12 @@ from compensator.modbus.transfer import (
 )
 from compensator.modbus.windows import ROBOT_PATIENCE_S, push_windows
 from compensator.modbus.wire import ROUNDING_UM, OffsetTable, to_micrometres
+from identification.common import audit
 from identification.common.files import sha256
-from identification.common.findings import CompstiffError, Finding, Refused
+from identification.common.findings import CompstiffError, Finding, Interrupted, Refused
 from identification.model.cell import Cell
+
+LOG = "push-log.jsonl"
 
 
 @dataclass(frozen=True)
@@ -117,12 +119,6 @@ class PushResult:
         return [f"active table: {header.name}, {header.rows} rows: {change['rows_changed']} of {change['rows_in_both']} "
                 f"common rows differ, by up to {change['largest_change_mm']:.3f} mm; {change['rows_only_new']} rows are new, "
                 f"{change['rows_only_active']} go"]
-
-
-class Interrupted(CompstiffError):
-    """Ctrl-C while a table was under way; the finding says what is active (exit code 130)."""
-
-    exit_code = 130
 
 
 def push(

@@ -19,6 +19,7 @@ import numpy as np
 from compensator.modbus.wire import Header, OffsetTable, crc32, to_micrometres, to_registers
 from identification.common.files import write_whole
 from identification.common.findings import CompstiffError, error
+from identification.common.locks import Taken, lock
 
 COLUMNS = "target,ox_um,oy_um,oz_um"
 
@@ -49,7 +50,7 @@ class TableFiles(TableStore):
         try:
             content = self.table.read_bytes()
             digest = hashlib.sha256(content).hexdigest()
-            header = Header(**json.loads(self.headers.read_text())["tables"][digest])
+            header = Header(**json.loads(self.headers.read_text(encoding="utf-8"))["tables"][digest])
             rows = np.loadtxt(content.decode().splitlines()[1:], delimiter=",", dtype=np.int64, ndmin=2)
             registers = to_registers(rows[:, 1:])
         except (OSError, ValueError, KeyError, TypeError) as reason:
@@ -83,22 +84,18 @@ def table_csv(table: OffsetTable) -> bytes:
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Makes the directory and holds its lock. Raises CompstiffError: CS5101 another cell holds it, CS0004 not writable."""
-    import fcntl
-
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        held = lock(folder / "lock")
+    except Taken as reason:
+        raise error("CS5101", "another cell is running on this state directory", file=str(folder),
+                    hint="stop that one, or give another --state") from reason
     except OSError as reason:
         raise error("CS0004", f"cannot be used as a state directory: {reason.strerror}", file=str(folder)) from reason
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as reason:
-            raise error("CS5101", "another cell is running on this state directory", file=str(folder),
-                        hint="stop that one, or give another --state") from reason
         yield
     finally:
-        os.close(handle)
+        held.release()
 
 
 def _not_ours(file: Path, why: str) -> CompstiffError:

@@ -153,8 +153,14 @@ def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool
 
 
 def _solve(s: Array, dtheta_ds: Array, d2theta_ds2: Array, bound: Array, robot: RobotModel, first: float) -> Array | None:
-    """Speed (k,) [m/s] along s (k,) [m] from 0 on, from speed `first` to rest; None where TOPPRA finds none."""
-    import toppra
+    """Speed (k,) [m/s] along s (k,) [m] from 0 on, from speed `first` to rest; None where TOPPRA finds none. Raises
+    CompstiffError (CS0051) where it is not installed."""
+    try:
+        import toppra
+    except ImportError as reason:
+        raise error("CS0051", "how fast the robot can drive is worked out by the package toppra, which is not installed",
+                    hint="pip install toppra; on Windows that needs a C++ compiler. Without --check-feed, and with a log that "
+                    "is placed by more than time, it is not needed") from reason
     from toppra.algorithm import TOPPRA, ParameterizationReturnCode
     from toppra.constraint import DiscretizationType, JointAccelerationConstraint, LinearConstraint
 

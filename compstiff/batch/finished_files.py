@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import re
 import signal
@@ -59,11 +58,16 @@ class Settled:
 
 def open_for_writing(file: Path) -> bool:
     """Whether a process of this machine has the file open for writing, or it cannot be opened. False where the kernel does not
-    say: another user's file, a network folder."""
+    say: another user's file, a network folder. On Windows whether anybody has it open without sharing it."""
     try:
-        handle = os.open(file, os.O_RDONLY | os.O_NONBLOCK)
+        handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except OSError:
         return True
+    try:
+        import fcntl
+    except ImportError:
+        os.close(handle)
+        return _open_elsewhere(file)
     # A lease is broken with SIGIO, which by default ends the process.
     ignored = signal.signal(signal.SIGIO, signal.SIG_IGN)
     try:
@@ -75,6 +79,15 @@ def open_for_writing(file: Path) -> bool:
     finally:
         os.close(handle)
         signal.signal(signal.SIGIO, ignored)
+    return False
+
+
+def _open_elsewhere(file: Path) -> bool:
+    """Windows renames no file, not even to its own name, that is open without sharing its deletion, as programs open files."""
+    try:
+        os.rename(file, file)
+    except OSError:
+        return True
     return False
 
 

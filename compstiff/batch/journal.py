@@ -7,7 +7,6 @@ written whole, so the second time gives the same files.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import glob
 import json
 import os
@@ -16,8 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from identification.common.findings import Finding, counted, error
+from identification.common.locks import Taken, lock
 
 NAME = "compstiff-watch.jsonl"
+LOCK = "compstiff-watch.lock"
 FORMAT = "compstiff-watch"
 
 
@@ -35,12 +36,16 @@ class Journal:
         self.outputs: set[str] = set()
         self.findings: tuple[Finding, ...] = ()
         try:
-            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as reason:
+            self._lock = lock(folder / LOCK)
+        except Taken as reason:
             raise error("CS6005", "another watch writes to this folder", file=str(self.path),
                         hint="end it first, or give each its own folder") from reason
         except OSError as reason:
+            raise error("CS0004", f"cannot be written: {reason.strerror}", file=str(self.path)) from reason
+        try:
+            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0), 0o666)
+        except OSError as reason:
+            self._lock.release()
             raise error("CS0004", f"cannot be written: {reason.strerror}", file=str(self.path)) from reason
         self._read()
 
@@ -101,6 +106,7 @@ class Journal:
         """Gives the journal back."""
         with contextlib.suppress(OSError):
             os.close(self._handle)
+        self._lock.release()
 
 
 def sync_folder(folder: Path) -> None:

@@ -143,7 +143,7 @@ def _in_processes(
 
     begun: deque[tuple[ProgramFiles, Future[ProgramResult]]] = deque()
     # Spawned, not forked: the libraries of this process may have threads.
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
+    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _deaf) as pool:
         while True:
             # No more are handed over than are worked on, so that none begins after a stop.
             with contextlib.suppress(BrokenProcessPool):
@@ -168,12 +168,23 @@ def _lost(files: ProgramFiles, shared: Shared) -> ProgramResult:
     return ProgramResult.of(files, shared, Outcome(findings=(finding,)), "defect", DEFECT)
 
 
+def _deaf() -> None:
+    """In each process of the pool: Ctrl-C and Ctrl-Break are for the first one."""
+    import signal
+
+    for number in {signal.SIGINT, getattr(signal, "SIGBREAK", signal.SIGINT)}:
+        signal.signal(number, signal.SIG_IGN)
+
+
 @contextlib.contextmanager
 def _without_interrupts() -> Iterator[None]:
     """Processes begun in here never see a Ctrl-C, which reaches every process of a terminal: the first one decides what becomes
     of the others' work. Its own comes afterwards."""
     import signal
 
+    if not hasattr(signal, "pthread_sigmask"):      # Windows: `_deaf` is all there is
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -148,7 +148,7 @@ class Watch:
         if last.get("key") == key:
             self.handled[files.program] = stamps
             return None
-        written = [os.path.relpath(path, self.folders.output) for path in outputs]
+        written = [_from(self.folders.output, path) for path in outputs]
         own = all(file in self.journal.outputs for file, path in zip(written, outputs, strict=True) if path.exists())
         self.journal.begun(name, key, written)
 
@@ -183,6 +183,14 @@ class Watch:
                  *(f"{name}={value!r}" for name, value in chosen.items()),
                  *(sha256(value) for value in chosen.values() if isinstance(value, Path) and value.is_file())]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _from(folder: Path, path: Path) -> str:
+    """The path as seen from the folder; on another drive, where there is no way from one to the other, as it is."""
+    try:
+        return os.path.relpath(path, folder)
+    except ValueError:
+        return str(path.absolute())
 
 
 def check_folders(source: Path, folders: Folders) -> None:

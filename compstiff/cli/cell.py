@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from compstiff.cli.console import FOLDER, READABLE, command
+from compstiff.cli.signals import noted
 from compstiff.cli.tls import with_tls
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 
@@ -51,10 +52,10 @@ def cell(
             received.append(number)
             stop.set()
 
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, on_signal, number)
-        return await serve_cell(described, endpoint, state, stop, warn=lambda finding: session.say(str(finding)),
-                                ready=lambda text: None if session.quiet else click.echo(text, err=True))
+        # Not the loop's own handlers, which Windows does not have.
+        with noted(lambda number: loop.call_soon_threadsafe(on_signal, number)):
+            return await serve_cell(described, endpoint, state, stop, warn=lambda finding: session.say(str(finding)),
+                                    ready=lambda text: None if session.quiet else click.echo(text, err=True))
 
     served = asyncio.run(run())
     return Outcome(served.as_dict(), served.findings if session.as_json else (), served.lines(),

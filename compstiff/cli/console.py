@@ -6,7 +6,9 @@ command fails. Only this module and the command modules talk.
 
 from __future__ import annotations
 
+import errno
 import functools
+import io
 import json
 import os
 import sys
@@ -149,6 +151,10 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
 
 def main(group: click.Group) -> None:
     """Runs the command line; wrong calls exit 2, and with `--json` among the arguments they too print a document."""
+    for stream in (sys.stdout, sys.stderr):
+        # What the terminal's code page does not have (cp1252 has no Greek) is written as its number, not refused.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         code = group.main(standalone_mode=False)
     except SystemExit as done:
@@ -165,7 +171,10 @@ def main(group: click.Group) -> None:
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         code = INTERRUPTED
-    except BrokenPipeError:
+    except OSError as reason:
+        # Windows says EINVAL where the reader has gone.
+        if not (isinstance(reason, BrokenPipeError) or (os.name == "nt" and reason.errno == errno.EINVAL)):
+            raise
         # The reader of stdout went away (`| head`): not a defect. Without this Python would complain when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = DONE

@@ -24,6 +24,7 @@ COMMANDS = {
     "push": "Send offsets to the cell over Modbus; a dry run unless --apply.",
     "robots": "List the built-in robots.",
     "tare": "Find what hangs on the force sensor, and its bias, from still readings.",
+    "upload": "Put a RAPID module onto the controller over Robot Web Services; a dry run unless --apply.",
     "verify": "Compare the deviation measured before and after a correction.",
     "watch": "Correct every finished program that appears in a folder, once.",
 }

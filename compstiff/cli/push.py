@@ -50,8 +50,7 @@ def push(
     """
     if corrwrite and not receiver:
         raise click.UsageError("--corrwrite belongs to --receiver")
-    from compensator.modbus.audit import NAME
-    from compensator.modbus.push import Waiting
+    from compensator.modbus.push import LOG, Waiting
     from compensator.modbus.receiver import Receiver
     from compstiff import Address, push, read_cell, read_offsets
 
@@ -63,7 +62,7 @@ def push(
     result = push(
         cell, offsets, address, apply=applies, waiting=Waiting(patience, robot_wait, restart),
         receiver=Receiver(receiver, corrwrite, session.overwrite) if receiver else None,
-        log=log or cell_file.parent / NAME, progress=_progress(session), say=session.say)
+        log=log or cell_file.parent / LOG, progress=_progress(session), say=session.say)
     words = sys.argv[1:] if session.command in sys.argv else ["push", str(cell_file), str(offsets_file)]
     return Outcome(result.as_dict(), result.findings, result.lines(), "" if applies else call(*words, "--apply"))
 

@@ -6,17 +6,20 @@ import contextlib
 import hashlib
 import json
 import os
+import shutil
 import signal
 import tempfile
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from identification.common.findings import error
+from identification.common.findings import CompstiffError, error
 
 # Output files of this process that are in place: from then on an interrupt finds the work done.
 written: list[Path] = []
+PAUSES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.6)       # [s]
 
 
 def sha256(file: str | Path) -> str:
@@ -56,7 +59,8 @@ def check_distinct(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
 def write_whole(files: dict[Path, bytes]) -> None:
     """Writes all files or none: each to a temporary name beside its target, then all renamed (docs/formats.md#conventions).
 
-    Raises CompstiffError (CS0004) when the system refuses (no space, no permission); then no target has changed.
+    Raises CompstiffError when the system refuses: CS0004 (no space, no permission), CS0050 (another program has a target open,
+    on Windows). Then no target has changed.
     """
     temporary: dict[Path, str] = {}
     try:
@@ -69,8 +73,7 @@ def write_whole(files: dict[Path, bytes]) -> None:
                 os.fsync(stream.fileno())
             os.chmod(name, _mode(path))
         with _uninterrupted():
-            for path, name in temporary.items():
-                os.replace(name, path)
+            _into_place(temporary)
             written.extend(temporary)
     except OSError as reason:
         raise error("CS0004", f"cannot be written: {reason.strerror or reason}",
@@ -78,8 +81,60 @@ def write_whole(files: dict[Path, bytes]) -> None:
                     hint="check free space and permissions; nothing was changed") from reason
     finally:
         for name in temporary.values():
-            with contextlib.suppress(FileNotFoundError):
+            with contextlib.suppress(OSError):      # it is in its place; or, on Windows, not to be deleted
                 os.unlink(name)
+
+
+def _into_place(temporary: dict[Path, str]) -> None:
+    """Renames all to their targets. Where one cannot be, those before it get back what they had. Raises OSError, CS0050."""
+    kept: dict[Path, str | None] = {}
+    try:
+        for path, name in temporary.items():
+            if len(temporary) > 1:
+                kept[path] = _copy_beside(path)
+            try:
+                replace_file(name, path)
+            except BaseException:
+                last = kept.pop(path, None)
+                if last:
+                    os.unlink(last)
+                raise
+    except BaseException:
+        for path, before in kept.items():
+            with contextlib.suppress(OSError, CompstiffError):
+                replace_file(before, path) if before else path.unlink()
+        raise
+    for before in kept.values():
+        if before:
+            with contextlib.suppress(OSError):
+                os.unlink(before)
+
+
+def _copy_beside(path: Path) -> str | None:
+    """A second name, or a copy, of what is there now; None where nothing is."""
+    if not path.exists():
+        return None
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    os.close(handle)
+    shutil.copy2(path, name)
+    return name
+
+
+def replace_file(name: str, path: Path) -> None:
+    """Renames a file over another one. Windows refuses that while somebody has the other one open: it is tried again for two
+    seconds. Raises OSError; CompstiffError (CS0050): it stays open."""
+    for pause in (*PAUSES, None):
+        try:
+            os.replace(name, path)
+            return
+        except PermissionError as reason:
+            if not path.exists() or path.is_dir():
+                raise
+            if pause is None:
+                raise error("CS0050", "cannot be replaced: another program has it open, or it is read-only", file=str(path),
+                            hint="close it there (a table in Excel, a report in a viewer) and call again; nothing was changed"
+                            ) from reason
+            time.sleep(pause)
 
 
 @contextlib.contextmanager

@@ -79,6 +79,12 @@ class Unconfirmed(CompstiffError):
     exit_code = 4
 
 
+class Interrupted(CompstiffError):
+    """Ctrl-C while something was under way to a machine; the finding says what is there now (exit code 130)."""
+
+    exit_code = 130
+
+
 def error(
     code: str, message: str, *, file: str | None = None, line: int | None = None, column: int | None = None,
     target: int | None = None, hint: str = "",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -122,6 +123,37 @@ class ModbusFile(Strict):
     unit: Annotated[int, Field(ge=0, le=255)] = 1
 
 
+# What a folder on a controller may be called: a root such as HOME, and folders in it; nothing that leads out of it.
+_FOLDER = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_][A-Za-z0-9_ .-]*)*")
+
+
+def _folder(value: str) -> str:
+    name = value.replace("\\", "/").strip("/").removeprefix("$")
+    if not _FOLDER.fullmatch(name) or ".." in name:
+        raise ValueError("must be a folder of the controller such as HOME or HOME/milling")
+    return name
+
+
+def _fingerprint(value: str) -> str:
+    digits = value.replace(":", "").replace(" ", "").lower()
+    if not re.fullmatch("[0-9a-f]{64}", digits):
+        raise ValueError("must be the SHA-256 of the certificate: 64 hexadecimal digits, colons allowed")
+    return digits
+
+
+class ControllerFile(Strict):
+    """Where the robot controller's web services listen, and who logs in there. The password is never in a file."""
+
+    host: str | None = None
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    tls: bool = True
+    ca: str | None = None
+    fingerprint: Annotated[str, AfterValidator(_fingerprint)] | None = None
+    user: str = "Default User"
+    folder: Annotated[str, AfterValidator(_folder)] = "HOME"
+    system: str | None = None
+
+
 def _window(value: tuple[float, float]) -> tuple[float, float]:
     if not value[0] < value[1]:
         raise ValueError("must be [lowest, highest]")
@@ -168,6 +200,7 @@ class CellFile(Strict):
     force_log: ForceLogFile = ForceLogFile()
     limits: LimitsFile = LimitsFile()
     modbus: ModbusFile = ModbusFile()
+    controller: ControllerFile = ControllerFile()
     design: DesignFile = DesignFile()
 
 
@@ -233,6 +266,7 @@ class Cell:
     object_stated: bool = True
     joint_window: Array = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
     reach: tuple[float, float] | None = None
+    controller: ControllerFile = field(default_factory=ControllerFile)
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -285,6 +319,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         max_offset=1e-3 * described.limits.max_offset_mm,
         max_tilt=float(np.radians(described.limits.max_tilt_deg)),
         modbus=described.modbus,
+        controller=described.controller,
         tool_mass=described.tool.mass_kg,
         tool_centre=None if centre is None else 1e-3 * np.array(centre),
         object_stated="workobject" in described.model_fields_set,

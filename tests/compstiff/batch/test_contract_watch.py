@@ -20,7 +20,7 @@ from click.testing import CliRunner, Result
 from compensator.correction.settings import Settings
 from compstiff.batch import watch as watching
 from compstiff.batch.finished_files import Settled
-from compstiff.batch.journal import NAME, Journal
+from compstiff.batch.journal import LOCK, NAME, Journal
 from compstiff.batch.pairing import Folders
 from compstiff.batch.programs import ProgramResult, Shared
 from compstiff.batch.watch import Watch
@@ -257,7 +257,7 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_half(place: Shop) -
         assert all(path.read_bytes() == alone for path in out.glob("p*.mod"))
         assert all(json.loads(path.read_text()) for path in out.glob("p*.json"))
     assert once(place, out).exit_code == 0
-    assert {path.name for path in out.iterdir()} == {NAME, *(f"{n}{end}" for n in names for end in (".mod", ".mod.json"))}
+    assert {path.name for path in out.iterdir()} == {NAME, LOCK, *(f"{n}{end}" for n in names for end in (".mod", ".mod.json"))}
     assert all((out / f"{name}.mod").read_bytes() == alone for name in names)
     # No kill fell into a journal line here, so each program was done exactly once.
     assert sorted(entry["program"] for entry in entries(out)) == sorted(f"{name}.mod" for name in names)

@@ -1,4 +1,4 @@
-"""One line of JSON for every push that is applied: who, when, which file, which table, with what result."""
+"""One line of JSON for everything that is done to a machine: who, when, from which computer, with which file and result."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from identification.common.findings import error
-
-NAME = "push-log.jsonl"
 
 
 def append(file: Path, entry: dict[str, Any]) -> None:
@@ -27,12 +25,13 @@ def append(file: Path, entry: dict[str, Any]) -> None:
         finally:
             os.close(handle)
     except OSError as reason:
-        raise error("CS0004", f"the log of pushes cannot be written: {reason.strerror}", file=str(file),
+        raise error("CS0004", f"the log of what is applied cannot be written: {reason.strerror}", file=str(file),
                     hint="give another file with --log") from reason
 
 
 def _user() -> str:
+    """The login name; where the system knows none (a service, a container) that is said."""
     try:
         return getpass.getuser()
-    except (OSError, KeyError):
-        return f"uid {os.getuid()}"
+    except (OSError, KeyError, ImportError):      # ImportError: Windows without USERNAME, Python up to 3.12
+        return "unknown"
