@@ -22,24 +22,13 @@ from identification.common.yaml_source import (
     Triple,
     read_yaml,
 )
+from identification.model.frame_file import ZERO, FrameFile
+from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
 FrameKind = Literal["base", "tool", "sensor"]
-ZERO: Triple = (0.0, 0.0, 0.0)
-UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
-
-
-class FrameFile(Strict):
-    """A frame as position and quaternion."""
-
-    position_mm: Triple = ZERO
-    quaternion: Quaternion = UPRIGHT
-
-    def frame(self) -> Frame:
-        """In metres."""
-        return Frame.from_quaternion(1e-3 * np.array(self.position_mm), self.quaternion)
 
 
 class ToolFile(FrameFile):
@@ -163,6 +152,7 @@ class CellFile(Strict):
     tool: ToolFile
     base_frame: FrameFile = FrameFile()
     workobject: FrameFile = FrameFile()
+    mechanical_units: tuple[MechanicalUnitFile, ...] | None = None
     measurement: MeasurementFile = MeasurementFile()
     prior: CellPriorFile = CellPriorFile()
     force_log: ForceLogFile = ForceLogFile()
@@ -215,6 +205,8 @@ class Cell:
 
     object_stated: whether the file states its work object; else that is the world. joint_window (6, 2) [rad]: where the joints
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
+    units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
+    that carries the robot stands at its zero.
     """
 
     source: Path
@@ -233,6 +225,7 @@ class Cell:
     object_stated: bool = True
     joint_window: Array = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
     reach: tuple[float, float] | None = None
+    units: tuple[MechanicalUnit, ...] | None = None
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -291,6 +284,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         joint_window=np.radians([window or (-np.inf, np.inf) for _, window in described.design.joint_window_deg]),
         reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
                                                               1e-3 * described.design.reach_mm[1]),
+        units=mechanical_units(described.mechanical_units, str(file)),
     )
 
 
