@@ -100,7 +100,7 @@ def said_of_axes(path: RobotPath, targets: Indices) -> list[Finding]:
             fixed = axis.targets[path.axes.carrier[axis.targets] != units.index(unit)]
             if len(fixed) and axis.held:
                 findings.append(_all(path, fixed, "CS4503", "note", f"{axis.subject} of {unit.name} ({axis.at}), and the "
-                                     "work object is fixed (ufprog TRUE): the correction is made in the work object as it is declared",
+                                     "work object is fixed (ufprog TRUE): it is corrected in that as it is declared",
                                      "declare the work object as it lies at that value"))
             elif len(fixed):
                 findings.append(_all(path, fixed, "CS4504", "warning", f"{axis.subject} of {unit.name} ({axis.at}), and the "
@@ -116,7 +116,8 @@ def _left_there(path: RobotPath, targets: Indices, unit: MechanicalUnit) -> Find
     which = targets[np.isnan(path.toolpath.external[targets][:, unit.columns]).any(axis=1)]
     places = ", ".join(f"{axis.name} at {path.axes.values[which[0], axis.column]:g} {axis.unit}" for axis in unit.axes)
     return _all(path, which, "CS4507", "note", f"{counted(len(which), 'move')} with force do not drive {unit.name}: "
-                f"taken to stand where it was left, or is parked ({places})", "is that where it stands? 9E9 is for a unit that is not active")
+                f"taken to stand where it was left, or is parked ({places})",
+                "is that where it stands? 9E9 is for a unit that is not active")
 
 
 def _counts(path: RobotPath, targets: Indices, unit: MechanicalUnit) -> bool:

@@ -1,0 +1,162 @@
+"""A robot on a slide, a part on a tilting and turning table: the corrected program, driven by the virtual cell's controller
+with kinematics of its own, keeps the loaded tool on the plan, at the targets and between them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import compstiff
+from compensator.path.legs import Poses
+from compensator.path.robot_path import robot_path
+from compensator.path.route import build_route
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.carried_job import SLIDE, SLIDE_ZERO, CarriedJob
+from tests.runs.milling.line_job import ARCS, LINES, SHORT
+from tests.virtual_cell import controller
+
+ROUNDING_UM = 0.2
+STILL = np.array([[1100.0, 7.0, -15.0], [1100.0, 7.0, -15.0]])
+EXTERNAL = re.compile(r"\[([^\[\]]*)\]\](?=,)")
+
+
+def at_targets_um(job: CarriedJob, rapid: str) -> np.ndarray:
+    """How far the loaded tool is off each planned target (N,) [um], all coordinates."""
+    planned, commanded = job.planned, controller.legs_of(rapid)
+    assert len(planned) == len(commanded)
+    points = np.array([planned[0].points[0], *(leg.points[-1] for leg in planned)])
+    ways = np.array([commanded[0].points[0], *(leg.points[-1] for leg in commanded)])
+    turns = Rotation.concatenate([commanded[0].turn[0], *(leg.turn[1] for leg in commanded)])
+    external = np.array([commanded[0].external[0], *(leg.external[1] for leg in commanded)])
+    origin, turned = job.stands(external)
+    rest = controller.loaded(job.arm, job.angles(ways, turns, external), kit.TOOL.p, job.force(job.target_lengths), kit.K)
+    return np.asarray(1e3 * np.linalg.norm(1e3 * turned.inv().apply(rest - origin) - points, axis=1))
+
+
+def with_axes(rapid: str, written: str) -> str:
+    """The program with other external axes in its moves."""
+    return "\n".join(EXTERNAL.sub(written + "]", line) if line.lstrip().startswith("Move") else line
+                     for line in rapid.splitlines()) + "\n"
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_the_loaded_tool_stands_on_the_plan(tmp_path: Path, on: str) -> None:
+    """At every target with its own force, to what the written numbers round."""
+    job = CarriedJob(tmp_path, SHORT, zone="z0", on=on)
+    _, result, text = job.correct("target", "--confidence", 0.5, "--keep-targets")
+    assert at_targets_um(job, job.program).max() > 200
+    assert at_targets_um(job, text).max() < 1.0
+    assert result["result"]["corrected"] > 35
+    # The units go where they went.
+    assert [m[1] for m in EXTERNAL.finditer(text)] == [m[1] for m in EXTERNAL.finditer(job.program)]
+
+
+@pytest.mark.parametrize(("on", "path", "by"), [
+    ("slide", LINES, "position"), ("slide", ARCS, "path_mm"), ("table", ARCS, "position"), ("both", LINES, "path_mm"),
+    ("both", ARCS, "path_mm"),
+])
+def test_the_tolerance_is_kept_between_targets(tmp_path: Path, on: str, path: str, by: str) -> None:
+    """Further targets have external axes in proportion to the way, on lines and on arcs, whose circle points say nothing."""
+    job = CarriedJob(tmp_path, path, zone="z0", on=on)
+    assert job.off_um(job.program).max() > 200
+    off, result, _ = job.correct(by, "--tolerance", 4)
+    said = result["result"]
+    assert off.max() < 4 + ROUNDING_UM
+    assert off.max() - 1.4 < said["between_um"]["largest"] < 4 + ROUNDING_UM
+    assert said["added_targets"] > 15
+    kept, _, _ = job.correct(by, "--tolerance", 4, "--keep-targets")
+    assert kept.max() > 4
+
+
+def test_a_circle_point_that_says_otherwise_is_not_made_a_target(tmp_path: Path) -> None:
+    """The controller does not use the axes of a circle point; as the end of a first half they would count."""
+    job = CarriedJob(tmp_path, ARCS, zone="z0", on="slide")
+    told, index = [], 0
+    for line in job.program.splitlines():
+        if "MoveC" in line:
+            found = EXTERNAL.search(line)
+            assert found is not None
+            line = line[:found.start(1)] + "33.5" + line[found.start(1) + len(found[1].split(",")[0]):]
+            index += 1
+        told.append(line)
+    assert index == 2
+    odd = CarriedJob(tmp_path, ARCS, zone="z0", on="slide", text="\n".join(told) + "\n")
+    off, result, text = odd.correct("path_mm", "--tolerance", 3)
+    assert text.count("[33.5,9E9") == 2
+    # The arcs stay whole and are said to be off; the lines are kept.
+    assert {"CS4330", "CS3091"} <= {finding["code"] for finding in result["findings"]}
+    assert off.max() == pytest.approx(result["result"]["between_um"]["largest"], rel=0.2)
+
+
+@pytest.mark.parametrize("on", ["slide", "table"])
+def test_an_axis_that_stands_still_is_another_place(tmp_path: Path, on: str) -> None:
+    """The same correction as with the base, or the work object, declared there and no unit at all."""
+    job = CarriedJob(tmp_path / "unit", SHORT, zone="z0", on=on, ends=STILL)
+    _, _, text = job.correct("target", "--check-feed")
+    origin, turned = job.stands(job.values[:2])
+    base = kit.Frame(kit.BASE.p + 1e-3 * (STILL[0, 0] - SLIDE_ZERO) * SLIDE, kit.BASE.r) if on == "slide" else kit.BASE
+    place = kit.wobjdata(user=base @ kit.Frame(origin[0], turned[0]), obj=kit.Frame(np.zeros(3), Rotation.identity()))
+    program = with_axes(job.program, kit.E).replace(job.data[1], place)
+    told = kit.Job(tmp_path / "plain", cell=kit.cell_text(base=base), program=program, forces=job.log("target"))
+    (tmp_path / "plain").mkdir()
+    assert told.correct("--check-feed").code == 0
+    one, other = controller.legs_of(text), controller.legs_of(told.out.read_text())
+    assert len(one) == len(other) == len(job.xy) - 1
+    for here, there in zip(one, other, strict=True):
+        assert np.abs(here.points - there.points).max() < 1.1e-4            # the last decimal written [mm]
+    ours, theirs = (kit.column(kit.table(folder / "offsets.csv"), "ox_mm", "oy_mm", "oz_mm")
+                    for folder in (job.folder, told.folder))
+    assert np.abs(ours - theirs).max() < 1e-6                               # 1e-9 m
+    assert np.abs(ours).max() > 0.1
+
+
+def test_the_units_own_limits_hold_the_feed_back(tmp_path: Path) -> None:
+    """A table that turns with the cut needs its own speed; without limits it is said not to be judged."""
+    ends = np.array([[950.0, 12.0, -20.0], [950.0, 4.0, 5.0]])
+    slow = CarriedJob(tmp_path / "slow", LINES, zone="z0", on="table", ends=ends,
+                      limits=", speed_deg_s: 5, acceleration_deg_s2: 1000")
+    _, result, _ = slow.correct("path_mm", "--check-feed", "--keep-targets")
+    speed = np.array([np.abs(leg.external[1, 1:3] - leg.external[0, 1:3]) / (leg.length / 50) for leg in slow.planned])
+    axis = "bc"[int(np.argmax(speed.max(axis=0)))]
+    feed = result["result"]["feed_check"]["planned"]
+    assert feed["lowest_feed_ratio"] == pytest.approx(5 / speed.max(), rel=1e-3)
+    assert any(f"eax_{axis} at its speed limit (5 deg/s)" in finding["message"] for finding in result["findings"]), result["findings"]
+    free = CarriedJob(tmp_path / "free", LINES, zone="z0", on="table", ends=ends)
+    _, result, _ = free.correct("path_mm", "--check-feed", "--keep-targets")
+    assert result["result"]["feed_check"]["planned"]["lowest_feed_ratio"] > 2 * 5 / speed.max()
+    assert any(finding["code"] == "CS4508" and "eax_b, eax_c" in finding["message"] for finding in result["findings"])
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_the_way_of_the_joints_is_that_of_an_arm_of_its_own(tmp_path: Path, on: str) -> None:
+    """Angles along lines and arcs, and how they change with the path's length, which the feed check rests on."""
+    job = CarriedJob(tmp_path, ARCS, zone="fine", on=on, limits=", speed_deg_s: 50, acceleration_deg_s2: 100")
+    job.job(job.log("path_mm")).write()
+    cell = compstiff.read_cell(tmp_path / "cell.yaml")
+    path = robot_path(compstiff.read_toolpath(tmp_path / "part.mod", cell).toolpath, cell)
+    route = build_route(path, Poses(path.base_from_tcp, path.theta))
+    ends = np.append(0.0, np.cumsum([leg.length for leg in job.planned]))
+    compared = 0
+    for number, leg in enumerate(job.planned):
+        fine = controller.drive([leg], 0.02, zones=False)
+        q = job.angles(fine.position, fine.turn, fine.external)
+        s = np.linspace(ends[number], ends[number + 1], len(q))
+        # Grid points stand GAP apart at stops; inside a leg they count from its start.
+        at = route.s * 1e3 - 1e-3 * number
+        here = (at > ends[number] + 0.5) & (at < ends[number + 1] - 0.5)
+        at = at[here]
+        rate = np.gradient(q, s, axis=0) * 1e3
+        for joint in range(6):
+            np.testing.assert_allclose(route.theta[here, joint], np.interp(at, s, q[:, joint]), atol=1e-7)
+            np.testing.assert_allclose(route.dtheta_ds[here, joint], np.interp(at, s, rate[:, joint]), atol=0.01, rtol=0.01)
+        columns = {"slide": [0], "table": [1, 2], "both": [0, 1, 2]}[on]
+        for place, column in enumerate(columns):
+            factor = 1e-3 if column == 0 else np.radians(1)
+            np.testing.assert_allclose(route.theta[here, 6 + place],
+                                       factor * np.interp(at, s, fine.external[:, column]), atol=1e-7)
+        compared += here.sum()
+    assert compared > 20
