@@ -160,3 +160,17 @@ def test_the_way_of_the_joints_is_that_of_an_arm_of_its_own(tmp_path: Path, on: 
                                        factor * np.interp(at, s, fine.external[:, column]), atol=1e-7)
         compared += here.sum()
     assert compared > 20
+
+
+def test_a_deviation_that_turns_with_the_part_gets_targets(tmp_path: Path) -> None:
+    """A force that stays the same for the robot turns for the part: a straight line of offsets misses it."""
+    def same(job: CarriedJob, s: np.ndarray) -> np.ndarray:
+        return np.column_stack([150 + 0 * s, 250 + 0 * s, -80 + 0 * s])
+
+    ends = np.array([[950.0, 8.0, -20.0], [950.0, 8.0, 5.0]])
+    job = CarriedJob(tmp_path, "J 0,0 L 100,0", zone="fine", on="table", ends=ends, force_of=same)
+    off, _, _ = job.correct("path_mm", "--tolerance", 2)
+    assert off.max() < 2 + ROUNDING_UM
+    kept, result, _ = job.correct("path_mm", "--tolerance", 2, "--keep-targets")
+    assert kept.max() > 4
+    assert result["result"]["between_um"]["largest"] == pytest.approx(kept.max(), rel=0.2)
