@@ -169,8 +169,10 @@ def test_a_deviation_that_turns_with_the_part_gets_targets(tmp_path: Path) -> No
 
     ends = np.array([[950.0, 8.0, -20.0], [950.0, 8.0, 5.0]])
     job = CarriedJob(tmp_path, "J 0,0 L 100,0", zone="fine", on="table", ends=ends, force_of=same)
-    off, _, _ = job.correct("path_mm", "--tolerance", 2)
-    assert off.max() < 2 + ROUNDING_UM
-    kept, result, _ = job.correct("path_mm", "--tolerance", 2, "--keep-targets")
+    off, result, _ = job.correct("path_mm", "--tolerance", 3)
+    assert off.max() < 3 + ROUNDING_UM
+    # No more than needed: seen from the robot, whose frame turns against the part, it would look like more.
+    assert result["result"]["added_targets"] <= 4
+    kept, result, _ = job.correct("path_mm", "--tolerance", 3, "--keep-targets")
     assert kept.max() > 4
     assert result["result"]["between_um"]["largest"] == pytest.approx(kept.max(), rel=0.2)
