@@ -40,11 +40,11 @@ def test_a_slide_under_two_turns_moves_points_as_drawn(tmp_path: Path) -> None:
         # A point of the part is turned about the inner line, then about the outer one, then slid.
         p = np.array([0.01, 0.02, 0.03]) + Rotation.from_quat([1, 0, 0, 0]).apply(point)
         inner = Rotation.from_rotvec(np.radians(row[3]) * np.array([0, 0.6, 0.8]))
-        p = inner.apply(p - [0.2, 0, 0]) + [0.2, 0, 0]
+        p = np.add([0.2, 0, 0], inner.apply(p - [0.2, 0, 0]))
         outer = Rotation.from_rotvec(np.radians(row[1] + 10) * np.array([1.0, 0, 0]))
-        p = outer.apply(p - [0, 0.05, 0.12]) + [0, 0.05, 0.12]
+        p = np.add([0, 0.05, 0.12], outer.apply(p - [0, 0.05, 0.12]))
         p = p + 1e-3 * (row[5] - 250) * np.array([0, 0.6, 0.8])
-        np.testing.assert_allclose(rotation @ point + position, base.apply(p) + [0.9, -0.3, 0.4], atol=1e-12)
+        np.testing.assert_allclose(rotation @ point + position, np.add([0.9, -0.3, 0.4], base.apply(p)), atol=1e-12)
     still = np.zeros((1, 6))
     still[0, [5, 1]] = 250, -10
     np.testing.assert_allclose(unit.displacement(still).rotation[0], np.eye(3), atol=1e-12)

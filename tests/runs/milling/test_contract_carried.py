@@ -15,8 +15,9 @@ from compensator.path.legs import Poses
 from compensator.path.robot_path import robot_path
 from compensator.path.route import build_route
 from tests.runs.command_line import user_files as kit
-from tests.runs.milling.carried_job import SLIDE, SLIDE_ZERO, CarriedJob
-from tests.runs.milling.line_job import ARCS, LINES, SHORT
+from tests.runs.milling.carried_job import SLIDE, SLIDE_ZERO, CarriedJob, slide_yaml
+from tests.runs.milling.line_job import ARCS, LINES, SHORT, LineJob
+from tests.runs.milling.test_contract_between import posted_source
 from tests.virtual_cell import controller
 
 ROUNDING_UM = 0.2
@@ -176,3 +177,36 @@ def test_a_deviation_that_turns_with_the_part_gets_targets(tmp_path: Path) -> No
     kept, result, _ = job.correct("path_mm", "--tolerance", 3, "--keep-targets")
     assert kept.max() > 4
     assert result["result"]["between_um"]["largest"] == pytest.approx(kept.max(), rel=0.2)
+
+
+@pytest.mark.parametrize("form", ["apt", "csv"])
+def test_posted_programs_hold_the_axes_where_they_are_parked(tmp_path: Path, form: str) -> None:
+    """As posted for a robot that stands there on the floor, but for the axes; and corrected alike. Without a place: refused."""
+    path = LineJob(tmp_path, "J 0,0 L 60,0 V 90,30 L 60,60 L 0,60", zone="z0")
+    away = kit.Frame(kit.BASE.p + 1e-3 * 80 * SLIDE, kit.BASE.r)
+    (tmp_path / f"part.{form}").write_text(posted_source(path, form))
+    (tmp_path / "stiffness.json").write_text(kit.stiffness_text())
+    (tmp_path / "forces.csv").write_text("target,fx_n,fy_n,fz_n\n1,60,90,-120\n2,60,90,-120\n")
+    place = f"workobject: {kit.yaml_frame(away @ kit.work_object())}\n"
+    track = "mechanical_units:\n" + slide_yaml(limits=f", parked_mm: {SLIDE_ZERO + 80}")
+    options = ["--tool-x", "0,1,0"] if form == "apt" else []
+    out: list[tuple[str, np.ndarray]] = []
+    for name, cell in (("floor", kit.cell_text(base=away, extra=place)), ("track", kit.cell_text(extra=place + track))):
+        (tmp_path / f"{name}.yaml").write_text(cell)
+        posted = kit.run("post", tmp_path / f"{name}.yaml", tmp_path / f"part.{form}", "-o", tmp_path / f"{name}.mod", *options)
+        assert posted.code == 0, posted
+        done = kit.run("correct", tmp_path / f"{name}.yaml", tmp_path / f"part.{form}",
+                       "--stiffness", tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", tmp_path / f"{name}_out.mod", "--offsets",
+                       tmp_path / f"{name}.csv", *options)
+        assert done.code == 0, done
+        out.append(((tmp_path / f"{name}.mod").read_text(),
+                    kit.column(kit.table(tmp_path / f"{name}.csv"), "ox_mm", "oy_mm", "oz_mm")))
+    (floor, one), (track, other) = out
+    assert "[880.0,9E9,9E9,9E9,9E9,9E9]" in track
+    assert track.replace("880.0", "9E9") == floor
+    assert np.abs(one).max() > 0.05
+    np.testing.assert_allclose(one, other, atol=1e-6)
+    (tmp_path / "nowhere.yaml").write_text(kit.cell_text(extra=place + "mechanical_units:\n" + slide_yaml()))
+    lost = kit.run("post", tmp_path / "nowhere.yaml", tmp_path / f"part.{form}", "-o", tmp_path / "lost.mod", *options)
+    assert lost.code == 1
+    assert "CS4510" in lost.err
