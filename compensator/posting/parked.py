@@ -24,8 +24,8 @@ def parked_values(cell: Cell) -> Array:
             elif unit.carries == "robot":
                 key = "parked_deg" if axis.rotary else "parked_mm"
                 raise error("CS4510", f"{unit.name} carries the robot, and cell.yaml does not say where {axis.name} stands "
-                            "while a posted program runs", file=str(cell.source), hint=f"state {key} of eax {axis.name[-1]} under "
-                            "mechanical_units: posted programs hold it there")
+                            "while a posted program runs", file=str(cell.source), hint=f"state {key} of eax {axis.name[-1]}: "
+                            "posted programs hold it there")
     return values
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -23,7 +23,7 @@ from identification.common.yaml_source import (
     read_yaml,
 )
 from identification.model.frame_file import ZERO, FrameFile
-from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units
+from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units, travel
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
@@ -250,7 +250,8 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
-    robot = _robot(described.robot, file, geometry)
+    units, world_from_base = mechanical_units(described.mechanical_units, str(file)), described.base_frame.frame()
+    robot = replace(_robot(described.robot, file, geometry), track=travel(units, world_from_base))
     stiffness, relative_std = described.prior.stiffness_nm_per_rad, described.prior.relative_std
     prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
                   robot.prior.relative_std if relative_std is None else np.array(relative_std))
@@ -260,7 +261,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         source=file,
         robot=robot,
         flange_from_tcp=described.tool.frame(),
-        world_from_base=described.base_frame.frame(),
+        world_from_base=world_from_base,
         world_from_object=described.workobject.frame(),
         noise=Noise(
             deflection=1e-6 * np.array(measurement.deflection_std_um),
@@ -284,7 +285,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         joint_window=np.radians([window or (-np.inf, np.inf) for _, window in described.design.joint_window_deg]),
         reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
                                                               1e-3 * described.design.reach_mm[1]),
-        units=mechanical_units(described.mechanical_units, str(file)),
+        units=units,
     )
 
 

@@ -177,6 +177,14 @@ def mechanical_units(described: tuple[MechanicalUnitFile, ...] | None, file: str
     return tuple(units)
 
 
+def travel(units: tuple[MechanicalUnit, ...] | None, world_from_base: Frame) -> Array | None:
+    """The direction (3,) in which a track carries the robot, base frame; None where no unit does, or not along one line."""
+    unit = next((unit for unit in units or () if unit.carries == "robot"), None)
+    if unit is None or len(unit.axes) != 1 or unit.axes[0].rotary or unit.axes[0].direction is None:
+        return None
+    return np.asarray(world_from_base.rotation.T @ unit.world_from_unit.rotation @ unit.axes[0].direction)
+
+
 def _axis(axis: ExternalAxisFile) -> ExternalAxis:
     rotary = axis.kind == "rotary"
     factor = float(np.radians(1.0)) if rotary else 1e-3

@@ -3,11 +3,13 @@ with kinematics of its own, keeps the loaded tool on the plan, at the targets an
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 import compstiff
@@ -196,8 +198,8 @@ def test_posted_programs_hold_the_axes_where_they_are_parked(tmp_path: Path, for
         posted = kit.run("post", tmp_path / f"{name}.yaml", tmp_path / f"part.{form}", "-o", tmp_path / f"{name}.mod", *options)
         assert posted.code == 0, posted
         done = kit.run("correct", tmp_path / f"{name}.yaml", tmp_path / f"part.{form}",
-                       "--stiffness", tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", tmp_path / f"{name}_out.mod", "--offsets",
-                       tmp_path / f"{name}.csv", *options)
+                       "--stiffness", tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv",
+                       "-o", tmp_path / f"{name}_out.mod", "--offsets", tmp_path / f"{name}.csv", *options)
         assert done.code == 0, done
         out.append(((tmp_path / f"{name}.mod").read_text(),
                     kit.column(kit.table(tmp_path / f"{name}.csv"), "ox_mm", "oy_mm", "oz_mm")))
@@ -210,3 +212,38 @@ def test_posted_programs_hold_the_axes_where_they_are_parked(tmp_path: Path, for
     lost = kit.run("post", tmp_path / "nowhere.yaml", tmp_path / f"part.{form}", "-o", tmp_path / "lost.mod", *options)
     assert lost.code == 1
     assert "CS4510" in lost.err
+
+
+def test_a_soft_track_is_corrected_along_the_way(tmp_path: Path) -> None:
+    """The carriage yields along its travel and rocks about it, wherever on the track it stands."""
+    along, rocking = 4e-7, 3e-7
+    job = CarriedJob(tmp_path, SHORT, zone="z0", on="slide")
+    plain = json.loads(kit.stiffness_text())
+    more = [{"name": f"soft_track.{name}", "unit": unit, "estimate": value, "std": 0.05 * value,
+             "interval_95": [0.9 * value, 1.1 * value]}
+            for name, unit, value in (("along_m_per_n", "m/N", along), ("rocking_rad_per_nm", "rad/(N*m)", rocking))]
+    spread = np.array([0.05 * along, 0.05 * rocking])
+    log = plain["log_compliance"]
+    log["mean"] += [along, rocking]
+    for part in (plain, log):
+        part["covariance"] = block_diag(np.array(part["covariance"]), np.diag(spread**2)).tolist()
+    plain |= {"parameters": plain["parameters"] + more, "effects": [{"effect": "soft_track", "joint": None}]}
+    ready = job.job(job.log("target"))
+    ready.stiffness = json.dumps(plain)
+    done = ready.correct("--json", "--confidence", 0.5, "--keep-targets")
+    assert done.code == 0, done
+
+    def off_um(rapid: str) -> float:
+        legs, force = controller.legs_of(rapid), job.force(job.target_lengths)
+        ways = np.array([legs[0].points[0], *(leg.points[-1] for leg in legs)])
+        turns = Rotation.concatenate([legs[0].turn[0], *(leg.turn[1] for leg in legs)])
+        origin, turned = job.stands(job.values)
+        rest = controller.loaded(job.arm, job.angles(ways, turns, job.values), kit.TOOL.p, force, kit.K)
+        travel = kit.BASE.r.inv().apply(SLIDE)
+        moment = np.cross(rest, force)
+        moved = rest + along * np.outer(force @ travel, travel) + rocking * np.cross(np.outer(moment @ travel, travel), rest)
+        points = np.array([job.planned[0].points[0], *(leg.points[-1] for leg in job.planned)])
+        return float(1e3 * np.linalg.norm(1e3 * turned.inv().apply(moved - origin) - points, axis=1).max())
+
+    assert off_um(job.program) > 400
+    assert off_um(ready.out.read_text()) < 1.0
