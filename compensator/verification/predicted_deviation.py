@@ -58,5 +58,5 @@ def _check_turning(cell: Cell, file: Path) -> None:
                and any(axis.rotary and axis.direction is not None for axis in unit.axes)]
     if turning:
         raise error("CS4513", f"has the deviation in the base frame, and the cell's {turning[0]} may turn the work object "
-                    "against the base", file=str(file), hint="give the readings in the base frame (--frame base), or leave --predicted "
-                    "out")
+                    "against the base", file=str(file),
+                    hint="give the readings in the base frame (--frame base), or leave --predicted out")
