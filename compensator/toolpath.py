@@ -41,13 +41,15 @@ class ToolFrame:
 
 @dataclass(frozen=True, slots=True)
 class WorkObject:
-    """World-from-object frame: the user frame times the object frame. Fields as in `ToolFrame`."""
+    """World-from-object frame: the user frame times the object frame. Fields as in `ToolFrame`. unit: the mechanical unit that
+    moves it (ufprog FALSE, ufmec), "" for none: then the frame is that of the object in the unit's user frame."""
 
     name: str
     position: Array | None
     quaternion: Array | None
     line: int | None = None
     problem: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,8 @@ class Toolpath:
     feed       (N,) [m/s] programmed TCP speed; NaN where unknown
     zone       (N,) [m] radius of the fly-by zone, 0 for a fine point; NaN where unknown
     block      (N,) "" or the reason why this target cannot be corrected (a target computed at run time, \\Corr ...)
+    switched   (first target, name of the unit in lower case, on) of each ActUnit and DeactUnit, in the order of the text
+    together   (N,) the move is synchronised with those of other robots (\\ID); None: none is
     given      (N,) number of each target in the program as it was given, None where none was added since; `line` and `column`
                are always those of that program
     """
@@ -88,6 +92,8 @@ class Toolpath:
     workobjects: tuple[WorkObject, ...]
     findings: tuple[Finding, ...] = ()
     given: Indices | None = None
+    switched: tuple[tuple[int, str, bool], ...] = ()
+    together: NDArray[np.bool_] | None = None
 
     @property
     def number(self) -> Indices:

@@ -64,7 +64,8 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
     grid, fine, path = looked_at.grid, looked_at.fine, looked_at.fine.path
     points = fine.targets[grid.further[fine.targets]]
     under = following_the_cut(fine, grid.kept, logged)
-    pose = _commanded(looked_at, commanded.base_from_tcp, points)
+    target = path.axes.to_rest(commanded.base_from_tcp, looked_at.at)
+    pose = path.axes.to_base(_commanded(looked_at, target, points), points)
     theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
     reached = ~np.isnan(theta).any(axis=1)
     points = points[reached]
@@ -79,9 +80,10 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
 
 
 def _across(off: Array, path: RobotPath, points: Indices) -> Array:
-    """The part (n, 3) across the planned curve of distances off (n, 3) [m] at further points, which stand evenly on their move:
-    their neighbours show its direction."""
-    along = path.base_from_tcp.position[points + 1] - path.base_from_tcp.position[points - 1]
+    """The part (n, 3) across the planned curve of distances off (n, 3) [m], base frame, at further points, which stand evenly
+    on their move: their neighbours show its direction."""
+    position = path.rest_from_tcp.position
+    along = path.axes.turned_to_base(position[points + 1] - position[points - 1], points)
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
     return np.asarray(off - np.einsum("ni,ni->n", off, along)[:, None] * along)
 
@@ -92,7 +94,8 @@ def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]
     pieces, for it may lie within one."""
     grid, at, count = looked_at.grid, looked_at.at, len(looked_at.grid.owner)
     deviation = np.full((count, 3), np.nan)
-    deviation[prediction.targets] = prediction.position
+    axes = looked_at.fine.path.axes
+    deviation[prediction.targets] = axes.turned_to_rest(prediction.position, prediction.targets)
     length = np.maximum(np.diff(place_of(looked_at.fine.path)), 1e-9)[:, None]
     slope = np.diff(deviation, axis=0) / length
     first = at[:-1][(np.diff(at) == 1) & (grid.further[at[:-1]] | grid.further[at[1:]])]
@@ -102,13 +105,14 @@ def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]
     around = 0.5 * (slope[first - 2] + slope[first + 1])
     two = length[first] * (slope[first] - around) + length[first - 1] * (slope[first - 1] - around)
     jump = np.where(grid.may[beside, None], two, alone)
+    jump = axes.turned_to_base(jump, beside)
     size = 0.5 * np.linalg.norm(_across(jump, looked_at.fine.path, beside), axis=1) - SIGMAS * looked_at.noise[beside]
     known = ~np.isnan(size)
     return beside[known], np.maximum(size[known], 0.0)
 
 
 def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:
-    """Where the program commands the tool at points (n,) of the grid, with targets (N) at its points `at`."""
+    """Where the program commands the tool at points (n,) of the grid, with targets (N) at its points `at`, resting frame."""
     at, place = looked_at.at, place_of(looked_at.fine.path)
     start = np.clip(np.searchsorted(at, points, side="right") - 1, 0, len(at) - 2)
     share = (place[points] - place[at[start]]) / np.maximum(place[at[start + 1]] - place[at[start]], 1e-12)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.driven_axes import said_of_axes, unknown_axes
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, Refused
@@ -18,8 +19,9 @@ Indices = NDArray[np.intp]
 def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, list[Finding]]:
     """The targets (M,) with force that can be corrected, and a finding for each that is left as it is.
 
-    Raises CompstiffError (CS4103: unusable quaternion) and Refused (CS4104: a move with force depends on a tool, work
-    object or external axis that is not understood; CS4105: not reachable, outside the joint limits).
+    Raises CompstiffError (CS4103: unusable quaternion) and Refused (CS4104: a move with force depends on a tool, work object or
+    mechanical unit that is not understood; CS4505: it is synchronised with other robots; CS4105: not reachable, outside the
+    joint limits).
     """
     toolpath = path.toolpath
     forced = np.flatnonzero(forces.forced)
@@ -44,16 +46,15 @@ def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, 
                              f"check tool, work object and base frame{_not_declared(path, int(lost[0]))}")
         raise Refused(replace(first, count=len(lost)))
     refuse_outside(path, rest, path.theta[rest], "as planned")
-    return rest, findings
+    return rest, findings + said_of_axes(path, rest)
 
 
 def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
-    """CS4104: targets with force whose tool, work object or external axis is not understood."""
+    """CS4104, CS4505: targets with force whose tool, work object or mechanical unit is not understood."""
     toolpath = path.toolpath
     tool_unknown, object_unknown = (np.array([bool(frame.problem) for frame in frames], dtype=bool)
                                     for frames in (toolpath.tools, toolpath.workobjects))
-    doubtful = (tool_unknown[toolpath.tool[targets]] | object_unknown[toolpath.workobject[targets]]
-                | ~np.isnan(toolpath.external[targets]).all(axis=1))
+    doubtful = tool_unknown[toolpath.tool[targets]] | object_unknown[toolpath.workobject[targets]]
     problems = _nowhere_declared(path, targets)
     if problems:
         return problems
@@ -64,13 +65,7 @@ def _not_understood(path: RobotPath, targets: Indices) -> list[Finding]:
                 problems.append(path.finding(
                     i, "CS4104", "error", f"a move with force depends on {kind} {frame.name}: {frame.problem}",
                     "declare it with its numbers in this module, or in cell.yaml"))
-        used = [f"eax_{letter}" for letter, value in zip("abcdef", toolpath.external[i], strict=True) if not np.isnan(value)]
-        if used:
-            problems.append(path.finding(
-                i, "CS4104", "error", f"a move with force uses the external axis {', '.join(used)}, which is not understood: "
-                "it moves the robot's base or the part",
-                "write 9E9 where no external axis is driven; tracks and positioners are not supported"))
-    return problems
+    return problems + unknown_axes(path, targets)
 
 
 def _nowhere_declared(path: RobotPath, targets: Indices) -> list[Finding]:
@@ -79,7 +74,7 @@ def _nowhere_declared(path: RobotPath, targets: Indices) -> list[Finding]:
     problems = []
     for number, item in enumerate(toolpath.workobjects):
         which = targets[toolpath.workobject[targets] == number]
-        if len(which) and item.position is None and not item.problem and not path.cell.object_stated:
+        if len(which) and item.position is None and not item.problem and not item.unit and not path.cell.object_stated:
             finding = path.finding(
                 int(which[0]), "CS4104", "error", f"a move with force is in work object {item.name}, which neither this "
                 "program nor cell.yaml declares", "declare it with its numbers in this module, or state workobject in "

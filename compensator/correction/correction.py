@@ -159,7 +159,8 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
                            "(--confidence)"))
     if not np.isfinite(restraint.slope):
         return sure, findings
-    result = _limited(loaded, sure, restraint.slope)
+    axes = path.axes
+    result = axes.turned_to_base(_limited(loaded, axes.turned_to_rest(sure, targets), restraint.slope), targets)
     changed = np.linalg.norm(result - sure, axis=1)
     steep = np.flatnonzero(changed > HELD)
     if len(steep):
@@ -171,7 +172,7 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:
-    """The offsets (M, 3) [m] with the slope [m/m] along the path limited; air moves stay where they are."""
+    """The offsets (M, 3) [m], resting frame, with the slope [m/m] along the path limited; air moves stay where they are."""
     length, forces = loaded.path.length, loaded.forces
     air = (forces.samples > 0) & ~forces.forced
     row = np.full(len(length), -1)

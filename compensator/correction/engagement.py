@@ -69,11 +69,11 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 
     force (N, 3) [N], base frame. The feed's direction at a target is that from the target before to the one after.
     """
-    position = path.base_from_tcp.position
+    position = path.rest_from_tcp.position
     known = np.flatnonzero(path.known)
     along = np.zeros_like(position)
     if len(known) > 1:
-        along[known] = np.gradient(position[known], axis=0)
+        along[known] = path.axes.turned_to_base(np.gradient(position[known], axis=0), known)
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     across = force - np.einsum("ni,ni->n", force, along)[:, None] * along
     size = np.linalg.norm(across, axis=1)

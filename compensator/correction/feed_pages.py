@@ -59,7 +59,7 @@ def _along(check: FeedCheck) -> Figure:
 
 
 def _places(program: Feasibility, when: str) -> Figure:
-    path, where = program.path, 1e3 * program.path.base_from_tcp.position
+    path, where = program.path, 1e3 * program.path.rest_from_tcp.position
     where = np.where(path.known[:, None], where, np.nan)
     kept = np.unique(np.linspace(0, len(where) - 1, min(len(where), 5 * STRETCHES)).astype(np.intp))
     drawn = where[kept]

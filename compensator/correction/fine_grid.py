@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.corners import corner_misses
 from compensator.path.arc_length import circle, turned_angle
+from compensator.path.external_axes import SAME_VALUE
 from compensator.path.robot_path import RobotPath
 from compensator.rapid import RapidProgram, follows_directly
 from compensator.toolpath import Move, Toolpath
@@ -26,6 +27,8 @@ MOST_PIECES, MOST_POINTS, FEWEST_PIECES = 2000, 200_000, 8
 ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
 # Pieces of half an arc are a power of two, so that arcs can be halved; so many are looked at though it is not.
 MOST_HALVINGS, LOOKED_AT = 9, 4
+# Decimals of the external axes of further targets [mm or deg]: a RAPID number has seven digits.
+VALUE_DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +55,12 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Further points (n): the target they stand before (n,), position (n, 3) [m], quaternion (n, 4); whether each can be
-    written as a target, is part of an arc that can be halved, or is too near to a corner with a zone (n,)."""
+    """Further points (n): the target they stand before (n,), at which share (n,) of the way from the target before that;
+    position (n, 3) [m], quaternion (n, 4); whether each can be written as a target, is part of an arc that can be halved, or is
+    too near to a corner with a zone (n,)."""
 
     before: Indices
+    share: Array
     position: Array
     quaternion: Array
     may: Mask
@@ -81,7 +86,9 @@ def fine_grid(
     zone = _zones_at_corners(path, tolerance)
     straight = usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR)
     lines = _on_lines(program, toolpath, straight, spacing, zone, keep=keep)
-    arcs = [(int(via), half) for via in vias if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep))]
+    as_written = _circle_points_as_written(path)
+    arcs = [(int(via), half) for via in vias
+            if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep or not as_written[via]))]
     parts = [lines, *(half for _, halves in arcs for half in halves)]
     points = _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__annotations__))
     if not len(points.before):
@@ -95,7 +102,7 @@ def fine_grid(
 
     first = np.array([[kept[via - 1], kept[via] - kept[via - 1]] for via, _ in arcs], dtype=np.intp).reshape(-1, 2)
     chords = np.array([[via, via + 1] for via, _ in arcs], dtype=np.intp).ravel()
-    grid = _with_points(toolpath, at, points.position[order], points.quaternion[order], chords)
+    grid = _with_points(path, at, _Points(*(getattr(points, name)[order] for name in _Points.__annotations__)), chords, kept)
     divisible = placed(points.divisible)
     divisible[first.sum(axis=1)] = divisible[first[:, 0] + 1]
     return Grid(grid, kept, np.insert(np.full(count, -1), at, at), first, placed(points.may), divisible,
@@ -108,7 +115,15 @@ def _usable(path: RobotPath) -> Mask:
     alike = (toolpath.tool[1:] == toolpath.tool[:-1]) & (toolpath.workobject[1:] == toolpath.workobject[:-1])
     posed = np.asarray(~np.isnan(toolpath.position).any(axis=1))
     return np.asarray(alike & path.reached[1:] & path.reached[:-1] & (toolpath.block[1:] == "")
-                      & np.isnan(toolpath.external[1:]).all(axis=1) & posed[:-1] & posed[1:])
+                      & (np.isnan(toolpath.external[1:]) == np.isnan(toolpath.external[:-1])).all(axis=1)
+                      & (path.axes.problem[1:] == "") & posed[:-1] & posed[1:])
+
+
+def _circle_points_as_written(path: RobotPath) -> Mask:
+    """Targets (N,) whose external axes stand where they are written; at a circle point the controller does not use what is
+    written, so that one that says otherwise cannot become a target of its own."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(~(np.abs(path.toolpath.external - path.axes.values) > SAME_VALUE).any(axis=1))
 
 
 def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
@@ -133,7 +148,7 @@ def _on_lines(
     alone = np.zeros(len(step), dtype=bool)
     alone[targets] = [not keep and follows_directly(program, i) for i in targets.tolist()]
     near = (share * step[before] < zone[before - 1]) | ((1 - share) * step[before] < zone[before])
-    return _Points(before, start + share[:, None] * (end - start),
+    return _Points(before, share, start + share[:, None] * (end - start),
                    _turned(toolpath.quaternion[before - 1], toolpath.quaternion[before], share),
                    alone[before] & ~near, np.zeros(len(before), dtype=bool), alone[before] & near)
 
@@ -158,14 +173,16 @@ def _on_arc(
     for half, first in ((0, 0.0), (1, to_middle)):
         angle = first + share * angles[half]
         points.append(_Points(
-            np.full(count, via + half), _on_circle(start[0], centre[0], axis[0], angle),
+            np.full(count, via + half), share, _on_circle(start[0], centre[0], axis[0], angle),
             _turned(toolpath.quaternion[via - 1], toolpath.quaternion[via + 1], angle / sum(angles)),
             np.zeros(count, dtype=bool), np.full(count, divisible), np.zeros(count, dtype=bool)))
     return points
 
 
-def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: Array, chords: Indices) -> Toolpath:
-    """The toolpath with linear targets before the targets `at`; the moves of `chords` are linear too."""
+def _with_points(path: RobotPath, at: Indices, points: _Points, chords: Indices, kept: Indices) -> Toolpath:
+    """The toolpath with linear targets before the targets `at`, its own at the places `kept` (N,); the moves of `chords` are
+    linear too. External axes are in proportion to the way."""
+    toolpath = path.toolpath
     def more(values: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
         return np.insert(values, at, own, axis=0)
 
@@ -174,9 +191,21 @@ def _with_points(toolpath: Toolpath, at: Indices, position: Array, quaternion: A
     like: dict[str, Any] = {name: more(getattr(toolpath, name), getattr(toolpath, name)[at]) for name in (
         "line", "column", "confdata", "has_confdata", "tool", "workobject", "feed", "zone")}
     nothing = np.full((len(at), 6), np.nan)
+    external, standing = toolpath.external, path.axes.values
+    if not np.isnan(external).all():
+        external = external.copy()
+        external[chords] = np.where(np.isnan(external[chords]), np.nan, standing[chords])
+        between = standing[at - 1] + points.share[:, None] * (standing[at] - standing[at - 1])
+        external = more(external, np.where(np.isnan(toolpath.external[at]), np.nan, np.round(between, VALUE_DECIMALS)))
+    else:
+        external = more(external, nothing)
+    switched = tuple((int(kept[first - 1]) + 1 if first else 0, name, on) for first, name, on in toolpath.switched)
+    together = None if toolpath.together is None else more(toolpath.together, toolpath.together[at])
     return replace(
-        toolpath, move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)), position=more(toolpath.position, position),
-        quaternion=more(toolpath.quaternion, quaternion), external=more(toolpath.external, nothing),
+        toolpath, external=external, switched=switched, together=together,
+        move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)),
+        position=more(toolpath.position, points.position),
+        quaternion=more(toolpath.quaternion, points.quaternion),
         joints=more(toolpath.joints, nothing),
         block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]),
         **like)

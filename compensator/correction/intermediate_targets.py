@@ -100,9 +100,10 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     deviation[:] = own
     deviation[points] = prediction.position
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
+    axes = path.axes
     have, arcs = needed_points(grid, Wanted(
-        deviation, own, AIM * planned.settings.correction.tolerance, noise, planned.slope, known, place_of(path),
-        weight_of(placed), path.base_from_tcp.position))
+        axes.turned_to_rest(deviation), axes.turned_to_rest(own), AIM * planned.settings.correction.tolerance, noise,
+        planned.slope, known, place_of(path), weight_of(placed), path.rest_from_tcp.position))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
 
@@ -118,7 +119,10 @@ def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> t
         points = chosen[slice(*np.searchsorted(grid.owner[chosen], [target, target + 1]))]
         quadrants = _confdata(path, grid, looked_at.fine.path, points)
         numbers = np.concatenate([1e3 * grid.toolpath.position[points], grid.toolpath.quaternion[points]], axis=1)
-        return [Pose(number, quadrant) for number, quadrant in zip(numbers.tolist(), quadrants.tolist(), strict=True)]
+        external: list[list[float] | None] = [None] * len(points)
+        if not np.isnan(grid.toolpath.external[points]).all():
+            external = grid.toolpath.external[points].tolist()
+        return [Pose(*numbered) for numbered in zip(numbers.tolist(), quadrants.tolist(), external, strict=True)]
 
     for target in np.flatnonzero(added).tolist():
         if toolpath.move[target] == Move.LINEAR:
@@ -130,7 +134,7 @@ def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> t
     got = again.toolpath
     if len(got) != len(toolpath) + added.sum() or not all(
             np.array_equal(getattr(got, name)[kept], getattr(toolpath, name), equal_nan=True)
-            for name in ("position", "quaternion", "joints")):
+            for name in ("position", "quaternion", "joints", "external")):
         raise error("CS4332", "the program with intermediate targets does not read back as it was meant; nothing was written",
                     file=toolpath.source, hint="a defect in compstiff: please report it; --keep-targets does without them")
     # What is said of a target is said of the move in the program as it was given.

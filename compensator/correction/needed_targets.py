@@ -20,10 +20,10 @@ SIGMAS, HALVES, ENOUGH = 3.0, (1, 4, 13, 40), 0.25
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What the points (G,) of a grid ask for. deviation (G, 3) [m], base frame; own (G, 3) [m]: that of the program's own
-    targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation, from the scatter
-    of the force; slope [m/m]: the steepest change that is made between targets; known (G,): there is something to follow.
-    place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
+    """What the points (G,) of a grid ask for. deviation (G, 3) [m], resting frame (external_axes.py); own (G, 3) [m]: that of
+    the program's own targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation,
+    from the scatter of the force; slope [m/m]: the steepest change that is made between targets; known (G,): there is something
+    to follow. place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
 
     deviation: Array
     own: Array

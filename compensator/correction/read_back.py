@@ -50,7 +50,8 @@ def _as_meant(before: Toolpath, after: Toolpath, correction: Correction) -> bool
     others = np.ones(len(before), dtype=bool)
     others[targets] = False
     intact = all(np.array_equal(getattr(after, name)[others], getattr(before, name)[others], equal_nan=True)
-                 for name in ("position", "quaternion", "confdata", "external", "joints"))
+                 for name in ("position", "quaternion", "confdata", "joints"))
+    intact &= bool(np.array_equal(after.external, before.external, equal_nan=True))
     intact &= bool(np.array_equal(after.move, before.move) and np.array_equal(after.feed, before.feed, equal_nan=True))
     wanted = correction.object_from_tcp
     alike = np.abs(np.einsum("ni,ni->n", after.quaternion[targets], wanted.quaternion))

@@ -89,7 +89,7 @@ def _space(predicted: Predicted) -> Figure:
     """The path in the base frame; colour: deviation along the direction in which the tool is pushed most."""
     targets = predicted.targets
     kept, note = _kept(predicted)
-    where = 1e3 * predicted.path.base_from_tcp.position
+    where = 1e3 * predicted.path.rest_from_tcp.position
     known = predicted.path.known[kept]
     air = np.where(known[:, None], where[kept], np.nan)
     data: list[dict[str, Any]] = [

@@ -72,7 +72,7 @@ class CutDirection:
 def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
     """The force (N, 3) [N] on the tool, base frame, against the travel; forced (N,): targets that show one. None where there
     are too few of them on moves that cut."""
-    step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
+    step = path.steps
     axis = path.base_from_tcp.rotation[:, :, 2]
     # Towards the spindle, whichever way the tool's z points.
     to_flange = path.base_from_flange.position - path.base_from_tcp.position

@@ -96,13 +96,18 @@ def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
 
 
 def _world_positions(log: ForceLog, path: RobotPath) -> Array:
-    """TCP positions of the samples (M, 3) [m] in the world frame; one tool and one work object are required."""
+    """TCP positions of the samples (M, 3) [m] in the world, external axes at their resting values; one tool and one work object
+    are required."""
     used = path.used_frames
     if log.key == "joints":
         if len(used.tools) != 1:
             raise error("CS3010", f"a log placed by joint angles needs one tool, the program uses {len(used.tools)}",
                         file=log.source, hint="log the column target or path_mm")
-        return path.cell.world_from_base.apply(forward(path.cell.robot, log.place, used.tools[0]).position)
+        if path.axes.moves:
+            raise error("CS4509", "a log placed by joint angles does not tell where the external axes stood, and they move "
+                        "during the program", file=log.source, hint="log the TCP in the work object (x_mm y_mm z_mm), the "
+                        "column target or path_mm")
+        return path.axes.world_from_base.apply(forward(path.cell.robot, log.place, used.tools[0]).position)
     if len(used.workobjects) != 1:
         raise error("CS3010", f"a log placed by TCP position needs one work object, the program uses "
                     f"{len(used.workobjects)}", file=log.source, hint="log the column target or path_mm")

@@ -128,7 +128,7 @@ def program_time(path: RobotPath) -> ProgramTime:
                     hint=f"declare the speed in this file, or {HINT}")
     length = path.length
     air = moves_in_air(toolpath)
-    step = np.diff(path.base_from_tcp.position, axis=0, prepend=path.base_from_tcp.position[:1])
+    step = path.steps
     direction = step / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
     if path.cell.force_log.kind != "base":
         # The sensor's frame turns with the tool's; a fixed rotation between them is part of what is estimated.

@@ -126,7 +126,7 @@ def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = No
     """Drives the planned poses, or these. Raises CompstiffError (CS4409)."""
     poses = poses or Poses(path.base_from_tcp, path.theta)
     driven = drive(path, poses)
-    route, robot, count = driven.route, path.cell.robot, len(path.toolpath)
+    route, robot, limits, count = driven.route, path.cell.robot, path.limits, len(path.toolpath)
     ratio, by_speed = np.full(count, np.nan), np.zeros(count, dtype=bool)
     joint, point = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
     known = route.legs.linear & (path.toolpath.feed > 0)
@@ -135,8 +135,8 @@ def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = No
     for part in chunks(len(route.s), 65_536):
         leg, feed = route.leg[part], route.feed[part, None]
         with np.errstate(divide="ignore", invalid="ignore"):      # an unknown feed is infinite, a joint may rest
-            of_speed = robot.speed / np.abs(route.dtheta_ds[part]) / feed
-            of_acceleration = np.sqrt(robot.acceleration / np.abs(route.d2theta_ds2[part])) / feed
+            of_speed = limits.speed / np.abs(route.dtheta_ds[part]) / feed
+            of_acceleration = np.sqrt(limits.acceleration / np.abs(route.d2theta_ds2[part])) / feed
         share = np.minimum(of_speed, of_acceleration)
         which = np.argmin(share, axis=1)
         lowest = share[np.arange(len(leg)), which]
@@ -147,8 +147,8 @@ def judge(path: RobotPath, forced: Flags | None = None, poses: Poses | None = No
         ratio[leg[worse]], joint[leg[worse]] = lowest[worse], which[worse]
         point[leg[worse]] = part.start + worse
         by_speed[leg[worse]] = (of_speed <= of_acceleration)[worse, which[worse]]
-        np.minimum.at(wrist, leg, wrist_distance(robot, route.theta[part]))
-        np.logical_or.at(outside, leg, (robot.limit_excess(route.theta[part]) > 1e-7).any(axis=1))
+        np.minimum.at(wrist, leg, wrist_distance(robot, route.theta[part, :6]))
+        np.logical_or.at(outside, leg, (robot.limit_excess(route.theta[part, :6]) > 1e-7).any(axis=1))
     lost = np.where(known, driven.duration - driven.programmed, 0.0)
     forced = np.zeros(count, dtype=bool) if forced is None else forced
     # A single noisy target on an air move is no cut.
@@ -177,9 +177,11 @@ def check_feed(before: Feasibility, after: Feasibility | None = None, *, strict:
 
 def _reason(driven: Feasibility, target: int) -> tuple[str, str]:
     """What holds a move back, and what would help."""
-    robot, joint = driven.path.cell.robot, int(driven.joint[target])
-    limit = (f"speed limit ({np.degrees(robot.speed[joint]):g} deg/s)" if driven.by_speed[target]
-             else f"acceleration limit ({np.degrees(robot.acceleration[joint]):g} deg/s^2)")
+    joint = int(driven.joint[target])
+    limits, axis = driven.path.limits, driven.path.axes.driven[joint - 6] if joint >= 6 else None
+    name, unit, factor = (f"joint {joint + 1}", "deg", np.radians(1.0)) if axis is None else (axis.name, axis.unit, axis.factor)
+    limit = (f"speed limit ({limits.speed[joint] / factor:g} {unit}/s)" if driven.by_speed[target]
+             else f"acceleration limit ({limits.acceleration[joint] / factor:g} {unit}/s^2)")
     route, words = driven.drive.route, ""
     legs = route.legs
     if not driven.by_speed[target]:
@@ -195,7 +197,7 @@ def _reason(driven: Feasibility, target: int) -> tuple[str, str]:
     wrist = float(driven.wrist[target])
     if joint in (3, 5) and wrist < WRIST_COUNTS:
         helps += f", or turn the part: axis 5 comes within {np.degrees(wrist):.1f} deg of the wrist singularity"
-    return f"joint {joint + 1} at its {limit}{words}", helps
+    return f"{name} at its {limit}{words}", helps
 
 
 def _cuts(check: FeedCheck, code: str, level: Level) -> list[Finding]:
@@ -293,6 +295,12 @@ def _assumed(driven: Feasibility) -> list[Finding]:
             + (f", {cusps} of them in a corner sharper than {np.degrees(SHARPEST):.0f} deg" if cusps else "")
             + f"; {counted(int(legs.joint.sum()), 'move')} by joint angles timed, not judged by feed")
     findings = [Finding("CS4403", "note", text, file=str(path.cell.robot.source))]
+    if path.axes.unjudged:
+        names = ", ".join(axis.name for axis in path.axes.unjudged)
+        findings.append(Finding("CS4508", "note", f"the program moves {names}, whose speed and acceleration cell.yaml does not "
+                                "state: whether they hold the feed is not judged",
+                                file=str(path.cell.source), hint="state speed_mm_s and acceleration_mm_s2, of a rotary axis "
+                                "speed_deg_s and acceleration_deg_s2"))
     unknown = np.flatnonzero(legs.unknown_zone)
     if len(unknown):
         findings.append(path.finding(int(unknown[0]), "CS4410", "note", f"the zone of {counted(len(unknown), 'target')} is not "

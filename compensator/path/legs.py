@@ -1,7 +1,7 @@
 """The moves of a program one by one: straight, circular or by joint angles, where the robot stops and which corners it blends.
 
-Fine points, zones that are not known, turns sharper than SHARPEST, and every change between linear moves and joint moves or
-between tools are stops. A fly-by zone takes at most half a leg.
+Fine points, zones that are not known, turns sharper than SHARPEST, and every change between linear moves and joint moves,
+between tools or from one mechanical unit's work objects to another's are stops. A fly-by zone takes at most half a leg.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ SHARPEST = np.radians(150.0)
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Where the tool of each target (N) is commanded to: base_from_tcp, and the joint angles theta (N, 6) [rad] there."""
+    """Where the tool of each target (N) is commanded to: base_from_tcp, the base where it stands at that target, and the joint
+    angles theta (N, 6) [rad] there."""
 
     base_from_tcp: Frame
     theta: Array
@@ -41,7 +42,8 @@ class Legs:
 
     linear (N,): driven with the TCP on a line or an arc, judged by its feed. joint (N,): driven by joint angles. A leg that is
     neither is not known. same (N,): the target lies where the one before lies. before (N,): the target at which the leg starts.
-    length (N,) [m], chord or arc. first, last (N, 3) unit tangents; turn (N, 3) [rad] rotation vector of the leg, base frame.
+    length (N,) [m], chord or arc. first, last (N, 3) unit tangents; turn (N, 3) [rad] rotation vector of the leg, all in the
+    resting frame (external_axes.py), in which a leg is a line or an arc.
     centre [m], axis (N, 3), angle (N,) [rad] of an arc, angle 0 for a line.
     At the leg's end: radius (N,) [m] of the blend; stop (N,): the robot stands still; corner (N,) [rad]; unknown_zone (N,).
     """
@@ -68,19 +70,22 @@ def build_legs(path: RobotPath, poses: Poses, lost: Flags | None = None) -> Legs
     linear."""
     toolpath, count = path.toolpath, len(path.toolpath)
     reached = np.asarray(~np.isnan(poses.theta).any(axis=1))
-    position = np.where(reached[:, None], poses.base_from_tcp.position, 0.0)
+    resting = path.axes.to_rest(poses.base_from_tcp)
+    position = np.where(reached[:, None], resting.position, 0.0)
     before = np.maximum(np.arange(count) - 1, 0)
     chord = position - position[before]
     length = np.linalg.norm(chord, axis=1)
-    rotation = poses.base_from_tcp.rotation
+    rotation = resting.rotation
     turn = np.zeros((count, 3))
     turn[1:] = rotation_vector(np.where(reached[1:, None, None] & reached[:-1, None, None],
                                         rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2), np.eye(3)))
     turned = np.linalg.norm(turn, axis=1)
     usable = reached & reached[before] & (np.arange(count) > 0)
     along = np.isin(toolpath.move, (Move.LINEAR, Move.ARC_VIA, Move.ARC_END))
-    linear = usable & along & (toolpath.tool == toolpath.tool[before])
-    same = linear & (length < SAME_PLACE) & (turned < SAME_TURN)
+    carried = path.axes.carrier
+    linear = usable & along & (toolpath.tool == toolpath.tool[before]) & (carried == carried[before])
+    still = np.insert(~path.axes.turns, 0, True) if count else np.ones(0, dtype=bool)
+    same = linear & (length < SAME_PLACE) & (turned < SAME_TURN) & still
     # A turn on the spot has no feed of the TCP: it takes what the joints need.
     joint = usable & ~same & (~linear | (length < SAME_PLACE))
     linear &= ~joint & ~same

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.path.arc_length import arc_length
+from compensator.path.external_axes import ExternalAxes, external_axes, resting_object
 from compensator.toolpath import Move, ToolFrame, Toolpath, WorkObject
 from identification.common.arrays import read_only
 from identification.common.findings import Finding, Level
@@ -26,18 +27,29 @@ LARGEST_STEP = np.radians(90.0)
 
 @dataclass(frozen=True, eq=False)
 class UsedFrames:
-    """flange_from_tcp of each tool and world_from_object of each work object that targets of known pose use."""
+    """flange_from_tcp of each tool and world_from_object of each work object that targets of known pose use; a work object that
+    a mechanical unit moves as it stands at the resting values (external_axes.py)."""
 
     tools: tuple[Frame, ...]
     workobjects: tuple[Frame, ...]
 
 
 @dataclass(frozen=True, eq=False)
+class Limits:
+    """speed [rad/s, m/s] and acceleration (6 + D,) of the joints, and of the external axes that the program drives."""
+
+    speed: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
 class RobotPath:
     """N targets as the robot drives them; NaN where a pose is not known or not reachable.
 
-    theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames;
-    world_position (N, 3) [m] of the TCP; known (N,): the pose is known; reached (N,): joint angles were found.
+    theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames, the
+    base where it stands at that target; rest_from_tcp (N): the path in the resting frame of `axes`, the very same frames where
+    no unit moves; world_position (N, 3) [m] of the TCP there, in the world. known (N,): the pose is known; reached (N,): joint
+    angles were found.
     """
 
     toolpath: Toolpath
@@ -47,6 +59,8 @@ class RobotPath:
     base_from_flange: Frame
     flange_from_tcp: Frame
     base_from_object: Frame
+    axes: ExternalAxes
+    rest_from_tcp: Frame
     world_position: Array
     known: NDArray[np.bool_]
     reached: NDArray[np.bool_]
@@ -59,6 +73,19 @@ class RobotPath:
         length = arc_length(self.world_position, self.toolpath.move)
         read_only(length)
         return length
+
+    @property
+    def steps(self) -> Array:
+        """Way (N, 3) [m] over the work object from the target before to each target, base frame; zero at the first."""
+        position = self.rest_from_tcp.position
+        return self.axes.turned_to_base(np.diff(position, axis=0, prepend=position[:1]))
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Of the six joints, then of `axes.driven`."""
+        robot, driven = self.cell.robot, self.axes.driven
+        return Limits(np.append(robot.speed, [axis.speed or np.inf for axis in driven]),
+                      np.append(robot.acceleration, [axis.acceleration or np.inf for axis in driven]))
 
     @property
     def move_time(self) -> Array:
@@ -85,9 +112,10 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     count = len(toolpath)
     robot = cell.robot
     flange_from_tcp = _pick([_tool(tool, cell) for tool in toolpath.tools], toolpath.tool, count)
-    objects = [_world_from_object(item, cell) for item in toolpath.workobjects]
-    base_from_world = cell.world_from_base.inverse()
-    base_from_object = base_from_world @ _pick(objects, toolpath.workobject, count)
+    axes = external_axes(toolpath, cell)
+    objects = [resting_object(toolpath, number, _world_from_object(item, cell), axes)
+               for number, item in enumerate(toolpath.workobjects)]
+    base_from_object = axes.to_base(axes.world_from_base.inverse() @ _pick(objects, toolpath.workobject, count))
     absolute = toolpath.move == Move.ABSOLUTE
     posed = ~absolute & ~np.isnan(toolpath.position).any(axis=1) & ~np.isnan(toolpath.quaternion).any(axis=1)
     quaternion = np.where(posed[:, None], toolpath.quaternion, [1.0, 0, 0, 0])
@@ -104,14 +132,15 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     findings: list[Finding] = []
     if posed.any():
         findings = _follow(robot, toolpath, base_from_flange, posed, by_joints, theta)
-    world = np.where(known[:, None], cell.world_from_base.apply(base_from_tcp.position), np.nan)
+    rest_from_tcp = axes.to_rest(base_from_tcp)
+    world = np.where(known[:, None], axes.world_from_base.apply(rest_from_tcp.position), np.nan)
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
     reached = np.asarray(~np.isnan(theta).any(axis=1))
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, world, known, reached)
-    return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, world, known,
-                     reached, used, tuple(findings))
+    return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, axes,
+                     rest_from_tcp, world, known, reached, used, tuple(findings))
 
 
 def _tool(tool: ToolFrame, cell: Cell) -> Frame:

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.path.external_axes import si_values
 from compensator.path.legs import Legs, Poses, build_legs
 from compensator.path.robot_path import RobotPath
 from compensator.toolpath import Move
 from identification.common.arrays import read_only
 from identification.model.inverse import BRANCHES, Solutions, configuration, inverse, nearest_solution
-from identification.model.kinematics import chunks, jacobian
-from identification.model.rotations import Frame, rotation_matrix
+from identification.model.kinematics import chunks, forward, jacobian
+from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -39,6 +40,8 @@ FARTHEST_TURN, FINEST = np.radians(5.0), 20e-6
 # Between the end of one run and the start of the next [m]: takes no time.
 GAP = 1e-6
 BATCH = 16_384
+# Differences by the path length [m].
+STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +50,9 @@ class Route:
 
     leg (K,): target the point is on the way to. s (K,) [m]: path length; at a stop inside the program the point stands twice,
     as the end of one run and the start of the next, `GAP` apart. feed (K,) [m/s], inf where unknown, the slower one within a
-    blend. theta (K, 6) [rad]; dtheta_ds (K, 6) [rad/m] and d2theta_ds2 (K, 6) [rad/m^2]: its derivatives by s. stop (K,): the
-    robot stands still. lost (N,): legs along which no joint angles were found.
+    blend. theta (K, 6 + D) [rad, m]: the joints, then the external axes that the program drives (external_axes.py: driven);
+    dtheta_ds [rad/m, 1] and d2theta_ds2 [rad/m^2, 1/m] (K, 6 + D): its derivatives by s. stop (K,): the robot stands still.
+    lost (N,): legs along which no joint angles were found.
     """
 
     legs: Legs
@@ -63,17 +67,34 @@ class Route:
 
 
 def joint_rates(path: RobotPath, theta: Array, targets: Indices, legs: Legs, leg: Indices, tangent: Array) -> Array:
-    """Derivatives (n, 6) [rad/m] of the joint angles by the path length at `targets` (n,), along the legs `leg` (n,) whose unit
-    tangents there are the rows `leg` of tangent (N, 3)."""
-    rates = np.empty((len(targets), 6))
+    """Derivatives (n, 6 + D) [rad/m, 1] of the joint angles and driven axes by the path length at `targets` (n,), along the
+    legs `leg` (n,) whose unit tangents there are the rows `leg` of tangent (N, 3), resting frame."""
+    axes, each = path.axes, 1 / legs.length[leg, None]
+    by_length = (axes.values[leg] - axes.values[legs.before[leg]]) * each
+    rates = np.empty((len(targets), 6 + len(axes.driven)))
+    rates[:, 6:] = si_values(axes.driven, by_length)
+    ways = np.concatenate([tangent[leg], legs.turn[leg] * each], axis=1)
+    if axes.moves:
+        ways = _ways_of_base(path, theta, targets, leg, ways, by_length)
     for tool, places in path.each_tool(targets):
         for part in chunks(len(places), BATCH):
             here = places[part]
             matrix = jacobian(path.cell.robot, theta[targets[here]], tool, "drive") + 1e-12 * np.eye(6)
-            on = leg[here]
-            direction = np.concatenate([tangent[on], legs.turn[on] / legs.length[on, None]], axis=1)
-            rates[here] = np.linalg.solve(matrix, direction[:, :, None])[:, :, 0]
+            rates[here, :6] = np.linalg.solve(matrix, ways[here, :, None])[:, :, 0]
     return rates
+
+
+def _ways_of_base(path: RobotPath, theta: Array, targets: Indices, leg: Indices, ways: Array, by_length: Array) -> Array:
+    """How the TCP moves and turns in the base frame (n, 6) [1, rad/m], where in the resting frame it does so by `ways` (n, 6),
+    and the external axes by `by_length` (n, 6) [mm/m or deg/m]; differences in STEP on either side."""
+    axes, carrier = path.axes, path.axes.carrier[leg]
+    base_from_rest = axes.frames(axes.values[targets], carrier)
+    flange = forward(path.cell.robot, theta[targets], Frame.identity())
+    resting = base_from_rest.inverse() @ (flange @ path.flange_from_tcp[targets])
+    ahead, behind = (axes.frames(axes.values[targets] + step * by_length, carrier) @ resting for step in (STEP, -STEP))
+    carried = np.concatenate([ahead.position - behind.position,
+                              rotation_vector(ahead.rotation @ np.swapaxes(behind.rotation, 1, 2))], axis=1) / (2 * STEP)
+    return np.asarray(carried + np.concatenate([base_from_rest.turn(ways[:, :3]), base_from_rest.turn(ways[:, 3:])], axis=1))
 
 
 def build_route(path: RobotPath, poses: Poses) -> Route:
@@ -100,7 +121,7 @@ def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
     theta, position, blend = _joints(path, poses, legs, after, sharp, leg, d)
     while True:
         low = np.where(leg[1:] == leg[:-1], d[:-1], 0.0)
-        turn = np.abs(np.diff(theta, axis=0)).max(axis=1, initial=0.0)
+        turn = np.abs(np.diff(theta[:, :6], axis=0)).max(axis=1, initial=0.0)
         wide = np.flatnonzero((turn > FARTHEST_TURN) & (d[1:] - low > FINEST))
         if not len(wide):
             break
@@ -132,35 +153,44 @@ def _route(path: RobotPath, poses: Poses, legs: Legs, lost: Flags) -> Route:
 def _joints(
     path: RobotPath, poses: Poses, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array
 ) -> tuple[Array, Array, Indices]:
-    """Joint angles (K, 6) [rad] at grid points, NaN where the arm does not get to in the configuration it has at the ends of
-    the leg; positions (K, 3) [m]; and the target (K,) in whose blend a point lies, -1 outside."""
-    robot = path.cell.robot
-    theta, position, blend = np.empty((len(leg), 6)), np.empty((len(leg), 3)), np.zeros(len(leg), dtype=np.intp)
+    """Joint angles and driven axes (K, 6 + D) [rad, m] at grid points, NaN where the arm does not get to in the configuration
+    it has at the ends of the leg; positions (K, 3) [m], resting frame; and the target (K,) in whose blend a point lies, -1
+    outside."""
+    robot, axes = path.cell.robot, path.axes
+    resting = axes.to_rest(poses.base_from_tcp)
+    theta, position = np.empty((len(leg), 6 + len(axes.driven))), np.empty((len(leg), 3))
+    blend = np.zeros(len(leg), dtype=np.intp)
     # Which way the arm stands, front or back, folded up or down; the wrist may turn over, as that takes all its turn.
     arm = np.full(len(legs.linear), -1)
     known = np.flatnonzero(~np.isnan(poses.theta).any(axis=1))
     arm[known] = configuration(robot, poses.theta[known])[:, 3] // 2
     for part in chunks(len(leg), BATCH):
-        pose, blend[part] = _pose(poses.base_from_tcp, legs, after, sharp, leg[part], d[part])
+        pose, blend[part] = _pose(resting, legs, after, sharp, leg[part], d[part])
         here, start = leg[part], legs.before[leg[part]]
         position[part] = pose.position
         share = (d[part] / legs.length[here])[:, None]
+        if axes.moves or axes.driven:
+            values = _standing(axes.values, legs, after, here, d[part], blend[part])
+            theta[part, 6:] = si_values(axes.driven, values)
+            if axes.moves:
+                pose = axes.frames(values, axes.carrier[here]) @ pose
         reference = (1 - share) * poses.theta[start] + share * poses.theta[here]
         tool = path.flange_from_tcp[here]
         solutions = inverse(robot, pose @ tool.inverse(), reference)
         branch = np.arange(BRANCHES) // 2
         same = (branch == arm[start][:, None]) | (branch == arm[here][:, None])
-        theta[part], _ = nearest_solution(robot, Solutions(solutions.theta, solutions.reachable & same), reference)
+        theta[part, :6], _ = nearest_solution(robot, Solutions(solutions.theta, solutions.reachable & same), reference)
     return theta, position, blend
 
 
 def _demands(
     path: RobotPath, poses: Poses, legs: Legs, driven: Indices, after: Indices, feed: Array
 ) -> tuple[Array, Array, Flags]:
-    """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6)
-    [rad/m] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,) [m/s]."""
-    limits, count = path.cell.robot.acceleration, len(legs.linear)
-    acceleration, jump, sharp = np.full(count, np.inf), np.zeros((count, 6)), np.zeros(count, dtype=bool)
+    """How the joints move at the ends of the legs: TCP acceleration (N,) [m/s^2] that they allow on each leg, step (N, 6 + D)
+    [rad/m, 1] of their rates in the corner at its end, and whether that corner must be resolved (N,) at this feed (N,)
+    [m/s]."""
+    limits, count = path.limits.acceleration, len(legs.linear)
+    acceleration, jump, sharp = np.full(count, np.inf), np.zeros((count, len(limits))), np.zeros(count, dtype=bool)
     rate = joint_rates(path, poses.theta, driven, legs, driven, legs.last)
     with np.errstate(divide="ignore"):
         acceleration[driven] = np.min(limits / np.abs(rate), axis=1)
@@ -243,7 +273,8 @@ def _on_leg(frame: Frame, legs: Legs, leg: Indices, d: Array) -> tuple[Frame, Ar
 
 
 def _pose(frame: Frame, legs: Legs, after: Indices, sharp: Flags, leg: Indices, d: Array) -> tuple[Frame, Indices]:
-    """base_from_tcp (n) at grid points, and the target (n,) in whose blend a point lies, -1 outside."""
+    """rest_from_tcp (n) at grid points, frame (N) being that of the targets, and the target (n,) in whose blend a point lies,
+    -1 outside."""
     pose, _ = _on_leg(frame, legs, leg, d)
     start = legs.before[leg]
     behind = sharp[start] & (d <= legs.radius[start] + 1e-12)
@@ -268,8 +299,23 @@ def _pose(frame: Frame, legs: Legs, after: Indices, sharp: Flags, leg: Indices, 
     return pose, blend
 
 
+def _standing(values: Array, legs: Legs, after: Indices, leg: Indices, d: Array, blend: Indices) -> Array:
+    """Where the external axes stand (n, 6) [mm or deg] at grid points: in proportion to the way, in a blend rounded as the way
+    is; values (N, 6) at the targets."""
+    each = (values - values[legs.before]) / np.maximum(legs.length, 1e-12)[:, None]
+    result = values[legs.before[leg]] + d[:, None] * each[leg]
+    where = np.flatnonzero(blend >= 0)
+    if len(where):
+        corner = blend[where]
+        radius = legs.radius[corner][:, None]
+        behind = (leg[where] != corner)[:, None]
+        u = np.where(behind, d[where, None] + radius, d[where, None] - legs.length[corner][:, None] + radius) / (2 * radius)
+        result[where] = values[corner] - radius * ((1 - u) ** 2 * each[corner] - u**2 * each[after[corner]])
+    return result
+
+
 def _derivatives(theta: Array, s: Array, ends: Flags) -> tuple[Array, Array]:
-    """First and second derivative (K, 6) of theta by s through each three neighbours; at the ends of runs one-sided."""
+    """First and second derivative (K, 6 + D) of theta by s through each three neighbours; at the ends of runs one-sided."""
     first_by_s, second_by_s = np.zeros_like(theta), np.zeros_like(theta)
     count = len(s)
     starts = np.append(True, ends[:-1]) if count else np.empty(0, dtype=bool)

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.path.legs import Poses
-from compensator.path.robot_path import RobotPath
+from compensator.path.robot_path import Limits, RobotPath
 from compensator.path.route import Route, build_route
 from identification.common.findings import CompstiffError, error
 from identification.model.kinematics import chunks
-from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -57,8 +56,8 @@ def drive(path: RobotPath, poses: Poses | None = None, window: int = WINDOW) -> 
     """The fastest run through the planned poses, or through these. Raises CompstiffError (CS4409) where TOPPRA fails."""
     poses = poses or Poses(path.base_from_tcp, path.theta)
     route = build_route(path, poses)
-    legs, toolpath, robot = route.legs, path.toolpath, path.cell.robot
-    speed = fastest(route, robot, path, window)
+    legs, toolpath = route.legs, path.toolpath
+    speed = fastest(route, path.limits, path, window)
     count = len(toolpath)
     duration = np.full(count, np.nan)
     if len(speed):
@@ -68,7 +67,8 @@ def drive(path: RobotPath, poses: Poses | None = None, window: int = WINDOW) -> 
         duration[legs.linear] = np.bincount(route.leg[1:], interval, minlength=count)[legs.linear]
     duration[legs.same] = 0.0
     moved = np.flatnonzero(legs.joint)
-    duration[moved] = joint_move_time(robot, poses.theta[moved] - poses.theta[legs.before[moved]], legs.length[moved],
+    standing = np.concatenate([poses.theta, path.axes.driven_values()], axis=1)
+    duration[moved] = joint_move_time(path.limits, standing[moved] - standing[legs.before[moved]], legs.length[moved],
                                       toolpath.feed[moved])
     if count:
         duration[0] = 0.0
@@ -77,9 +77,9 @@ def drive(path: RobotPath, poses: Poses | None = None, window: int = WINDOW) -> 
     return Drive(route, speed, duration, ideal)
 
 
-def joint_move_time(robot: RobotModel, step: Array, length: Array, feed: Array) -> Array:
-    """Time (n,) [s] of joint moves by step (n, 6) [rad] from rest to rest, all joints in step; the TCP, which goes a chord of
-    length (n,) [m], is on average no faster than feed (n,) [m/s] where that is known."""
+def joint_move_time(robot: Limits, step: Array, length: Array, feed: Array) -> Array:
+    """Time (n,) [s] of joint moves by step (n, 6 + D) [rad, m] from rest to rest, all joints and external axes in step; the
+    TCP, which goes a chord of length (n,) [m], is on average no faster than feed (n,) [m/s] where that is known."""
     size = np.maximum(np.abs(step), 1e-12)
     rate = np.min(robot.speed / size, axis=1)
     acceleration = np.min(robot.acceleration / size, axis=1)
@@ -90,7 +90,7 @@ def joint_move_time(robot: RobotModel, step: Array, length: Array, feed: Array) 
     return np.asarray(np.where(np.abs(step).max(axis=1, initial=0.0) < 1e-9, 0.0, time))
 
 
-def speed_bound(route: Route, robot: RobotModel) -> Array:
+def speed_bound(route: Route, robot: Limits) -> Array:
     """Largest squared speed (K,) [m^2/s^2] by the feed and the joints' speeds; 0 at stops."""
     with np.errstate(divide="ignore"):
         joints = np.min(robot.speed / np.abs(route.dtheta_ds), axis=1)
@@ -98,7 +98,7 @@ def speed_bound(route: Route, robot: RobotModel) -> Array:
     return np.where(route.stop, 0.0, bound)
 
 
-def fastest(route: Route, robot: RobotModel, path: RobotPath, window: int = WINDOW) -> Array:
+def fastest(route: Route, robot: Limits, path: RobotPath, window: int = WINDOW) -> Array:
     """TCP speed (K,) [m/s] of the fastest run, window by window; where the feed is simply held nothing is solved."""
     count = len(route.s)
     if not count:
@@ -128,12 +128,12 @@ def fastest(route: Route, robot: RobotModel, path: RobotPath, window: int = WIND
     return np.asarray(np.sqrt(np.interp(route.s, s, speed**2)))
 
 
-def _braking(route: Route, robot: RobotModel, where: Indices, bound: Array) -> Array:
+def _braking(route: Route, robot: Limits, where: Indices, bound: Array) -> Array:
     """Path length (n,) [m] to stop from the squared speed `bound` (n,) with the joints' accelerations there."""
     return np.asarray(bound / (2 * np.min(robot.acceleration / np.maximum(np.abs(route.dtheta_ds[where]), 1e-12), axis=1)))
 
 
-def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool_]:
+def _unsettled(route: Route, robot: Limits, bound: Array) -> NDArray[np.bool_]:
     """Grid points (K,) whose speed must be worked out. Elsewhere the robot drives at the feed: the bound does not change, the
     joints can hold it at constant speed, and the next place where that is not so is farther than two braking distances."""
     count = len(bound)
@@ -152,7 +152,7 @@ def _unsettled(route: Route, robot: RobotModel, bound: Array) -> NDArray[np.bool
     return np.asarray(np.cumsum(change[:-1]) > 0)
 
 
-def _solve(s: Array, dtheta_ds: Array, d2theta_ds2: Array, bound: Array, robot: RobotModel, first: float) -> Array | None:
+def _solve(s: Array, dtheta_ds: Array, d2theta_ds2: Array, bound: Array, robot: Limits, first: float) -> Array | None:
     """Speed (k,) [m/s] along s (k,) [m] from 0 on, from speed `first` to rest; None where TOPPRA finds none. Raises
     CompstiffError (CS0051) where it is not installed."""
     try:
@@ -194,12 +194,15 @@ def _solve(s: Array, dtheta_ds: Array, d2theta_ds2: Array, bound: Array, robot: 
 
 def _failure(route: Route, path: RobotPath, part: Indices) -> CompstiffError:
     """CS4409 at the place of a window where the joints move fastest by the path's length."""
-    relative = np.abs(route.dtheta_ds[part]) / path.cell.robot.speed
+    relative = np.abs(route.dtheta_ds[part]) / path.limits.speed
     place, joint = np.unravel_index(int(np.nanargmax(relative)), relative.shape)
     target = int(route.leg[part[place]])
     toolpath = path.toolpath
-    return error("CS4409", f"no speed could be worked out; the hardest place is where joint {int(joint) + 1} turns "
-                 f"{1e-3 * np.degrees(abs(route.dtheta_ds[part[place], joint])):.3g} deg a millimetre of path",
+    rate = abs(float(route.dtheta_ds[part[place], joint]))
+    how = (f"joint {int(joint) + 1} turns {1e-3 * np.degrees(rate):.3g} deg" if joint < 6 else
+           f"{path.axes.driven[joint - 6].name} goes {1e-3 * rate / path.axes.driven[joint - 6].factor:.3g} "
+           f"{path.axes.driven[joint - 6].unit}")
+    return error("CS4409", f"no speed could be worked out; the hardest place is where {how} a millimetre of path",
                  file=toolpath.source, line=int(toolpath.line[target]), column=int(toolpath.column[target]),
                  target=int(toolpath.number[target]),
                  hint="is the tool near the wrist singularity there? Without --check-feed the correction does not need this")

@@ -38,8 +38,10 @@ def module_name(name: str) -> str:
     return f"{name}_part" if name.lower() in _TAKEN else name
 
 
-def module_text(cam_path: CamPath, cell: Cell, settings: PostingSettings, orientation: Orientations) -> str:
-    """The module, ASCII."""
+def module_text(
+    cam_path: CamPath, cell: Cell, settings: PostingSettings, orientation: Orientations, external: NDArray[np.float64]
+) -> str:
+    """The module, ASCII. external (6,) [mm or deg]: what all moves say of the external axes, NaN for 9E9."""
     import jinja2
 
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(shipped("rapid_templates")), trim_blocks=True,
@@ -66,21 +68,25 @@ def module_text(cam_path: CamPath, cell: Cell, settings: PostingSettings, orient
         speeds=[{"name": AIR, "tcp": repr(float(settings.rapid_mm_s))},
                 *({"name": name, "tcp": _millimetres(feed)} for name, feed in zip(names, feeds, strict=True))],
         zones=[{"name": ZONE, "values": f"[FALSE,{shape}]"}] if zone > 0 else [],
-        rows=_rows(cam_path, orientation, speeds, ZONE if zone > 0 else "fine"),
+        rows=_rows(cam_path, orientation, speeds, ZONE if zone > 0 else "fine", external),
         after=[f"! {_comment(line)}" for line in cam_path.remarks.get(len(cam_path), ())])
 
 
-def _rows(cam_path: CamPath, orientation: Orientations, speeds: NDArray[np.object_], zone: str) -> list[dict[str, Any]]:
+def _rows(
+    cam_path: CamPath, orientation: Orientations, speeds: NDArray[np.object_], zone: str, external: NDArray[np.float64]
+) -> list[dict[str, Any]]:
     """The moves for the template: the first is a joint move, arcs carry their circle point."""
     position, quaternion = (1e3 * cam_path.position).tolist(), orientation.quaternion.tolist()
     confdata, stop = orientation.confdata.tolist(), cam_path.stop.tolist()
+    held = {} if np.isnan(external).all() else {
+        "external": ["9E9" if np.isnan(value) else repr(float(value)) for value in external]}
     last = len(cam_path) - 1
     rows: list[dict[str, Any]] = []
     via: dict[str, Any] | None = None
     for number, kind in enumerate(cam_path.move.tolist()):
         row = {"kind": _KINDS[kind] if number else "MoveJ", "position": position[number], "quaternion": quaternion[number],
                "confdata": confdata[number], "speed": speeds[number],
-               "zone": "fine" if number in (0, last) or stop[number] else zone}
+               "zone": "fine" if number in (0, last) or stop[number] else zone, **held}
         remarks = cam_path.remarks.get(number)
         if remarks:
             row["comment"] = [_comment(line) for line in remarks]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from compensator.posting.campath import CamPath
 from compensator.posting.module_text import module_text
 from compensator.posting.orientation import Orientations, orientations
+from compensator.posting.parked import as_parked, parked_values, said_of_parked
 from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import APT_SUFFIXES, toolpath_suffix
 from compensator.rapid import RapidProgram, read_rapid
@@ -76,24 +77,27 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
     """The planned program. name: what findings call it, for a file that is not written.
 
     Raises Refused (CS4303: no configuration goes all along the path), CompstiffError: CS2153 (joints and poses of a table do
-    not fit), CS4304 (tool axis along the direction of its x axis), CS4306 (the text does not read back).
+    not fit), CS4304 (tool axis along the direction of its x axis), CS4306 (the text does not read back), CS4510 (an axis under
+    the robot is not parked).
     """
-    orientation = orientations(cam_path, cell, settings)
+    external = parked_values(cell)
+    orientation = orientations(cam_path, as_parked(cell, external), settings)
     assumed = {"form": cam_path.form, "zone_mm": settings.zone_mm, "rapid_mm_s": settings.rapid_mm_s,
                "work_object": "cell.yaml", "tool": "cell.yaml", **orientation.chosen}
     findings = [*cam_path.findings, Finding(
         "CS4300", "note", f"assumed: coordinates in the work object of cell.yaml, its tool, zone {settings.zone_mm:g} mm with "
         f"stop points at both ends{' and the bottom of holes' if cam_path.stop.any() else ''} only, "
         f"{settings.rapid_mm_s:g} mm/s in the air", cam_path.source,
-        hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *orientation.findings]
+        hint="--zone-mm and --rapid-mm-s change it, cell.yaml has workobject and tool"), *orientation.findings,
+        *said_of_parked(cell, external, cam_path.source)]
     if cell.tool_mass is None or cell.tool_centre is None:
         findings.append(Finding(
             "CS4301", "warning", "cell.yaml states no mass and centre of mass of the tool: the tooldata declares almost none",
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     findings += _odd_feeds(cam_path)
-    content = module_text(cam_path, cell, settings, orientation).encode("ascii")
+    content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
-    _check(program, cam_path, orientation, settings)
+    _check(program, cam_path, orientation, external, settings)
     toolpath = replace(program.toolpath, findings=(*findings, *program.toolpath.findings))
     return Posted(replace(program, toolpath=toolpath), content, cam_path.rapid, assumed)
 
@@ -109,12 +113,15 @@ def _odd_feeds(cam_path: CamPath) -> list[Finding]:
                     hint="a feed in mm/min is sixty times that in mm/s: check feed_mm_s, FEDRAT and its unit")]
 
 
-def _check(program: RapidProgram, cam_path: CamPath, orientation: Orientations, settings: PostingSettings) -> None:
+def _check(
+    program: RapidProgram, cam_path: CamPath, orientation: Orientations, external: Array, settings: PostingSettings
+) -> None:
     """Raises CompstiffError (CS4306) where the posted text does not say what was meant."""
     read = program.toolpath
     feed = np.where(cam_path.rapid, 1e-3 * settings.rapid_mm_s, cam_path.feed)
     good = (len(read) == len(cam_path) and bool((read.block == "").all())
             and np.array_equal(read.confdata, orientation.confdata)
+            and np.array_equal(read.external, np.tile(external, (len(read), 1)), equal_nan=True)
             and np.abs(read.position - cam_path.position).max() <= 0.5001e-7
             and np.abs(read.quaternion - orientation.quaternion).max() <= 2e-8
             and np.allclose(read.feed, feed, rtol=1e-11, atol=0))

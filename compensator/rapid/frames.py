@@ -15,6 +15,8 @@ from compensator.toolpath import ToolFrame, WorkObject
 
 Pose = tuple[Vector, Quaternion]        # position [mm], unit quaternion
 Key = tuple[object, ...]
+# A frame of so small numbers is none.
+NO_FRAME = 1e-9
 IDENTITY: Pose = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 _TOOL = ("robhold", "tframe", "tload")
@@ -54,10 +56,10 @@ class Frames:
         key, offset = (("", "wobj0"), -1) if expr is None else self._key(expr, scope)
         number = self._workobject_keys.setdefault(key, len(self.workobjects))
         if number == len(self.workobjects):
-            pose, problem = (IDENTITY, "") if expr is None else self._read_workobject(expr, scope)
+            pose, problem, unit = (IDENTITY, "", "") if expr is None else self._read_workobject(expr, scope)
             position, quaternion = _arrays(pose)
             name = "wobj0" if expr is None else self.values.spelled(expr)
-            self.workobjects.append(WorkObject(name, position, quaternion, problem=problem))
+            self.workobjects.append(WorkObject(name, position, quaternion, problem=problem, unit=unit))
             self.workobject_offsets.append(offset)
         return number
 
@@ -82,27 +84,39 @@ class Frames:
             return None, held.why if isinstance(held, Unsettled) else "it is stationary (robhold is FALSE)"
         return self._pose(parts[1], site.scope, "tframe")
 
-    def _read_workobject(self, expr: Expr, scope: Scope) -> tuple[Pose | None, str]:
+    def _read_workobject(self, expr: Expr, scope: Scope) -> tuple[Pose | None, str, str]:
+        """Pose, problem, and the mechanical unit that moves it."""
         site = self._site(expr, scope, "wobjdata", "wobj0")
         if not isinstance(site, Site):
-            return site
+            return *site, ""
         parts = self.values.parts(site, "wobjdata", _WORKOBJECT)
         if isinstance(parts, Unsettled):
-            return None, parts.why
+            return None, parts.why, ""
         held = self.values.flag(parts[0], site.scope, "robhold of the work object")
         if held is not False:
-            return None, held.why if isinstance(held, Unsettled) else "the robot holds it (robhold is TRUE)"
+            return None, held.why if isinstance(held, Unsettled) else "the robot holds it (robhold is TRUE)", ""
         fixed = self.values.flag(parts[1], site.scope, "ufprog of the work object")
-        if fixed is not True:
-            return None, (fixed.why if isinstance(fixed, Unsettled)
-                          else "a mechanical unit moves its user frame (ufprog is FALSE)")
+        if isinstance(fixed, Unsettled):
+            return None, fixed.why, ""
+        unit = ""
+        if not fixed:
+            named = self.values.follow(parts[2], site.scope, "string")
+            unit = self.values.spelled(named.expr).strip('"') if isinstance(named, Site) and named.expr.kind == "string" else ""
+            if not unit:
+                return None, "a mechanical unit moves its user frame (ufprog is FALSE), and ufmec names none", ""
         user, problem = self._pose(parts[3], site.scope, "uframe")
         inner, inner_problem = self._pose(parts[4], site.scope, "oframe")
         if user is None or inner is None:
-            return None, problem or inner_problem
+            return None, problem or inner_problem, unit
         (p, q), (inner_p, inner_q) = user, inner
+        if unit:
+            # The controller takes the user frame of a unit from its configuration; what stands here must not say otherwise.
+            if max(map(abs, (*p, *q[1:]))) > NO_FRAME:
+                return None, (f"ufprog is FALSE, so the controller takes the user frame from the unit {unit}, and its uframe "
+                              "is not [[0,0,0],[1,0,0,0]]: put the offset into oframe"), unit
+            return inner, "", unit
         shifted = rotate(q, inner_p)
-        return ((p[0] + shifted[0], p[1] + shifted[1], p[2] + shifted[2]), multiply(q, inner_q)), ""
+        return ((p[0] + shifted[0], p[1] + shifted[1], p[2] + shifted[2]), multiply(q, inner_q)), "", ""
 
     def _site(self, expr: Expr, scope: Scope, data_type: str, predefined: str) -> Site | tuple[Pose | None, str]:
         """The declared value; or pose and problem where there is none."""

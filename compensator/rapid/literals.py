@@ -25,11 +25,12 @@ _LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Commanded numbers of one target: x y z [mm], q1..q4 with the sign they are to be written with, and cf1 cf4 cf6 cfx
-    or None where they stay."""
+    """Commanded numbers of one target: x y z [mm], q1..q4 with the sign they are to be written with, cf1 cf4 cf6 cfx or None
+    where they stay; of a further target its external axes [mm or deg], NaN for 9E9, or None for those of the move."""
 
     numbers: Sequence[float]
     confdata: Sequence[int] | None
+    external: Sequence[float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +82,11 @@ def rewritten(values: Values, start: int, end: int, row: Sequence[float], pose: 
 
 
 def fresh(row: Sequence[float], pose: Pose) -> bytes:
-    """A robtarget in numbers alone; `row` gives the confdata (unless `pose` does) and the external axes."""
+    """A robtarget in numbers alone; `row` gives the confdata and the external axes, unless `pose` does."""
     numbers = [figure(value, least) for value, least in zip(pose.numbers, _LEAST, strict=True)]
     confdata = pose.confdata if pose.confdata is not None else [round(value) for value in row[7:11]]
-    external = [b"9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(float(value)) for value in row[11:17]]
+    axes = row[11:17] if pose.external is None else pose.external
+    external = [b"9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(float(value)) for value in axes]
     groups = (numbers[:3], numbers[3:], [b"%d" % value for value in confdata], external)
     return b"[" + b",".join(b"[" + b",".join(group) + b"]" for group in groups) + b"]"
 

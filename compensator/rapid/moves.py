@@ -23,6 +23,10 @@ _BEHIND_TARGETS = ("speed", "zone", "tool", "signal", "value")
 
 DISPLACEMENT = {"pdispon": True, "pdispset": True, "pdispadd": True, "pdispoff": False}
 """Instructions that switch a program displacement on or off."""
+AXIS_OFFSET = {"eoffson": True, "eoffsset": True, "eoffsoff": False}
+"""Instructions that switch an offset of the external axes on or off."""
+UNIT_SWITCH = {"actunit": True, "deactunit": False}
+"""Instructions that switch a mechanical unit on or off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +34,8 @@ class Tail:
     """Speed, zone, tool and work object of a move as written; None where the argument is absent.
 
     velocity: of \\V [mm/s]; timed: \\T stands; radius: of \\Z [mm]; stops: \\Inpos stands (a stop point replaces the zone);
-    corrected: \\Corr stands. start: offset of the speed argument, for messages. signal, value: of a move that sets an output.
+    corrected: \\Corr stands; together: \\ID stands, the move is synchronised with those of other robots. start: offset of the
+    speed argument, for messages. signal, value: of a move that sets an output.
     """
 
     speed: Expr
@@ -45,6 +50,7 @@ class Tail:
     start: int
     signal: Expr | None = None
     value: Expr | None = None
+    together: bool = False
 
 
 def parse_move(cursor: Cursor, instruction: str) -> tuple[tuple[Expr, ...], Tail]:
@@ -86,4 +92,5 @@ def _tail(positional: tuple[Expr, ...], options: tuple[tuple[str, Expr | None], 
         start=positional[0].start,
         signal=output[0] if output else None,
         value=output[1] if output else None,
+        together="id" in given,
     )

@@ -52,13 +52,16 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     external = np.where(np.abs(numbers[:, 11:17]) >= UNUSED, np.nan, numbers[:, 11:17])
     line, column = locate(source, np.array(scanned.start, dtype=np.int64))
     displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] & ~absolute
+    offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
+    together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
-    block, findings = report(scanned, values, rows, tails, places, off, displaced)
+    block, findings = report(scanned, values, rows, tails, places, off, displaced, offset)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
         confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
         external=external, joints=joints, tool=tails.tool, workobject=tails.workobject, feed=tails.feed, zone=tails.zone,
-        block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
+        block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings, switched=tuple(scanned.units),
+        together=together if together.any() else None,
     )
     read_only(position, quaternion, external, joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows)

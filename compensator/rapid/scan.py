@@ -20,7 +20,8 @@ class Scan:
 
     start, end: span of the target's expression. rest: offset of its confdata where it is written in numbers, else -1.
     name: number in `spellings` where it is just a name, else -1. `expressions` holds the others by target.
-    scopes, shifts: (first target, value) from which on the scope holds, or the program is displaced.
+    scopes, shifts, offsets: (first target, value) from which on the scope holds, the program is displaced, or the external axes
+    are. units: (first target, name of a mechanical unit, whether it is on) of each switch.
     """
 
     source: Source
@@ -38,6 +39,8 @@ class Scan:
     expressions: dict[int, Expr] = field(default_factory=dict)
     scopes: list[tuple[int, Scope]] = field(default_factory=lambda: [(0, Scope(0, -1))])
     shifts: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    offsets: list[tuple[int, bool]] = field(default_factory=lambda: [(0, False)])
+    units: list[tuple[int, str, bool]] = field(default_factory=list)
     others: list[tuple[str, int]] = field(default_factory=list)     # further motion instructions: name, offset
     modules: list[int] = field(default_factory=list)                # where each MODULE begins
     stray: int = -1                                                 # offset of text that is no statement
@@ -57,7 +60,8 @@ class Scan:
         """The number of a tail; tails that are spelled alike share one."""
         data = self.source.data
         parts = (tail.speed, tail.zone, tail.tool, tail.workobject, tail.velocity, tail.radius, tail.signal, tail.value)
-        key = (*(part and data[part.start:part.end] for part in parts), tail.timed, tail.stops, tail.corrected)
+        key = (*(part and data[part.start:part.end] for part in parts), tail.timed, tail.stops, tail.corrected,
+               tail.together)
         number = self._known_tails.setdefault(key, len(self.tails))
         if number == len(self.tails):
             self.tails.append(tail)

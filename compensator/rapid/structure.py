@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from compensator.rapid.expressions import Cursor
 from compensator.rapid.lexer import OPERATORS, Token, ends_operand, tokens
-from compensator.rapid.moves import ARGUMENTS, DISPLACEMENT, parse_move
+from compensator.rapid.moves import ARGUMENTS, AXIS_OFFSET, DISPLACEMENT, UNIT_SWITCH, parse_move
 from compensator.rapid.runtime import MOTION, Parameter
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Declaration, Scope
@@ -122,6 +122,10 @@ class Statements:
         name = words[0].word
         if name in DISPLACEMENT:
             self.scan.shifts.append((len(self.scan.move), DISPLACEMENT[name]))
+        elif name in AXIS_OFFSET:
+            self.scan.offsets.append((len(self.scan.move), AXIS_OFFSET[name]))
+        elif name in UNIT_SWITCH:
+            self.scan.units.append((len(self.scan.move), words[1].word, UNIT_SWITCH[name]))
         elif MOTION.fullmatch(name):
             self.scan.others.append((name, words[0].start))
         self.scan.uses.reads(words[1:], self.scan.scope, name)

@@ -18,7 +18,7 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
 
     path: deviation.csv or offsets.csv. within [m]: how far the nearest target may be from a reading that is placed by x_mm y_mm
     z_mm. in_object: the readings are in the cell's work object, else in the base frame. Raises CompstiffError: CS0201 to
-    CS0203, CS6028 the readings cannot be joined with targets.
+    CS0203, CS6028 the readings cannot be joined with targets, CS4513 the work object may turn against the base.
     """
     table = read_table(file, required=("target", *DEVIATION), optional=POSITION, may_be_empty=DEVIATION, together=(POSITION,))
     if readings.key == "path_mm":
@@ -38,6 +38,7 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
     predicted = np.full((len(readings), 3), np.nan)
     predicted[mine] = 1e-6 * table.stack(*DEVIATION)[rows]
     if in_object:
+        _check_turning(cell, file)
         predicted = predicted @ (cell.world_from_base.inverse() @ cell.world_from_object).rotation
     findings = []
     if len(mine) < len(readings):
@@ -49,3 +50,13 @@ def predicted_at(readings: Readings, file: Path, cell: Cell, within: float, *, i
         raise error("CS6028", "has the deviation along the normal, but not the normal", file=readings.source,
                     hint="add nx ny nz, the unit normal at each reading, or leave --predicted out")
     return np.sum(predicted * readings.normal, axis=1, keepdims=True), findings
+
+
+def _check_turning(cell: Cell, file: Path) -> None:
+    """Raises CompstiffError (CS4513) where a unit may turn work objects against the base: the file does not say how far."""
+    turning = [unit.name for unit in cell.units or () if unit.carries != "nothing"
+               and any(axis.rotary and axis.direction is not None for axis in unit.axes)]
+    if turning:
+        raise error("CS4513", f"has the deviation in the base frame, and the cell's {turning[0]} may turn the work object "
+                    "against the base", file=str(file),
+                    hint="give the readings in the base frame (--frame base), or leave --predicted out")

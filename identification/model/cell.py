@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -23,24 +23,13 @@ from identification.common.yaml_source import (
     Triple,
     read_yaml,
 )
+from identification.model.frame_file import ZERO, FrameFile
+from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units, travel
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
 FrameKind = Literal["base", "tool", "sensor"]
-ZERO: Triple = (0.0, 0.0, 0.0)
-UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
-
-
-class FrameFile(Strict):
-    """A frame as position and quaternion."""
-
-    position_mm: Triple = ZERO
-    quaternion: Quaternion = UPRIGHT
-
-    def frame(self) -> Frame:
-        """In metres."""
-        return Frame.from_quaternion(1e-3 * np.array(self.position_mm), self.quaternion)
 
 
 class ToolFile(FrameFile):
@@ -195,6 +184,7 @@ class CellFile(Strict):
     tool: ToolFile
     base_frame: FrameFile = FrameFile()
     workobject: FrameFile = FrameFile()
+    mechanical_units: tuple[MechanicalUnitFile, ...] | None = None
     measurement: MeasurementFile = MeasurementFile()
     prior: CellPriorFile = CellPriorFile()
     force_log: ForceLogFile = ForceLogFile()
@@ -248,6 +238,8 @@ class Cell:
 
     object_stated: whether the file states its work object; else that is the world. joint_window (6, 2) [rad]: where the joints
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
+    units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
+    that carries the robot stands at its zero.
     """
 
     source: Path
@@ -267,6 +259,7 @@ class Cell:
     joint_window: Array = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
     reach: tuple[float, float] | None = None
     controller: ControllerFile = field(default_factory=ControllerFile)
+    units: tuple[MechanicalUnit, ...] | None = None
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -291,7 +284,8 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
-    robot = _robot(described.robot, file, geometry)
+    units, world_from_base = mechanical_units(described.mechanical_units, str(file)), described.base_frame.frame()
+    robot = replace(_robot(described.robot, file, geometry), track=travel(units, world_from_base))
     stiffness, relative_std = described.prior.stiffness_nm_per_rad, described.prior.relative_std
     prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
                   robot.prior.relative_std if relative_std is None else np.array(relative_std))
@@ -301,7 +295,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         source=file,
         robot=robot,
         flange_from_tcp=described.tool.frame(),
-        world_from_base=described.base_frame.frame(),
+        world_from_base=world_from_base,
         world_from_object=described.workobject.frame(),
         noise=Noise(
             deflection=1e-6 * np.array(measurement.deflection_std_um),
@@ -326,6 +320,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         joint_window=np.radians([window or (-np.inf, np.inf) for _, window in described.design.joint_window_deg]),
         reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
                                                               1e-3 * described.design.reach_mm[1]),
+        units=units,
     )
 
 

@@ -108,6 +108,7 @@ class RobotModel:
     bounds `(coupling @ theta)` of the parallel rod, None for a serial robot.
     load_path: "drive" (springs at the drives) or "serial" (springs at the serial axes, as published).
     link_mass (6,) [kg] and link_centre (6, 3) [m] in the link's joint frame, None where the file has none.
+    track (3,): the direction in which the cell's track carries the base, base frame; None where it stands on no single one.
     has_geometry: False where the file has no joints; then alpha to acceleration are placeholders and mean nothing.
     """
 
@@ -129,6 +130,7 @@ class RobotModel:
     source: Path
     sha256: str
     has_geometry: bool = True
+    track: Array | None = None
 
     @cached_property
     def load_matrix(self) -> Array:

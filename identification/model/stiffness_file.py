@@ -87,6 +87,7 @@ def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     in_force = tuple(_effect(item, name) for item in content.effects)
     _check_parameters(content, in_force, name)
     _check_tool(content, cell, in_force, name)
+    _check_track(cell, in_force, name)
     mean, covariance = _posterior(content, in_force, name)
     return IdentifiedModel(
         cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in content.parameters[SPRINGS]),
@@ -154,6 +155,14 @@ def _check_tool(file: _StiffnessFile, cell: Cell, in_force: tuple[EffectInForce,
         raise error("CS1202", f"{', '.join(of_tool)} was identified with the tool at "
                     f"[{', '.join(f'{x:g}' for x in tool.position_mm)}] mm, the cell's is at [{place}] mm, or turned",
                     file=name, hint="use the tool it was identified with, or identify again with this one")
+
+
+def _check_track(cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
+    of_track = [term.label for term in in_force if term.effect.of_track]
+    if of_track and cell.robot.track is None:
+        raise error("CS4512", f"{', '.join(of_track)} is an effect of the track under the robot, and the cell has none along "
+                    "one line", file=name, hint="describe it under mechanical_units in cell.yaml, as it was when the "
+                    "stiffnesses were identified")
 
 
 def _effect(item: _Effect, name: str) -> EffectInForce:

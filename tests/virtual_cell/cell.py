@@ -25,6 +25,7 @@ from tests.virtual_cell import (
     effects_other_laws,
     effects_outside,
     effects_robot,
+    effects_track,
     files,
 )
 from tests.virtual_cell.arm_model import Tool
@@ -42,13 +43,14 @@ def _of(*modules: object) -> tuple[str, ...]:
 
 
 # The dictionary (docs/effects.md) but for those of logs taken in motion; what dead weights bring, and only they can show;
-# effects of some poses alone; and effects that are in no dictionary.
+# what a track under the robot brings; effects of some poses alone; and effects that are in no dictionary.
+TRACK = _of(effects_track)
 DICTIONARY, HUNG, AT_POSES = _of(effects_robot, effects_measurement), _of(effects_hung), _of(effects_at_poses)
 OUTSIDE = tuple(name for name in _of(effects_outside) if EFFECTS[name].known_as == name)
 # Not in the dictionary, but rightly called by one of its names: a gear that stiffens is softer under small torques; and the
 # dictionary's effects under laws that are not its own.
 NEAR = tuple(name for name in _of(effects_outside, effects_other_laws) if name not in OUTSIDE)
-assert {*DICTIONARY, *HUNG, *AT_POSES, *OUTSIDE, *NEAR} == set(EFFECTS)
+assert {*DICTIONARY, *HUNG, *TRACK, *AT_POSES, *OUTSIDE, *NEAR} == set(EFFECTS)
 LOG_STD = 0.5       # of the true stiffnesses about the prior's medians
 
 

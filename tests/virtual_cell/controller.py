@@ -1,4 +1,5 @@
-"""A controller and an arm under force, for the way between targets: straight lines, arcs, even turning, zones as parabolas.
+"""A controller and an arm under force, for the way between targets: straight lines, arcs, even turning, zones as parabolas;
+external axes in proportion to the way.
 
 The program is read by a reader of the virtual cell's own. The arm is that of `arm.py`, many poses at once: from the zero pose
 of its drawing, with springs at the drives. Distances are measured across the curve that the planned program would drive.
@@ -8,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -19,17 +20,20 @@ NUMBER = r"[-+0-9.eE]+"
 POSE = re.compile(rf"\[\[({NUMBER}),({NUMBER}),({NUMBER})\],\[({NUMBER}),({NUMBER}),({NUMBER}),({NUMBER})\]")
 DECLARED = re.compile(r"robtarget\s+(\w+)\s*:=\s*(\[\[[^;]*)", re.IGNORECASE)
 MOVE = re.compile(r"^\s*(Move[LJC])(?:DO)?\s+(.*)$", re.IGNORECASE)
+EXTERNAL = re.compile(r"\[([^\[\]]*)\]\]$")
 ZONE = re.compile(rf"zonedata\s+(\w+)\s*:=\s*\[\s*FALSE\s*,\s*({NUMBER})", re.IGNORECASE)
 ZONES_MM = {"fine": 0.0, "z0": 0.3, "z1": 1.0, "z5": 5.0, "z10": 10.0}
 
 
 @dataclass(frozen=True)
 class Leg:
-    """One way from target to target: points (2, 3) or, of an arc, (3, 3) [mm]; turn at its ends; zone [mm] at its end."""
+    """One way from target to target: points (2, 3) or, of an arc, (3, 3) [mm]; turn at its ends; zone [mm] at its end; external
+    axes (2, 6) [mm or deg] at its ends, an unused one where it was."""
 
     points: np.ndarray
     turn: Rotation
     zone: float
+    external: np.ndarray = field(default_factory=lambda: np.zeros((2, 6)))
 
     @property
     def circle(self) -> tuple[np.ndarray, np.ndarray, float]:
@@ -63,6 +67,7 @@ def legs_of(rapid: str) -> list[Leg]:
     zones = ZONES_MM | {name: float(radius) for name, radius in ZONE.findall(rapid)}
     legs: list[Leg] = []
     here: tuple[np.ndarray, Rotation] | None = None
+    standing = np.zeros(6)
     for line in rapid.splitlines():
         move = MOVE.match(line.split("!")[0])
         if move is None:
@@ -75,19 +80,27 @@ def legs_of(rapid: str) -> list[Leg]:
             if found is None:
                 name = re.match(r"\w+", rest)
                 assert name is not None, line
-                found = POSE.match(named[name[0]].replace(" ", ""))
+                value = named[name[0]].replace(" ", "")
+                found = POSE.match(value)
                 rest = rest[name.end():].lstrip(", ")
             else:
+                value = rest[:_closing(rest)]
                 rest = rest[_closing(rest):].lstrip(", ")
             assert found is not None, line
+            axes = EXTERNAL.search(value)
             values = np.array([float(value) for value in found.groups()])
             poses.append((values[:3], Rotation.from_quat(np.roll(values[3:], -1))))
+        before, standing = standing, standing.copy()
+        if axes is not None:                # of a MoveC those of its end
+            written = np.array([float(number) for number in axes[1].split(",")])
+            standing[written < 1e9] = written[written < 1e9]
         zone = rest.split(",")[1].strip()
         own = re.search(r"\\Z:=([0-9.]+)", zone)
         radius = float(own[1]) if own else zones[zone.partition("\\")[0].strip()]
         if here is not None:
             points = np.array([here[0], *(point for point, _ in poses)])
-            legs.append(Leg(points, Rotation.concatenate([here[1], poses[-1][1]]), radius))
+            legs.append(Leg(points, Rotation.concatenate([here[1], poses[-1][1]]), radius,
+                            np.array([before, standing])))
         here = poses[-1]
     return legs
 
@@ -100,15 +113,16 @@ def _closing(text: str) -> int:
 
 @dataclass(frozen=True)
 class Driven:
-    """Where a program commands the tool: position (n, 3) [mm] in the work object, and turn."""
+    """Where a program commands the tool: position (n, 3) [mm] in the work object, and turn; external axes (n, 6) [mm, deg]."""
 
     position: np.ndarray
     turn: Rotation
+    external: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 def drive(legs: list[Leg], step: float = 0.5, *, zones: bool = True) -> Driven:
     """The legs one behind the other, every `step` [mm] or closer; a fly-by zone takes at most half a leg on either side."""
-    positions, turns = [], []
+    positions, turns, axes = [], [], []
     reach = [0.0]
     for leg, after in itertools.pairwise(legs):
         reach.append(min(leg.zone, leg.length / 2, after.length / 2) if zones else 0.0)
@@ -120,6 +134,7 @@ def drive(legs: list[Leg], step: float = 0.5, *, zones: bool = True) -> Driven:
         slerp = Slerp([0, 1], leg.turn)
         positions.append(leg.at(share))
         turns.append(slerp(np.clip(share, 0, 1)))
+        axes.append(leg.external[0] + share[:, None] * (leg.external[1] - leg.external[0]))
         if reach[number + 1] > 0:
             after = legs[number + 1]
             size = reach[number + 1]
@@ -128,7 +143,9 @@ def drive(legs: list[Leg], step: float = 0.5, *, zones: bool = True) -> Driven:
             leave = after.at(np.array([size / after.length]))[0]
             positions.append((1 - u) ** 2 * entry + 2 * u * (1 - u) * corner + u**2 * leave)
             turns.append(Rotation.concatenate([leg.turn[1]] * len(u)))
-    return Driven(np.concatenate(positions), Rotation.concatenate(turns))
+            further = after.external[0] + size / after.length * (after.external[1] - after.external[0])
+            axes.append((1 - u) ** 2 * axes[-1][-1] + 2 * u * (1 - u) * leg.external[1] + u**2 * further)
+    return Driven(np.concatenate(positions), Rotation.concatenate(turns), np.concatenate(axes))
 
 
 def _about(axis: int, angle: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.virtual_cell.cell import AT_POSES, DICTIONARY, HUNG, NEAR, OUTSIDE, Hidden, draw, main, parse, simulate
+from tests.virtual_cell.cell import AT_POSES, DICTIONARY, HUNG, NEAR, OUTSIDE, TRACK, Hidden, draw, main, parse, simulate
 from tests.virtual_cell.hidden import EFFECTS
 from tests.virtual_cell.inverse import comfortable
 
@@ -19,7 +19,7 @@ def places(name: str) -> tuple[int | None, ...]:
 def test_names() -> None:
     assert len(DICTIONARY) == 23
     assert len(OUTSIDE) >= 6
-    assert len(EFFECTS) == len(DICTIONARY) + len(OUTSIDE) + len(NEAR) + len(HUNG) + len(AT_POSES)
+    assert len(EFFECTS) == len(DICTIONARY) + len(OUTSIDE) + len(NEAR) + len(HUNG) + len(TRACK) + len(AT_POSES)
 
 
 def test_each_effect_at_typical_size_is_some_micrometres() -> None:

@@ -17,8 +17,9 @@ SOFTER_NEAR_ZERO = "the gear of joint {joint} is softer near zero torque"
 ONLY_IN_MOTION = "it shows only in logs taken in motion"
 ONLY_AS_SCATTER = "it is scatter, which is looked for by itself"
 NOTHING_HANGS = "the loads are not those of hung weights"
-# Reasons that need no word: they lie in the kind of the data.
-OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS)
+NO_TRACK = "cell.yaml has no track under the robot"
+# Reasons that need no word: they lie in the kind of the data, or of the cell.
+OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK)
 # A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
 PLUMB = 1e-3
 MOST_HANG = 0.75

@@ -107,7 +107,9 @@ def test_a_tool_that_is_a_parameter():
 
 @pytest.mark.parametrize(("part", "body", "why"), [
     ('[TRUE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "robot holds it"),
-    ('[FALSE,FALSE,"STN1",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "mechanical unit"),
+    ('[FALSE,FALSE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "ufmec names none"),
+    ('[FALSE,FALSE,"STN1",[[0,0,9],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "put the offset into oframe"),
+    ('[FALSE,FALSE,"STN1",[[0,0,0],[0,1,0,0]],[[0,0,0],[1,0,0,0]]]', "", "put the offset into oframe"),
     ('[FALSE,TRUE,"",[[0,0,0],[0,0,0,0]],[[0,0,0],[1,0,0,0]]]', "", "quaternion of uframe"),
     ('[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[2,0,0,0]]]', "", "quaternion of oframe"),
     ('[FALSE,TRUE,"",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]', "part.uframe:=DefFrame(a,b,c);", "assigned at run time"),
@@ -117,6 +119,14 @@ def test_work_objects_that_cannot_be_corrected_in(part, body, why):
     toolpath = path(f"{MOVE},tool0\\WObj:=part;{body}", f"PERS wobjdata part:={part};")
     assert why in toolpath.workobjects[0].problem
     assert found(toolpath, "CS2023")
+
+
+def test_a_work_object_on_a_mechanical_unit_is_given_in_the_unit_s_user_frame():
+    declared = 'PERS wobjdata part:=[FALSE,FALSE,"STN1",[[0,0,0],[1,0,0,0]],[[10,20,30],[0,1,0,0]]];'
+    (item,) = path(f"{MOVE},tool0\\WObj:=part;", declared).workobjects
+    assert (item.unit, item.problem) == ("STN1", "")
+    np.testing.assert_allclose(item.position, [0.01, 0.02, 0.03])
+    np.testing.assert_allclose(item.quaternion, [0, 1, 0, 0])
 
 
 def test_a_slightly_unnormalised_frame_is_normalised():

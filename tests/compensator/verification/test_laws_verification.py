@@ -172,6 +172,21 @@ def test_the_scale_in_other_frames_and_along_the_normal(passes: dict[str, Path],
     assert scale["interval"][1] - scale["interval"][0] < 0.04
 
 
+@pytest.mark.parametrize(("kind", "exit_code"), [("linear", 0), ("rotary", 1)])
+def test_a_work_object_that_may_turn_against_the_base_is_not_compared(
+    passes: dict[str, Path], kind: str, exit_code: int
+) -> None:
+    """The predicted deviations are in the base frame, and the file does not say where a table stood; a slide turns nothing."""
+    unit = f"{{name: STN1, carries: workobject, axes: [{{eax: a, kind: {kind}, direction: [0, 0, 1]}}]}}"
+    passes["cell"].write_text(passes["cell"].read_text() + f"mechanical_units: [{unit}]\n")
+    result = verify(passes["cell"], passes["places"], passes["places"], "--predicted", passes["predicted"], "--frame",
+                    "workobject", "--json")
+    assert result.exit_code == exit_code, result.output
+    assert ("CS4513" in result.output) == (exit_code == 1)
+    same = verify(passes["cell"], passes["before"], passes["after"], "--predicted", passes["predicted"], "--json")
+    assert same.exit_code == 0, same.output
+
+
 @pytest.mark.parametrize(("name", "options", "code"), [
     ("shifted", (), "CS6029"),                              # a set-up error of 0.4 mm
     ("mirrored", (), "CS6030"),                             # a wrong sign along x

@@ -45,6 +45,7 @@ class LineJob:
     force_of: Callable[[LineJob, np.ndarray], np.ndarray] | None = None
     noise_n: float = 0.0
     text: str = ""      # a program of the same path, written elsewhere
+    units: str = ""     # mechanical_units of cell.yaml
 
     def __post_init__(self) -> None:
         words = self.path.split()
@@ -73,8 +74,10 @@ class LineJob:
     def program(self) -> str:
         if self.text:
             return self.text
-        angles = self.angles(np.array([1e3 * pose.p for pose in self.poses]), Rotation.concatenate([p.r for p in self.poses]))
-        texts = [kit.robtarget(pose, kit.confdata(q), digits=8) for pose, q in zip(self.poses, angles, strict=True)]
+        angles = self.angles(np.array([1e3 * pose.p for pose in self.poses]), Rotation.concatenate([p.r for p in self.poses]),
+                             self.values)
+        texts = [kit.robtarget(pose, kit.confdata(q), self.external(number), 8)
+                 for number, (pose, q) in enumerate(zip(self.poses, angles, strict=True))]
         moves, index = [], 0
         while index < len(texts):
             air = self.kinds[index] == "A"
@@ -87,7 +90,26 @@ class LineJob:
             else:
                 moves.append(f"    Move{self.kinds[index]} {texts[index]},{tail}")
             index += 1
-        return kit.module(moves)
+        return kit.module(moves, self.data)
+
+    @property
+    def data(self) -> list[str]:
+        """Declarations of tool and work object."""
+        return [kit.tooldata(), kit.wobjdata()]
+
+    @property
+    def values(self) -> np.ndarray:
+        """External axes (N, 6) [mm or deg] at the targets."""
+        return np.zeros((len(self.xy), 6))
+
+    def external(self, number: int) -> str:
+        """What a target says of them."""
+        return kit.E
+
+    def stands(self, external: np.ndarray) -> tuple[np.ndarray, Rotation]:
+        """base_from_object, origin (n, 3) [m] and turn, where the external axes stand so (n, 6)."""
+        base = kit.work_object()
+        return np.tile(base.p, (len(external), 1)), Rotation.concatenate([base.r] * len(external))
 
     @cached_property
     def planned(self) -> list[Leg]:
@@ -104,11 +126,11 @@ class LineJob:
         size = 0.5 - 0.5 * np.cos(np.pi * risen)
         return np.asarray(size[:, None] * np.column_stack([50 + 0 * s, 150 + 100 * np.sin(s / WAVE_MM), -80 + 0 * s]))
 
-    def angles(self, position_mm: np.ndarray, turn: Rotation) -> np.ndarray:
+    def angles(self, position_mm: np.ndarray, turn: Rotation, external: np.ndarray) -> np.ndarray:
         """Joint angles (n, 6) [rad] at poses in the work object."""
-        base = kit.work_object()
-        flange_turn = base.r * turn * TOOL.r.inv()
-        return controller.solve(self.arm, base.p + base.r.apply(position_mm / 1e3) - flange_turn.apply(TOOL.p), flange_turn,
+        origin, turned = self.stands(external)
+        flange_turn = turned * turn * TOOL.r.inv()
+        return controller.solve(self.arm, origin + turned.apply(position_mm / 1e3) - flange_turn.apply(TOOL.p), flange_turn,
                                 START)
 
     def samples(self, step: float = 0.1) -> tuple[np.ndarray, Driven, np.ndarray]:
@@ -117,7 +139,8 @@ class LineJob:
         ends = np.cumsum([0.0, *(leg.length for leg in self.planned)])
         s = np.concatenate([a + np.linspace(0, b - a, len(way.position)) for way, a, b in
                             zip(ways, ends[:-1], ends[1:], strict=True)])
-        way = Driven(np.concatenate([one.position for one in ways]), Rotation.concatenate([one.turn for one in ways]))
+        way = Driven(np.concatenate([one.position for one in ways]), Rotation.concatenate([one.turn for one in ways]),
+                     np.concatenate([one.external for one in ways]))
         noise = self.noise_n * np.random.default_rng(1).standard_normal((len(s), 3))
         return s, way, self.force(s) + noise
 
@@ -149,7 +172,7 @@ class LineJob:
         elif by == "position":
             columns = dict(zip(("x_mm", "y_mm", "z_mm"), way.position.T, strict=True))
         elif by == "joints":
-            degrees = np.degrees(self.angles(way.position, way.turn))
+            degrees = np.degrees(self.angles(way.position, way.turn, way.external))
             columns = {f"q{i + 1}_deg": degrees[:, i] for i in range(6)}
         else:
             # The logger runs before the program and after it.
@@ -170,20 +193,20 @@ class LineJob:
 
     def job(self, log: str) -> kit.Job:
         springs = "drive" if self.arm.parallel_rod else "serial"
-        return kit.Job(self.folder, cell=kit.cell_text(self.robot), program=self.program,
+        return kit.Job(self.folder, cell=kit.cell_text(self.robot, extra=self.units), program=self.program,
                        stiffness=kit.stiffness_text(robot=self.robot, load_path=springs), forces=log)
 
     def off_um(self, rapid: str) -> np.ndarray:
         """How far the loaded tool is off the planned curve (n,) [um], every half millimetre of the driven program. The force is
         that of the place where the loaded tool stands."""
         commanded = controller.drive(controller.legs_of(rapid), STEP_MM)
-        base = kit.work_object()
+        origin, turned = self.stands(commanded.external)
         sharp = controller.drive(self.planned, 0.05, zones=False).position
-        q, stands = self.angles(commanded.position, commanded.turn), commanded.position
+        q, stands = self.angles(commanded.position, commanded.turn, commanded.external), commanded.position
         for _ in range(3):
             force = self.force(controller.nearest(stands, sharp)[1])
             rest = controller.loaded(self.arm, q, TOOL.p, force, K)
-            stands = 1e3 * base.inv().r.apply(rest - base.p)
+            stands = 1e3 * turned.inv().apply(rest - origin)
         return np.asarray(1e3 * controller.nearest(stands, controller.drive(self.planned, 0.05).position)[0])
 
     def where(self, rapid: str) -> np.ndarray:

@@ -1,0 +1,126 @@
+"""Where the axes stand, how the joints follow, and what a leg is, where the robot's base or the part moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import compstiff
+from compensator.correction.engagement import across_feed
+from compensator.path.external_axes import standing_values
+from compensator.path.legs import Poses, build_legs
+from compensator.path.robot_path import RobotPath, robot_path
+from compensator.path.route import joint_rates
+from compensator.path.timing import drive
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.carried_job import CarriedJob
+from tests.runs.milling.line_job import ARCS, LINES
+from tests.virtual_cell import controller
+
+LIMITS = ", speed_deg_s: 20, acceleration_deg_s2: 40"
+TURNING = np.array([[950.0, 12.0, -20.0], [950.0, 4.0, 30.0]])
+
+
+def planned(job: CarriedJob, text: str = "") -> RobotPath:
+    ready = job.job("target,fx_n,fy_n,fz_n\n1,1,1,1\n")
+    ready.program = text or job.program
+    ready.write()
+    cell = compstiff.read_cell(job.folder / "cell.yaml")
+    return robot_path(compstiff.read_toolpath(job.folder / "part.mod", cell).toolpath, cell)
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_poses_and_lengths_are_those_of_the_drawn_units(tmp_path: Path, on: str) -> None:
+    """The arm meets each target where the units put it; lengths are those over the part."""
+    job = CarriedJob(tmp_path, ARCS, on=on)
+    path = planned(job)
+    origin, turned = job.stands(job.values)
+    points = np.array([1e3 * pose.p for pose in job.poses])
+    place = origin + turned.apply(points / 1e3)
+    np.testing.assert_allclose(path.base_from_tcp.position, place, atol=5e-7)     # the circle points' axes are rounded
+    attitude = turned * Rotation.concatenate([pose.r for pose in job.poses])
+    np.testing.assert_allclose(path.base_from_tcp.rotation, attitude.as_matrix(), atol=1e-6)
+    np.testing.assert_allclose(1e3 * path.length, job.target_lengths, atol=1e-5)
+    # Ways over the part, as the base sees them there.
+    np.testing.assert_allclose(path.steps[1:], turned[1:].apply(np.diff(points, axis=0) / 1e3), atol=1e-7)
+
+
+def test_what_is_across_the_feed_is_so_where_the_part_has_turned(tmp_path: Path) -> None:
+    """A force along the way over the part has nothing across it, whatever the table's angle."""
+    job = CarriedJob(tmp_path, "J 0,0 L 20,0 L 40,0 L 60,0", on="table", ends=TURNING)
+    path = planned(job)
+    along = job.stands(job.values)[1].apply(job.origin.r.apply([100.0, 0, 0]))
+    _, across = across_feed(path, along)
+    assert across.max() < 1e-3
+    _, across = across_feed(path, np.tile(along[:1], (4, 1)))
+    assert across[-1] > 10
+
+
+@pytest.mark.parametrize("on", ["slide", "table", "both"])
+def test_the_rates_of_the_joints_at_the_ends_of_the_legs(tmp_path: Path, on: str) -> None:
+    """On lines and arcs, at either end: differences of the virtual cell's own angles."""
+    job = CarriedJob(tmp_path, ARCS, on=on, limits=LIMITS)
+    path = planned(job)
+    legs = build_legs(path, Poses(path.base_from_tcp, path.theta))
+    to = np.flatnonzero(legs.linear)
+    starts = joint_rates(path, path.theta, legs.before[to], legs, to, legs.first)
+    ends = joint_rates(path, path.theta, to, legs, to, legs.last)
+    number = 0
+    for leg in job.planned:
+        fine = controller.drive([leg], 0.01, zones=False)
+        step = leg.length / (len(fine.position) - 1) * 1e-3
+        q = job.angles(fine.position, fine.turn, fine.external)
+        np.testing.assert_allclose(starts[number, :6], (-1.5 * q[0] + 2 * q[1] - 0.5 * q[2]) / step, atol=1e-4)
+        number += len(leg.points) - 2
+        np.testing.assert_allclose(ends[number, :6], (1.5 * q[-1] - 2 * q[-2] + 0.5 * q[-3]) / step, atol=1e-4)
+        number += 1
+    assert number == len(to) == 7
+    assert starts.shape[1] == 6 + {"slide": 1, "table": 2, "both": 3}[on]
+
+
+def test_a_table_that_turns_under_a_resting_tip_takes_its_time(tmp_path: Path) -> None:
+    """The tool stays where it is on the part, which turns by 15 degrees at 20 deg/s and 40 deg/s^2."""
+    job = CarriedJob(tmp_path, "J 0,0 L 30,0 L 30,0 L 60,0", on="table", limits=LIMITS, ends=TURNING)
+    texts = job.program.replace(job.external(2), "[9E9,8.00000,-10.00000,9E9,9E9,9E9]").replace(
+        job.external(1), "[9E9,8.00000,5.00000,9E9,9E9,9E9]")
+    lines = texts.splitlines()
+    moves = [number for number, line in enumerate(lines) if "Move" in line]
+    place = lines[moves[1]].split("]")[:3]
+    lines[moves[2]] = "]".join(place + lines[moves[2]].split("]")[3:])
+    path = planned(job, "\n".join(lines) + "\n")
+    driven = drive(path)
+    assert driven.route.legs.joint.tolist() == [False, False, True, False]
+    assert driven.duration[2] == pytest.approx(15 / 20 + 20 / 40, rel=1e-6)
+
+
+def test_a_way_from_the_floor_to_the_table_is_no_line_over_the_part(tmp_path: Path) -> None:
+    job = CarriedJob(tmp_path, LINES, on="table")
+    text = job.program.replace("PROC main()", kit.wobjdata(user=kit.USER).replace("wPart", "wFloor") + "\nPROC main()")
+    first = text.index("wPart;")
+    path = planned(job, text[:first] + "wFloor;" + text[first + len("wPart;"):])
+    legs = build_legs(path, Poses(path.base_from_tcp, path.theta))
+    assert not legs.linear[1]
+    assert legs.linear[2:].all()
+
+
+def test_where_the_axes_stand(tmp_path: Path) -> None:
+    """A circle point counts for nothing, in between or for what follows; an axis of no unit is as written."""
+    path = planned(CarriedJob(tmp_path, ARCS, on="slide"))
+    toolpath, nan = path.toolpath, np.nan
+    external = np.full((len(toolpath), 6), nan)
+    external[:, 0] = [10, 20, 999, 40, 50, 999, nan, 70, 80][:len(toolpath)]
+    external[2, 5] = 7.0
+    values = standing_values(replace(toolpath, external=external), path.cell)
+    arc = kit_share(path)
+    np.testing.assert_allclose(values[:, 0], [10, 20, 20 + arc * 20, 40, 50, 50, 50, 70])
+    np.testing.assert_array_equal(values[:, 5], external[:, 5])
+
+
+def kit_share(path: RobotPath) -> float:
+    """Which share of the first arc stands before its circle point, by the lengths of its parts."""
+    length = path.length
+    return float((length[2] - length[1]) / (length[3] - length[1]))
