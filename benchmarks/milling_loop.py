@@ -116,6 +116,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
             logged_with=job.folder / "offsets1.csv", first_forces=log))
         by_material = job.correct(log, stiffness, cell=job.cell_with("cell_cut.yaml", CUT.format(
             diameter=2 * job.cutter.radius_mm, contact=PARTS[part].get("wall_depth_mm", 4.0))))
+        not_moving = job.correct(log, stiffness, cell=job.cell_with("cell_still.yaml", job.folder.joinpath(
+            "cell_cut.yaml").read_text().removeprefix(job.cell.read_text()) + "motion: {compliance_std: 0}\n"))
         depth = PARTS[part].get("allowance_mm", 1.5)
         stated_depth = job.correct(log, stiffness, settings(depth_of_cut=1e-3 * depth))
         last = job.correct(job.log(third, again.commands, "pass3.csv", part=again.part), stiffness)
@@ -133,6 +135,7 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
                     ("and once more: pass 4", last, False),
                     ("pass 2, depth of cut stated", stated_depth, False),
                     ("pass 2, material, diameter and contact stated", by_material, False),
+                    ("the same, and motion.compliance_std 0", not_moving, False),
                     ("pass 3, --logged-with", third_known, False),
                     ("pass 3, both passes", paired, False),
                     ("corrected with --keep-targets", job.correct(log, stiffness, settings(keep_targets=True)), False),

@@ -9,10 +9,10 @@ DIRECTION the part of that force's growth which stands across the feed, and the 
 with TEETH z and ENGAGED a/D as usual: h enters by its fourth root only. Without contact or diameter there is the force alone:
 half of F_n grows in proportion to the depth a, K = F_n / 2 a (`of_force`).
 
-k_c1.1 and m_c: ISCAR, Turning Tools catalogue 2017, p. 558, material groups by DIN/ISO 513 and VDI 3323; the middle of a
-group's values in logarithms. WIDTH and DIRECTION are engineering judgement: the values of a group differ by a factor of 1.0 to
-1.4 either way, a worn edge and its rake by 1.2, the direction by 1.3 (linear-edge coefficients of aluminium, steel and
-titanium, depths from 1 % to half of the diameter).
+k_c1.1 and m_c: ISCAR, Turning Tools catalogue 2017, p. 558, and Boring Systems 2022, p. 111, material groups by DIN/ISO 513
+and VDI 3323; the middle of a group's values in logarithms (the two differ for titanium alone). WIDTH and DIRECTION are
+engineering judgement: the values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the
+direction by 1.3 (linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MATERIALS = {
     "cast_iron": Material(1270.0, 0.26),           # 15 to 20: 1150 to 1420
     "steel": Material(1740.0, 0.23),               # 1 to 11: 1350 to 2500
     "stainless_steel": Material(1970.0, 0.21),     # 12 to 14: 1875 to 2150
-    "titanium": Material(1890.0, 0.23),            # 36, 37: 1700, 2110
+    "titanium": Material(1560.0, 0.23),            # 36, 37: 1160 to 2110
     "superalloy": Material(3090.0, 0.24),          # 31 to 35: 2600 to 3300
     "hardened_steel": Material(4600.0, 0.24),      # 38 to 41: 4500 to 4700; its exponent is not given: as of steel
 }

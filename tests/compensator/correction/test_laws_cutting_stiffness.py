@@ -16,12 +16,12 @@ WIDE = Estimate(40e3, 60e3)
 
 def drawn(rng: np.random.Generator, stiffness: float, spread: float = 0.0, *, targets: int = 400, noise: float = 0.6,
           memory: float = 0.0, zero: float = 1.0, stated: float = 1.0, turning: bool = True) -> PassPair:
-    """A pair of passes round a square pocket: stiffness [N/m] at 20 places spread [N/m] apart, sensor zeros that moved, and noise
-    with that correlation of neighbours, of which the standard errors state so large a share."""
+    """A pair of passes round a square pocket, or along one wall at one depth: stiffness [N/m] at 20 places spread [N/m] apart,
+    sensor zeros that moved, noise with that correlation of neighbours, of which the standard errors state so large a share."""
     angle = np.floor(np.linspace(0, 4 if turning else 0.999, targets, endpoint=False)) * np.pi / 2
     n = np.column_stack([np.cos(angle), np.sin(angle), np.full(targets, -0.1)])
     n /= np.linalg.norm(n, axis=1)[:, None]
-    depth = 80e-6 * (1 + 0.3 * np.sin(np.linspace(0, 9, targets)))
+    depth = 80e-6 * (1 + 0.3 * turning * np.sin(np.linspace(0, 9, targets)))
     place = np.repeat(stiffness + spread * rng.standard_normal(20), -(-targets // 20))[:targets]
     scatter = rng.standard_normal(targets)
     for i in range(1, targets):
@@ -43,10 +43,12 @@ def test_its_standard_error_is_honest(case: dict[str, float]) -> None:
         elsewhere.append((found.value - 25e3 - case.get("spread", 0.0) * rng.standard_normal()) / found.std)
         relative.append(found.std / 25e3)
     for off in (np.abs(missed), np.abs(elsewhere)):
-        assert 0.58 < np.mean(off < 1) < 0.93
+        assert np.mean(off < 1) > 0.58
         assert np.mean(off < 2) > 0.91
+    # The sensor's zeros are taken to move by 2 N, more than they mostly do here.
+    assert np.mean(np.abs(missed) < 1) < 0.93
     # It is no blank cheque either.
-    assert np.median(relative) < 0.15 + 1.5 * (case.get("spread", 0.0) / 25e3) + 0.2 * (case.get("zero", 1.0) > 1)
+    assert np.median(relative) < 0.18 + 1.5 * (case.get("spread", 0.0) / 25e3) + 0.2 * (case.get("zero", 1.0) > 1)
 
 
 def test_more_pairs_tell_more() -> None:
