@@ -12,7 +12,7 @@ from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.cutting_stiffness import CuttingStiffness
-from compensator.correction.engagement import following_the_cut
+from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.expected_left import ExpectedLeft, expected_left
 from compensator.correction.intermediate_targets import with_intermediate_targets
 from compensator.correction.logged_pass import logged_pass
@@ -34,9 +34,8 @@ class Corrected:
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
     loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
     the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
-    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. stiffness: of the cut, None where
-    nothing is known but the force; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where
-    they were asked for.
+    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. logged: what is known of the logged
+    pass; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where they were asked for.
     """
 
     planned: Predicted
@@ -48,11 +47,16 @@ class Corrected:
     between: BetweenTargets | None
     left: ExpectedLeft
     left_as_logged: Array | None
-    stiffness: CuttingStiffness | None
+    logged: LoggedPass
     gain: float
     feed: FeedCheck | None
     advice: Advice | None
     findings: tuple[Finding, ...]
+
+    @property
+    def stiffness(self) -> CuttingStiffness | None:
+        """Of the cut; None where nothing is known but the force."""
+        return self.logged.stiffness
 
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
@@ -148,4 +152,4 @@ def correct(planned: Predicted) -> Corrected:
     advice = advise(planned.loaded) if settings.advise else None
     left = expected_left(predicted, kept, cut, residual, between)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
-                     logged.stiffness, cut.gain, feed, advice, findings)
+                     logged, cut.gain, feed, advice, findings)
