@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.budget import Budget
+from compensator.correction.budget_pages import budget_figure, budget_sentence, budget_tables
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.feed_pages import feed_figures, feed_table
@@ -21,8 +23,13 @@ Indices = NDArray[np.intp]
 MOST_POINTS = 20_000
 
 
-def path_report(job: Predicted | Corrected) -> str:
-    """The report of one program, predicted or corrected."""
+def budget_report(budget: Budget) -> str:
+    """The report of a predicted program with its error budget."""
+    return path_report(budget.corrected.planned, budget)
+
+
+def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str:
+    """The report of one program, predicted or corrected; budget: of a predicted one."""
     corrected = job if isinstance(job, Corrected) else None
     predicted = job.predicted if isinstance(job, Corrected) else job
     figures = job.as_dict()
@@ -67,11 +74,17 @@ def path_report(job: Predicted | Corrected) -> str:
                         f"{between['largest']:.1f} um at most; zones are not counted.")
     along = _along(predicted, corrected)
     tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
+    findings = job.findings
+    if budget is not None:
+        lead.append(budget_sentence(budget))
+        tables += budget_tables(budget)
+        drawn.append(budget_figure(budget))
+        findings, figures = (*findings, *budget.findings), figures | {"budget": budget.as_dict()}
     if corrected is not None and corrected.feed is not None:
         tables.append(feed_table(corrected.feed))
         drawn += feed_figures(corrected.feed)
     return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
-                  job.findings, figures)
+                  findings, figures)
 
 
 def _kept(predicted: Predicted) -> tuple[Indices, str]:
