@@ -10,6 +10,8 @@ from compensator.correction.budget import SIGMAS, Budget
 from compensator.correction.expected_left import CAUSES
 from identification.common.report import Figure, ReportTable
 
+# So many places are listed; the JSON result holds all.
+SHOWN = 20
 COLOURS = {"model": "#3b6ea5", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f", "between": "#7d5ba6"}
 
 
@@ -36,15 +38,16 @@ def budget_tables(budget: Budget) -> list[ReportTable]:
                    f"{100 * two['rms'] / figures['tolerance_um']:.1f} %", "100 %"])
     tables = [ReportTable("Error budget", ["cause", "two sigma, RMS [um]", "largest [um]", "of the tolerance", "of the square"],
                           causes, numbers=(1, 2, 3, 4))]
-    if figures["places"]:
-        tables.append(ReportTable("Places that may fail", ["lines", "targets", "two sigma, largest [um]", "mostly"], [
-            [f"{place['first_line']} to {place['last_line']}", f"{place['targets']}", f"{place['two_sigma_um']:.1f}",
-             CAUSES[place["cause"]]] for place in figures["places"]], numbers=(1, 2)))
     if figures["remedies"]:
         tables.append(ReportTable("What would help", ["what", "takes", "gains [um]", "then RMS / largest [um]", "then over"], [
             [remedy["do"], remedy["effort"], f"{remedy['gain_um']:.1f}",
              f"{remedy['two_sigma_um']['rms']:.1f} / {remedy['two_sigma_um']['largest']:.1f}", f"{remedy['over']}"]
             for remedy in figures["remedies"]], numbers=(2, 3, 4)))
+    if figures["places"]:
+        more = f": the {SHOWN} worst of {len(figures['places'])}" if len(figures["places"]) > SHOWN else ""
+        tables.append(ReportTable(f"Places that may fail{more}", ["lines", "targets", "two sigma, largest [um]", "mostly"], [
+            [f"{place['first_line']} to {place['last_line']}", f"{place['targets']}", f"{place['two_sigma_um']:.1f}",
+             CAUSES[place["cause"]]] for place in figures["places"][:SHOWN]], numbers=(1, 2)))
     return tables
 
 

@@ -157,6 +157,11 @@ def test_two_passes_tell_the_cutting_stiffness_of_the_wall(
     truth = 1e6 * float(np.median(grown / deeper))
     assert abs(found.value - truth) < 2.5 * found.std
     assert found.std < 0.35 * truth
+    # offsets.csv has what of left_um the cut leaves; the pass of the first correction knew nothing of it.
+    rows = np.genfromtxt(applied, delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert np.all(rows["cut_um"] <= rows["left_um"] + 1e-4)
+    assert np.allclose(rows["cut_um"][corrected.job.predicted.forces.forced[corrected.job.kept]], 1e6 * corrected.job.left.cut[
+        np.isin(corrected.job.predicted.targets, corrected.job.kept)], atol=1e-4)
     assert found.as_dict()["n_per_mm"] == pytest.approx(1e-3 * found.value)
 
 
