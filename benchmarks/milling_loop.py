@@ -49,7 +49,7 @@ PARTS = {
 HIDDEN = ("backlash:1", "soft_zone:1", "gear_friction:1", "bearing_tilt:2", "base_rocking", "spindle_compliance")
 HIDDEN_PART = "0.5 mm"
 SPACINGS_MM = (1.5, 0.5, 0.25, 0.1)
-CUT = "cutting: {{material: aluminium, tool_diameter_mm: {diameter:g}, contact_mm: {contact:g}}}\n"
+CUT = "  spindle_rpm: {rpm:g}\ncutting: {{material: aluminium, tool_diameter_mm: {diameter:g}, contact_mm: {contact:g}}}\n"
 SHARP = PLACES.index("sharp corner")
 
 
@@ -115,7 +115,7 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         paired = job.correct(job.folder / "pass2.csv", stiffness, settings(
             logged_with=job.folder / "offsets1.csv", first_forces=log))
         by_material = job.correct(log, stiffness, cell=job.cell_with("cell_cut.yaml", CUT.format(
-            diameter=2 * job.cutter.radius_mm, contact=PARTS[part].get("wall_depth_mm", 4.0))))
+            rpm=job.cutter.spindle_rpm, diameter=2 * job.cutter.radius_mm, contact=PARTS[part].get("wall_depth_mm", 4.0))))
         not_moving = job.correct(log, stiffness, cell=job.cell_with("cell_still.yaml", job.folder.joinpath(
             "cell_cut.yaml").read_text().removeprefix(job.cell.read_text()) + "motion: {compliance_std: 0}\n"))
         depth = PARTS[part].get("allowance_mm", 1.5)
@@ -134,7 +134,7 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
                     ("corrected again from the log of pass 2: pass 3", again, False),
                     ("and once more: pass 4", last, False),
                     ("pass 2, depth of cut stated", stated_depth, False),
-                    ("pass 2, material, diameter and contact stated", by_material, False),
+                    ("pass 2, material, diameter, contact, speed stated", by_material, False),
                     ("the same, and motion.compliance_std 0", not_moving, False),
                     ("pass 3, --logged-with", third_known, False),
                     ("pass 3, both passes", paired, False),

@@ -55,15 +55,16 @@ def known_before(predicted: Predicted) -> tuple[CuttingStiffness | None, tuple[F
         return None, ()
     feed = predicted.path.toolpath.feed[predicted.targets]
     feed = feed[np.isfinite(feed)]
-    revolution = predicted.forces.log.revolution
-    known = of_material(cutting, float(np.median(feed)) if len(feed) else None, revolution)
+    # Stated: of a speed that was found in a log's spectrum it may be the teeth that pass.
+    rpm = predicted.settings.log.spindle_rpm or predicted.cell.force_log.form.spindle_rpm
+    known = of_material(cutting, float(np.median(feed)) if len(feed) else None, 60 / rpm if rpm else None)
     if known is not None:
         prior = CuttingStiffness(known.value, known.std, "material", mean_std=known.std, climb_only=True)
         return prior, (Finding("CS3201", "note", f"cutting stiffness by its material, {cutting.material}: {prior.words()}",
                                file=str(predicted.cell.source)),)
     missing = [name for name, there in (("cutting.tool_diameter_mm", cutting.tool_diameter_mm),
                                         ("cutting.contact_mm", cutting.contact_mm), ("a programmed feed", len(feed)),
-                                        ("the spindle's speed", revolution)) if not there]
+                                        ("the spindle's speed (--spindle-rpm)", rpm)) if not there]
     return None, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
                           f"without {' and '.join(missing)}", file=str(predicted.cell.source),
                           hint="state it, or the depth across the feed (--depth-of-cut)"),)

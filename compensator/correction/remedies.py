@@ -63,7 +63,8 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
         yield ("mill and log the corrected pass, then correct with --logged-with (and --first-forces)", "one more pass",
                lambda: _next_pass(corrected))
         if corrected.stiffness is None:
-            yield ("state the cut in cell.yaml: material, tool_diameter_mm, contact_mm", "three lines in cell.yaml",
+            yield ("state the cut in cell.yaml: material, tool_diameter_mm, contact_mm, and the spindle's speed",
+                   "four lines in cell.yaml",
                    lambda: _known_cut(corrected))
             depth = settings.correction.depth_of_cut
             yield (f"state --depth-of-cut, if it is {2e3 * depth:g} mm and not {1e3 * depth:g}", "an option",

@@ -245,7 +245,7 @@ def test_the_cell_states_the_cut(tmp_path: Path, path: Path3, uncorrected: Passe
     result = job.correct("--force", "--json")
     assert result.code == 0
     said = next(f["message"] for f in result.json["findings"] if f["code"] == "CS3202")
-    assert "cutting.contact_mm and the spindle's speed" in said
+    assert "cutting.contact_mm and the spindle's speed (--spindle-rpm)" in said
     for wrong in ("{std_n_per_mm: 4}", "{contact_mm: 4}", "{material: wood}", "{stiffness_n_per_mm: -1}"):
         job.cell = plain + f"cutting: {wrong}\n"
         assert job.correct("--force").code == 1

@@ -127,7 +127,8 @@ def test_a_slot_and_a_climbing_cut_are_told_by_the_force(corrected: Correction) 
 def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
     job: MillingJob, stiffness: Path, log: Path, corrected: Correction, first: Pass, second: Pass
 ) -> None:
-    cell = job.cell_with("cell_cut.yaml", "cutting: {material: aluminium, tool_diameter_mm: 16, contact_mm: 4}\n")
+    cell = job.cell_with("cell_cut.yaml", (
+        "  spindle_rpm: 9000\ncutting: {material: aluminium, tool_diameter_mm: 16, contact_mm: 4}\n"))
     known = job.correct(log, stiffness, cell=cell)
     assert known.job.stiffness is not None
     assert 0.5 < known.job.stiffness.value / WALL < 2
