@@ -51,6 +51,14 @@ def test_its_standard_error_is_honest(case: dict[str, float]) -> None:
     assert np.median(relative) < 0.18 + 1.5 * (case.get("spread", 0.0) / 25e3) + 0.2 * (case.get("zero", 1.0) > 1)
 
 
+def test_scatter_beyond_the_standard_errors_is_not_taken_for_places_that_differ() -> None:
+    """Ten times more noise than is stated, at one stiffness: it is followed all the same."""
+    rng = np.random.default_rng(9)
+    found = [posterior(WIDE, [drawn(rng, 25e3, noise=2.0, stated=0.1)]) for _ in range(20)]
+    assert np.median([one.spread for one in found]) < 5e3
+    assert np.median([one.followed for one in found])
+
+
 def test_more_pairs_tell_more() -> None:
     rng = np.random.default_rng(3)
     pairs = [drawn(rng, 25e3, noise=2.0) for _ in range(6)]
