@@ -58,6 +58,11 @@ class Corrected:
         """Of the cut; None where nothing is known but the force."""
         return self.logged.stiffness
 
+    @property
+    def assumed_depth(self) -> float | None:
+        """The depth of cut [m] that what is left by the cut rests on; None where its stiffness is known."""
+        return self.planned.settings.correction.depth_of_cut if self.stiffness is None else None
+
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
         offset, turn = (np.linalg.norm(values, axis=1) for values in (self.correction.offset, self.correction.turn))
@@ -91,7 +96,7 @@ class Corrected:
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
                else "the rounding of the written numbers)"),
             self.between_line(),
-            self.left.line(self.planned.settings.correction.depth_of_cut),
+            self.left.line(self.assumed_depth),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),

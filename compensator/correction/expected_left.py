@@ -59,26 +59,26 @@ class ExpectedLeft:
         return {"largest": 1e6 * float(self.std.max()), "rms": 1e6 * rms(self.std),
                 **{cause: 1e6 * rms(getattr(self, cause)) for cause in CAUSES}}
 
-    def line(self, depth: float) -> str:
-        """The same for the terminal; depth [m]: the depth of cut that was taken."""
+    def line(self, depth: float | None) -> str:
+        """The same for the terminal; depth [m]: the depth of cut that was taken, None where the cut's stiffness is known."""
         figures = self.as_dict()
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items())
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
                 f"({parts}){self._remedy(depth)}")
 
-    def sentence(self, depth: float) -> str:
+    def sentence(self, depth: float | None) -> str:
         """The same for the report."""
         figures = self.as_dict()
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
                 "sigma): by the model's uncertainty, the force sensor's gain, the robot in motion, the force that follows "
                 f"the cut, and between targets{self._remedy(depth)}.")
 
-    def _remedy(self, depth: float) -> str:
+    def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""
         figures = self.as_dict()
-        if figures["cut"] <= 0.5 * figures["rms"]:
+        if depth is None or figures["cut"] <= 0.5 * figures["rms"]:
             return ""
-        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or --cutting-stiffness)"
+        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
 
 
 def expected_left(
