@@ -22,6 +22,10 @@ from identification.common.tables import read_table
 
 Array = NDArray[np.float64]
 FEWEST_TARGETS = 40
+# A wrong sign makes the force fall by at least this share of itself a metre of depth: in climb milling up to 5 mm deep it grows
+# by 0.7 of the push across over the depth, that is 0.1 of the force a millimetre. In conventional milling the push across may
+# fall by less (cut_kind.py); engineering judgement.
+FALLS = 50.0
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -84,7 +88,8 @@ def of_passes(
     else:
         before = Estimate(prior.value, prior.std)
     falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)
-    if falls.value < -3 * falls.std:
+    size = float(np.median(np.linalg.norm(predicted.forces.wrench[predicted.targets, :3], axis=1)))
+    if falls.value < -max(3 * falls.std, FALLS * size):
         deeper = np.concatenate([pair.depth for pair in pairs])
         change = np.concatenate([pair.change for pair in pairs])
         raise Refused(Finding(
@@ -92,7 +97,7 @@ def of_passes(
             f"deeper, shows less force ({np.sign(np.median(change)) * np.abs(change).mean():+.1f} N): "
             f"{1e-3 * falls.value:.3g} N/mm of depth, standard error {1e-3 * falls.std:.3g}", file=source,
             hint="force_log.sign in cell.yaml is wrong (then the first correction doubled the error), or the logs are "
-            "swapped"))
+            "swapped; in conventional milling alone it may be so: then leave --first-forces out"))
     climbing = [pair.where(pair.climb > 0.5) for pair in pairs]
     climbing = [pair for pair in climbing if len(pair.depth) >= FEWEST_TARGETS]
     found = replace(posterior(before, climbing), climb_only=True) if climbing else posterior(before, pairs)

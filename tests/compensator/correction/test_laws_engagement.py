@@ -176,6 +176,23 @@ def test_a_wrong_sign_shows_in_the_second_pass(tmp_path: Path, path: Path3, unco
     assert "CS3117" in kit.codes(result)
 
 
+def test_a_force_that_hardly_falls_is_no_wrong_sign(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """As in conventional milling, where the push across does not grow with the depth: the pair tells no cutting stiffness."""
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct().code == 0
+    (tmp_path / "first.csv").write_text(text(first))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(0.998 * first)
+    result = job.correct("--force", "--json", "--logged-with", tmp_path / "applied.csv", "--first-forces",
+                         tmp_path / "first.csv")
+    assert result.code == 0
+    assert "CS4122" in kit.codes(result)
+    found = result.json["result"]["cutting_stiffness"]
+    assert (found["followed"], found["origin"]) == (False, "passes")
+    assert found["n_per_mm"] < 0.05 * CUTTING
+
+
 def test_another_log_of_the_program_is_held_against_the_first(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
     first, _ = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))
