@@ -15,6 +15,7 @@ REPORTS = {
     "JointLogDiagnosis": "identification.motion.pages:diagnosis_report",
     "DesignPlan": "identification.design.pages:design_report",
     "Predicted": "compensator.correction.report:path_report",
+    "Budget": "compensator.correction.report:budget_report",
     "Corrected": "compensator.correction.report:path_report",
     "Verification": "compensator.verification.report:verify_report",
 }

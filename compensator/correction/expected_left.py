@@ -5,12 +5,14 @@ The covariance of a prediction is that of the robot under the force as logged. O
     model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known, the scatter of the
               mean force; and what a correction that is held back leaves
     sensor    the gain of the force sensor: so large a share of the deviation
-    cut       where no cutting stiffness is known: the corrected tool stands deeper in the cut by e . n, the force grows by
-              g = (e . n) / 2 a with a depth of cut a (--depth-of-cut), and |d| g / (1 + g) is left (engagement.py)
+    motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
+              measured pass says how much (then its error is the model's)
+    cut       the corrected tool stands deeper in the cut, and the force grows by g: |d| g / (1 + g) is left by as much of the
+              cutting stiffness as is not known (engagement.py)
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
               distributed up to half the tolerance
 
-Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming, the robot in motion.
+Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming.
 """
 
 from __future__ import annotations
@@ -22,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.between_targets import BetweenTargets
-from compensator.correction.engagement import CorrectedPass, LoggedPass, left_at_depth
+from compensator.correction.engagement import CorrectedPass
 from compensator.correction.predict import Predicted
+from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
-CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "cut": "force that follows the cut",
-          "between": "between targets"}
+CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "motion": "the robot in motion",
+          "cut": "force that follows the cut", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,7 @@ class ExpectedLeft:
 
     model: Array
     sensor: Array
+    motion: Array
     cut: Array
     between: Array
 
@@ -55,40 +59,40 @@ class ExpectedLeft:
         return {"largest": 1e6 * float(self.std.max()), "rms": 1e6 * rms(self.std),
                 **{cause: 1e6 * rms(getattr(self, cause)) for cause in CAUSES}}
 
-    def line(self, depth: float) -> str:
-        """The same for the terminal; depth [m]: the depth of cut that was taken."""
+    def line(self, depth: float | None) -> str:
+        """The same for the terminal; depth [m]: the depth of cut that was taken, None where the cut's stiffness is known."""
         figures = self.as_dict()
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items())
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
                 f"({parts}){self._remedy(depth)}")
 
-    def sentence(self, depth: float) -> str:
+    def sentence(self, depth: float | None) -> str:
         """The same for the report."""
         figures = self.as_dict()
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
-                "sigma): by the model's uncertainty, the force sensor's gain, the force that follows the cut, and between "
-                f"targets{self._remedy(depth)}.")
+                "sigma): by the model's uncertainty, the force sensor's gain, the robot in motion, the force that follows "
+                f"the cut, and between targets{self._remedy(depth)}.")
 
-    def _remedy(self, depth: float) -> str:
+    def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""
         figures = self.as_dict()
-        if figures["cut"] <= 0.5 * figures["rms"]:
+        if depth is None or figures["cut"] <= 0.5 * figures["rms"]:
             return ""
-        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or --cutting-stiffness)"
+        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
 
 
 def expected_left(
-    predicted: Predicted, kept: Indices, cut: CorrectedPass, logged: LoggedPass, residual: Array,
-    between: BetweenTargets | None,
+    predicted: Predicted, kept: Indices, cut: CorrectedPass, residual: Array, between: BetweenTargets | None
 ) -> ExpectedLeft:
     """Of a corrected program whose targets as given stand at `kept` (N,); residual (M,) [m]: what its correction leaves by the
     model."""
-    targets, prediction = predicted.targets, cut.prediction
+    targets, prediction, cell = predicted.targets, cut.prediction, predicted.path.cell
     size = np.linalg.norm(prediction.position, axis=1)
-    follows = np.zeros(len(targets)) if logged.stiffness is not None else left_at_depth(predicted, kept, logged)
+    of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2 + residual**2
+    unknown = cell.motion.compliance_std if predicted.settings.correction.scale == EXACTLY_ONE else 0.0
     return ExpectedLeft(
-        np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2) + residual**2),
-        predicted.path.cell.force_log.form.gain_std * size, follows, _between(predicted, kept, between)[targets])
+        np.sqrt(np.maximum(of_model, 0.0)), cell.force_log.form.gain_std * size, unknown * size, cut.left.copy(),
+        _between(predicted, kept, between)[targets])
 
 
 def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 def offsets_csv(corrected: Corrected) -> bytes:
     """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note, and 1 sigma
-    of what is expected to be left on the part.
+    of what is expected to be left on the part, and of what of it the force that follows the cut leaves.
 
     One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
     which a target may have intermediate ones beside it and so a narrower share of the log.
@@ -33,9 +33,9 @@ def offsets_csv(corrected: Corrected) -> bytes:
     offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
     kept = corrected.kept
     columns = {**_columns(offset[kept], "ox_mm oy_mm oz_mm", 6), **_columns(turn[kept], "orx_deg ory_deg orz_deg", 8)}
-    left = np.zeros(count)
-    left[targets] = 1e6 * corrected.left.std
-    return _csv(corrected.planned, columns, _columns(left[kept, None], "left_um", 4))
+    left = np.zeros((count, 2))
+    left[targets] = 1e6 * np.column_stack([corrected.left.std, corrected.left.cut])
+    return _csv(corrected.planned, columns, _columns(left[kept], "left_um cut_um", 4))
 
 
 def deviation_csv(predicted: Predicted) -> bytes:

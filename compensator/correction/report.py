@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.budget import Budget
+from compensator.correction.budget_pages import budget_figure, budget_sentence, budget_tables
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.feed_pages import feed_figures, feed_table
@@ -21,8 +23,13 @@ Indices = NDArray[np.intp]
 MOST_POINTS = 20_000
 
 
-def path_report(job: Predicted | Corrected) -> str:
-    """The report of one program, predicted or corrected."""
+def budget_report(budget: Budget) -> str:
+    """The report of a predicted program with its error budget."""
+    return path_report(budget.corrected.planned, budget)
+
+
+def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str:
+    """The report of one program, predicted or corrected; budget: of a predicted one."""
     corrected = job if isinstance(job, Corrected) else None
     predicted = job.predicted if isinstance(job, Corrected) else job
     figures = job.as_dict()
@@ -41,9 +48,10 @@ def path_report(job: Predicted | Corrected) -> str:
         lead.append(
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
             f"same model leaves {residual['largest']:.2f} um at most. "
-            f"{corrected.left.sentence(predicted.settings.correction.depth_of_cut)} "
+            f"{corrected.left.sentence(corrected.assumed_depth)} "
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
-            + ("The force follows the cut with the stated cutting stiffness." if corrected.left_as_logged is None else
+            + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
+               if corrected.left_as_logged is None and corrected.stiffness is not None else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
                f"{corrected.as_logged()}."))
         if predicted.settings.correction.scale == EXACTLY_ONE:
@@ -52,6 +60,9 @@ def path_report(job: Predicted | Corrected) -> str:
         if corrected.advice is not None:
             lead += corrected.advice.lines()
         rows += [["intermediate targets", f"{figures['added_targets']}"],
+                 *([] if corrected.stiffness is None else [[
+                     f"cutting stiffness ({corrected.stiffness.origin}), 1 sigma [N/mm]",
+                     f"{1e-3 * corrected.stiffness.value:.3g}, {1e-3 * corrected.stiffness.std:.2g}"]]),
                  ["corrections held back", f"{figures['held_back']}"],
                  ["largest correction [mm]", f"{offset['largest']:.4f}"],
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
@@ -66,11 +77,17 @@ def path_report(job: Predicted | Corrected) -> str:
                         f"{between['largest']:.1f} um at most; zones are not counted.")
     along = _along(predicted, corrected)
     tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
+    findings = job.findings
+    if budget is not None:
+        lead.append(budget_sentence(budget))
+        tables += budget_tables(budget)
+        drawn.append(budget_figure(budget))
+        findings, figures = (*findings, *budget.findings), figures | {"budget": budget.as_dict()}
     if corrected is not None and corrected.feed is not None:
         tables.append(feed_table(corrected.feed))
         drawn += feed_figures(corrected.feed)
     return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
-                  job.findings, figures)
+                  findings, figures)
 
 
 def _kept(predicted: Predicted) -> tuple[Indices, str]:

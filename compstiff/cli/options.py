@@ -159,6 +159,9 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
     _correction("--tighten-zones", is_flag=True, help="Make zones smaller where they cut corners by more than the tolerance."),
     _correction("--advise", is_flag=True, help="Say which turn about the tool's axis would lower the deviation."),
     _correction("--correct-again", is_flag=True, help="Also correct what a record names as the output of a correction."),
+)
+# How the force follows the cut: `correct`, and the error budget of `predict`.
+CUT_OPTIONS: tuple[Decorator, ...] = (
     _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
     _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01), default=1e3 * DEFAULTS.correction.depth_of_cut,
                 show_default=True, help="Across the feed [mm]; where no cutting stiffness is known it says what is expected "

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import click
 
-from compensator.correction.settings import Settings
+from compensator.correction.settings import DEFAULTS, Settings
 from compstiff.cli.console import WRITABLE, command
 from compstiff.cli.options import (
     CELL,
+    CUT_OPTIONS,
     FORCES,
     LOG_OPTIONS,
     OTHER_LOG,
@@ -28,34 +29,54 @@ from compstiff.outcome import Outcome, Session, call
 @STIFFNESS
 @FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS)
+@click.option("--budget", is_flag=True, help="Also say what a tolerance would be spent on after a correction.")
+@click.option("--tolerance-um", type=click.FloatRange(0, min_open=True),
+              help="With --budget: the largest deviation that is accepted on the part.")
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CUT_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
-    report: Path | None, settings: Settings,
+    report: Path | None, settings: Settings, budget: bool, tolerance_um: float | None,
 ) -> Outcome:
     """Predict how far the tool is pushed off its path.
 
     CELL is cell.yaml, TOOLPATH a RAPID program, APT or CSV; the deviation and its standard deviation are written target by
-    target.
+    target. --budget works out the correction too, writes none, and says by cause what --tolerance-um would be spent on, which
+    lines may fail, and what would help by how much.
     """
     from compensator.correction.files import predict_files
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
-    from compstiff import Inputs, deviation_csv
+    from compstiff import Inputs, deviation_csv, error_budget
     from identification.common.files import check_writable, write_whole
 
+    if budget != (tolerance_um is not None):
+        raise click.UsageError("--budget and --tolerance-um go together.")
+    if not budget and _of_the_cut(settings) != _of_the_cut(DEFAULTS):
+        raise click.UsageError("--cutting-stiffness, --depth-of-cut, --logged-with and --first-forces are for correct, and for "
+                               "--budget: the force of the logged pass is predicted.")
+    if settings.correction.first_forces and not settings.correction.logged_with:
+        raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
     session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     outputs = [output, *([report] if report else [])]
     check_writable(outputs, overwrite=session.overwrite)
     predicted = predict_files(inputs, settings)
     files = {output: deviation_csv(predicted)}
+    spent = error_budget(predicted, 1e-6 * tolerance_um) if tolerance_um is not None else None
     if report:
         from compstiff.writing import report as page_of
 
-        files[report] = page_of(predicted).encode()
+        files[report] = page_of(spent or predicted).encode()
     write_whole(files)
-    return Outcome(predicted.as_dict(), predicted.findings, predicted.lines(),
+    figures, findings, lines = predicted.as_dict(), predicted.findings, predicted.lines()
+    if spent is not None:
+        figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]
+    return Outcome(figures, findings, lines,
                    next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
                                   *settings.as_options(), "-o",
                                   f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}"))
+
+
+def _of_the_cut(settings: Settings) -> tuple[object, ...]:
+    chosen = settings.correction
+    return chosen.cutting_stiffness, chosen.depth_of_cut, chosen.logged_with, chosen.first_forces

@@ -104,6 +104,26 @@ class LimitsFile(Strict):
     max_tilt_deg: Positive = Field(default=0.5, le=30.0)
 
 
+Material = Literal["aluminium", "copper_alloy", "cast_iron", "steel", "stainless_steel", "titanium", "superalloy",
+                   "hardened_steel"]
+
+
+class CuttingFile(Strict):
+    """The cut that this cell mills with: how stiff it is across the feed, or what its prior is made from."""
+
+    material: Material | None = None
+    tool_diameter_mm: Positive | None = None
+    contact_mm: Positive | None = None
+    stiffness_n_per_mm: Positive | None = None
+    std_n_per_mm: NotNegative | None = None
+
+
+class MotionFile(Strict):
+    """How much more, or less, the moving robot gives way than at rest, where no measured pass has told it."""
+
+    compliance_std: Annotated[float, Field(ge=0, le=0.5)] = 0.02
+
+
 class ModbusFile(Strict):
     """Where the cell's Modbus server listens."""
 
@@ -192,6 +212,8 @@ class CellFile(Strict):
     modbus: ModbusFile = ModbusFile()
     controller: ControllerFile = ControllerFile()
     design: DesignFile = DesignFile()
+    cutting: CuttingFile = CuttingFile()
+    motion: MotionFile = MotionFile()
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +262,7 @@ class Cell:
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
     units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
     that carries the robot stands at its zero.
+    cutting, motion: as the file has them.
     """
 
     source: Path
@@ -260,6 +283,8 @@ class Cell:
     reach: tuple[float, float] | None = None
     controller: ControllerFile = field(default_factory=ControllerFile)
     units: tuple[MechanicalUnit, ...] | None = None
+    cutting: CuttingFile = field(default_factory=CuttingFile)
+    motion: MotionFile = field(default_factory=MotionFile)
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -321,7 +346,19 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
                                                               1e-3 * described.design.reach_mm[1]),
         units=units,
+        cutting=_cutting(described.cutting, file),
+        motion=described.motion,
     )
+
+
+def _cutting(cutting: CuttingFile, file: Path) -> CuttingFile:
+    """As it stands. CompstiffError (CS0102) where a key says nothing without another one."""
+    needs = (("std_n_per_mm", "stiffness_n_per_mm"), ("tool_diameter_mm", "material"), ("contact_mm", "material"))
+    for key, other in needs:
+        if getattr(cutting, key) is not None and getattr(cutting, other) is None:
+            raise error("CS0102", f"cutting.{key} is stated without cutting.{other}, and says nothing by itself",
+                        file=str(file), hint=f"state cutting.{other} too")
+    return cutting
 
 
 def _force_log(log: ForceLogFile, sensor: Frame | None, tool: ToolFile) -> ForceLogFrame:

@@ -1,0 +1,71 @@
+"""The error budget in the report of `predict`: what spends the tolerance along the path, where it fails, what would help."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from compensator.correction.budget import SIGMAS, Budget
+from compensator.correction.expected_left import CAUSES
+from identification.common.report import Figure, ReportTable
+
+# So many places are listed; the JSON result holds all.
+SHOWN = 20
+COLOURS = {"model": "#3b6ea5", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f", "between": "#7d5ba6"}
+
+
+def budget_sentence(budget: Budget) -> str:
+    """For the top of the page."""
+    figures = budget.as_dict()
+    cause, most = max(figures["causes"].items(), key=lambda item: item[1]["share_of_tolerance"])
+    first = figures["remedies"][0] if figures["remedies"] else None
+    return (f"Error budget for a tolerance of {figures['tolerance_um']:g} um: uncorrected {figures['uncorrected_over']} of "
+            f"{figures['targets']} targets with force would be over it. Corrected, {figures['over']} are expected over it by "
+            f"two sigma; the largest cause is {CAUSES[cause]}, {100 * most['share_of_tolerance']:.0f} % of the tolerance."
+            + (f" What would help most: {first['do']} ({first['gain_um']:.1f} um of {figures['two_sigma_um']['rms']:.1f} um "
+               "RMS)." if first else ""))
+
+
+def budget_tables(budget: Budget) -> list[ReportTable]:
+    """Causes, places and remedies."""
+    figures = budget.as_dict()
+    causes = [[CAUSES[cause], f"{of['two_sigma_um']['rms']:.1f}", f"{of['two_sigma_um']['largest']:.1f}",
+               f"{100 * of['share_of_tolerance']:.1f} %", f"{100 * of['share_of_square']:.0f} %"]
+              for cause, of in figures["causes"].items()]
+    two = figures["two_sigma_um"]
+    causes.append(["all together", f"{two['rms']:.1f}", f"{two['largest']:.1f}",
+                   f"{100 * two['rms'] / figures['tolerance_um']:.1f} %", "100 %"])
+    tables = [ReportTable("Error budget", ["cause", "two sigma, RMS [um]", "largest [um]", "of the tolerance", "of the square"],
+                          causes, numbers=(1, 2, 3, 4))]
+    if figures["remedies"]:
+        tables.append(ReportTable("What would help", ["what", "takes", "gains [um]", "then RMS / largest [um]", "then over"], [
+            [remedy["do"], remedy["effort"], f"{remedy['gain_um']:.1f}",
+             f"{remedy['two_sigma_um']['rms']:.1f} / {remedy['two_sigma_um']['largest']:.1f}", f"{remedy['over']}"]
+            for remedy in figures["remedies"]], numbers=(2, 3, 4)))
+    if figures["places"]:
+        more = f": the {SHOWN} worst of {len(figures['places'])}" if len(figures["places"]) > SHOWN else ""
+        tables.append(ReportTable(f"Places that may fail{more}", ["lines", "targets", "two sigma, largest [um]", "mostly"], [
+            [f"{place['first_line']} to {place['last_line']}", f"{place['targets']}", f"{place['two_sigma_um']:.1f}",
+             CAUSES[place["cause"]]] for place in figures["places"][:SHOWN]], numbers=(1, 2)))
+    return tables
+
+
+def budget_figure(budget: Budget) -> Figure:
+    """Two sigma by cause along the path, with the tolerance."""
+    corrected = budget.corrected
+    targets, path = corrected.predicted.targets, corrected.predicted.path
+    shown = slice(None, None, max(len(targets) // 10_000, 1))
+    length = 1e3 * path.length[targets][shown]
+    data: list[dict[str, Any]] = [
+        {"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * SIGMAS * getattr(corrected.left, cause)[shown],
+         "name": words, "line": {"color": COLOURS[cause], "width": 1}} for cause, words in CAUSES.items()]
+    data.append({"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * budget.two_sigma[shown], "name": "all together",
+                 "line": {"color": "#222", "width": 1.5}})
+    ends = [float(np.nanmin(length)), float(np.nanmax(length))] if len(length) else [0.0, 1.0]
+    data.append({"type": "scatter", "mode": "lines", "x": ends, "y": [1e6 * budget.tolerance] * 2, "name": "tolerance",
+                 "line": {"color": "#c00", "dash": "dash", "width": 1}})
+    layout = {"xaxis": {"title": {"text": "path length [mm]"}, "gridcolor": "#eee"},
+              "yaxis": {"title": {"text": "two sigma on the part [um]"}, "gridcolor": "#eee", "rangemode": "tozero"}}
+    return Figure("What the tolerance is spent on", "Expected on the part after the correction, by cause; causes are added as "
+                  "independent.", data, layout)

@@ -1,0 +1,166 @@
+"""What would lower the error on the part, each worked out again with the code that states it (expected_left.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.cutting_prior import WIDTH, of_force
+from compensator.correction.cutting_stiffness import CuttingStiffness
+from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
+from compensator.correction.expected_left import expected_left
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.other_stance import best_shift, shifted, turned
+from compensator.correction.posture import advise
+from compensator.correction.predict import Predicted
+from compensator.correction.prediction import predict_path
+from compensator.correction.settings import EXACTLY_ONE, Estimate
+from identification.common.findings import CompstiffError
+
+Array = NDArray[np.float64]
+# 1 sigma of a scale that `verify` finds over some hundred places, and of a gain by a known weight. Engineering judgement.
+SCALE_STD, GAIN_STD = 0.01, 0.003
+# A cause that makes up less than this share of the mean square is not looked at.
+WORTH = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Remedy:
+    """name: what to do; effort: what it takes; left (M,) [m]: 1 sigma of what is then expected on the part, at the targets of
+    the corrected program, which may be others for a remedy that adds some."""
+
+    name: str
+    effort: str
+    left: Array
+
+
+def remedies(corrected: Corrected) -> list[Remedy]:
+    """Those that apply to this program, in no order. A remedy that cannot be worked out (the turned robot does not reach, the
+    finer program is refused) is left out."""
+    found = []
+    for name, effort, tried in _tried(corrected):
+        try:
+            left = tried()
+        except CompstiffError:
+            continue
+        if left is not None:
+            found.append(Remedy(name, effort, left))
+    return found
+
+
+def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array | None]]]:
+    left, settings = corrected.left, corrected.predicted.settings
+    square = float(np.mean(left.std**2)) if len(left.model) else 0.0
+
+    def matters(values: Array) -> bool:
+        return bool(len(values)) and float(np.mean(values**2)) > WORTH * square
+
+    if matters(left.cut):
+        yield ("mill and log the corrected pass, then correct with --logged-with (and --first-forces)", "one more pass",
+               lambda: _next_pass(corrected))
+        if corrected.stiffness is None:
+            yield ("state the cut in cell.yaml: material, tool_diameter_mm, contact_mm, and the spindle's speed",
+                   "four lines in cell.yaml",
+                   lambda: _known_cut(corrected))
+            depth = settings.correction.depth_of_cut
+            yield (f"state --depth-of-cut, if it is {2e3 * depth:g} mm and not {1e3 * depth:g}", "an option",
+                   lambda: _deeper_cut(corrected, 2 * depth))
+    if matters(left.motion) and settings.correction.scale == EXACTLY_ONE:
+        yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))
+    if matters(left.sensor) and corrected.predicted.cell.force_log.form.gain_std > GAIN_STD:
+        yield (f"check the force sensor with a known weight, force_log.gain_std {GAIN_STD:g}", "a weight and a crane scale",
+               lambda: _known_gain(corrected))
+    if matters(left.model):
+        yield ("as many load tests again", "some hours at the robot", lambda: _more_tests(corrected))
+        if corrected.predicted.forces.log.revolution is None and corrected.predicted.forces.log.time is not None:
+            yield ("state the spindle's speed, --spindle-rpm (at most)", "an option", lambda: _no_scatter(corrected))
+    if matters(left.between):
+        tolerance = 0.5 * settings.correction.tolerance
+        yield (f"--tolerance {1e6 * tolerance:g} --tighten-zones", "two options, and more targets",
+               lambda: _finer(corrected, tolerance))
+    loaded = corrected.predicted.loaded
+    advice = advise(loaded)
+    if advice is not None and advice.best != advice.planned:
+        turn = float(advice.turn[advice.best])
+        yield (f"turn the robot by {np.degrees(turn):+.0f} deg about the tool's axis", "another posture",
+               lambda: _elsewhere(corrected, turned(loaded, turn)))
+    shift = best_shift(loaded)
+    if shift is not None:
+        axis = int(np.argmax(np.abs(shift)))
+        yield (f"move the work object by {1e3 * shift[axis]:+.0f} mm along base {'xyz'[axis]}", "another set-up",
+               lambda: _elsewhere(corrected, shifted(loaded, shift)))
+
+
+def _again(corrected: Corrected, predicted: Predicted, logged: LoggedPass | None = None) -> Array:
+    """1 sigma (M,) [m] of a program in which something is otherwise."""
+    cut = following_the_cut(predicted, corrected.kept, logged or corrected.logged)
+    return expected_left(predicted, corrected.kept, cut, corrected.residual, corrected.between).std
+
+
+def _with(predicted: Predicted, loaded: LoadedPath) -> Predicted:
+    return replace(predicted, loaded=loaded, prediction=predict_path(loaded))
+
+
+def _next_pass(corrected: Corrected) -> Array:
+    """The tool of the next logged pass stands off the plan by what this one leaves, not by the whole deviation."""
+    predicted = corrected.predicted
+    position = predicted.prediction.position
+    size = np.linalg.norm(position, axis=1)
+    offsets = np.zeros((len(predicted.path.toolpath), 3))
+    offsets[predicted.targets] = -position * np.maximum(1 - corrected.left.std / np.maximum(size, 1e-12), 0.0)[:, None]
+    return _again(corrected, predicted, replace(corrected.logged, offsets=offsets[corrected.kept]))
+
+
+def _known_cut(corrected: Corrected) -> Array:
+    predicted = corrected.predicted
+    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    value = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.depth_of_cut).value
+    std = value * float(np.sqrt(np.expm1(WIDTH**2)))
+    stated = CuttingStiffness(value, std, "material", mean_std=std, climb_only=True)
+    return _again(corrected, predicted, replace(corrected.logged, stiffness=stated))
+
+
+def _deeper_cut(corrected: Corrected, depth: float) -> Array:
+    predicted = corrected.predicted
+    settings = replace(predicted.settings, correction=replace(predicted.settings.correction, depth_of_cut=depth))
+    return _again(corrected, replace(predicted, settings=settings))
+
+
+def _scaled(corrected: Corrected) -> Array:
+    predicted = corrected.predicted
+    settings = replace(predicted.settings, correction=replace(predicted.settings.correction, scale=Estimate(1.0, SCALE_STD)))
+    loaded = replace(predicted.loaded, model=predicted.model.scaled(1.0, SCALE_STD))
+    return _again(corrected, _with(replace(predicted, settings=settings), loaded))
+
+
+def _known_gain(corrected: Corrected) -> Array:
+    predicted, log = corrected.predicted, corrected.predicted.cell.force_log
+    cell = replace(predicted.cell, force_log=replace(log, form=log.form.model_copy(update={"gain_std": GAIN_STD})))
+    return _again(corrected, replace(predicted, loaded=replace(predicted.loaded, path=replace(predicted.path, cell=cell))))
+
+
+def _more_tests(corrected: Corrected) -> Array:
+    """Twice the measurements: half the posterior's variances, as far as it is theirs and not the prior's."""
+    predicted = corrected.predicted
+    model = replace(predicted.model, covariance=0.5 * predicted.model.covariance, interval=None)
+    return _again(corrected, _with(predicted, replace(predicted.loaded, model=model)))
+
+
+def _no_scatter(corrected: Corrected) -> Array:
+    predicted = corrected.predicted
+    forces = replace(predicted.forces, standard_error=np.zeros_like(predicted.forces.standard_error))
+    return _again(corrected, _with(predicted, replace(predicted.loaded, forces=forces)))
+
+
+def _finer(corrected: Corrected, tolerance: float) -> Array:
+    planned = corrected.planned
+    chosen = replace(planned.settings.correction, tolerance=tolerance, tighten_zones=True)
+    return correct(replace(planned, settings=replace(planned.settings, correction=chosen))).left.std
+
+
+def _elsewhere(corrected: Corrected, other: LoadedPath | None) -> Array | None:
+    return None if other is None else _again(corrected, _with(corrected.predicted, other))

@@ -1,0 +1,157 @@
+"""The error budget: the figure of a remedy is that of a correction in which it was really taken."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.correction.budget import SIGMAS, Budget, error_budget
+from compensator.correction.expected_left import CAUSES
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.remedies import Remedy, remedies
+from compensator.correction.settings import Estimate
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.milling_job import MillingJob, rms, settings
+
+TOLERANCE_UM = 25.0
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
+    return MillingJob(tmp_path_factory.mktemp("budget"), 2)
+
+
+@pytest.fixture(scope="module")
+def log(job: MillingJob) -> Path:
+    return job.log(job.first, job.planned, "pass1.csv")
+
+
+@pytest.fixture(scope="module")
+def budget(job: MillingJob, log: Path) -> Budget:
+    return error_budget(predict_files(Inputs(job.cell, job.program, job.identify(), log), settings()), 1e-6 * TOLERANCE_UM)
+
+
+@pytest.fixture
+def everything(budget: Budget, monkeypatch: pytest.MonkeyPatch) -> tuple[Remedy, ...]:
+    """Of causes that are small, too, and those that gain nothing."""
+    monkeypatch.setattr("compensator.correction.remedies.WORTH", 0.0)
+    return tuple(remedies(budget.corrected))
+
+
+def told(remedies: tuple[Remedy, ...], words: str) -> float:
+    """RMS of the sigma [m] that the remedy with these words states."""
+    return rms(next(remedy for remedy in remedies if words in remedy.name).left)
+
+
+def taken(job: MillingJob, log: Path, cell: Path | None = None, **wanted: object) -> float:
+    """The same of a correction in which it was taken."""
+    return rms(job.correct(log, job.folder / "stiffness.json", settings(**wanted), cell).job.left.std)
+
+
+def test_causes_make_up_the_whole(budget: Budget) -> None:
+    figures = budget.as_dict()
+    causes = figures["causes"]
+    assert set(causes) == set(CAUSES)
+    assert sum(cause["share_of_square"] for cause in causes.values()) == pytest.approx(1)
+    whole = np.sqrt(sum(cause["two_sigma_um"]["rms"] ** 2 for cause in causes.values()))
+    assert figures["two_sigma_um"]["rms"] == pytest.approx(whole)
+    for cause in causes.values():
+        assert cause["share_of_tolerance"] == pytest.approx(cause["two_sigma_um"]["rms"] / TOLERANCE_UM)
+
+
+def test_the_places_are_those_over_the_tolerance(job: MillingJob, budget: Budget) -> None:
+    figures = budget.as_dict()
+    two = 2e6 * budget.corrected.left.std
+    assert figures["over"] == (two > TOLERANCE_UM).sum() == sum(place["targets"] for place in figures["places"]) > 0
+    assert figures["places"][0]["two_sigma_um"] == pytest.approx(two.max())
+    text = job.program.read_text().splitlines()
+    for place in figures["places"]:
+        for line in (place["first_line"], place["last_line"]):
+            assert "MoveL" in text[line - 1]
+            assert "vCut" in text[line - 1]
+    # Each line is that of the program's own target that a failing one stands nearest to, or goes to.
+    planned, job_path = budget.corrected.planned.path.toolpath, budget.corrected.predicted.path.toolpath
+    failing = job_path.position[budget.corrected.predicted.targets[two > TOLERANCE_UM]]
+    nearest = np.argmin(np.linalg.norm(failing[:, None] - planned.position[None], axis=2), axis=1)
+    possible = {int(planned.line[near + more]) for near in nearest for more in (0, 1)}
+    assert {place[end] for place in figures["places"] for end in ("first_line", "last_line")} <= possible
+    size = np.linalg.norm(budget.corrected.predicted.prediction.position, axis=1)
+    assert figures["uncorrected_over"] == (1e6 * size > TOLERANCE_UM).sum()
+
+
+def test_a_wide_tolerance_is_kept(job: MillingJob, log: Path) -> None:
+    wide = error_budget(predict_files(Inputs(job.cell, job.program, job.folder / "stiffness.json", log), settings()), 5e-3)
+    assert (wide.as_dict()["over"], wide.places, wide.findings) == (0, (), ())
+
+
+def test_remedies_are_ranked_by_what_they_gain(budget: Budget) -> None:
+    remedies = budget.as_dict()["remedies"]
+    gains = [remedy["gain_um"] for remedy in remedies]
+    assert len(gains) >= 4
+    assert gains == sorted(gains, reverse=True)
+    assert min(gains) > 0
+    for remedy, of in zip(budget.remedies, remedies, strict=True):
+        assert of["gain_um"] == pytest.approx(1e6 * SIGMAS * (rms(budget.corrected.left.std) - rms(remedy.left)))
+
+
+def test_stated_numbers_are_worth_what_was_told(job: MillingJob, log: Path, everything: tuple[Remedy, ...]) -> None:
+    gain = job.folder / "cell_gain.yaml"
+    gain.write_text(job.cell.read_text() + "  gain_std: 0.003\n")
+    assert told(everything, "known weight") == pytest.approx(taken(job, log, gain), rel=1e-6)
+    assert told(everything, "--scale") == pytest.approx(taken(job, log, scale=Estimate(1.0, 0.01)), rel=1e-6)
+    assert told(everything, "--depth-of-cut") == pytest.approx(taken(job, log, depth_of_cut=1e-3), rel=1e-6)
+    assert told(everything, "--tighten-zones") == pytest.approx(taken(job, log, tolerance=2.5e-6, tighten_zones=True), rel=1e-6)
+
+
+def test_another_pass_is_worth_what_was_told(job: MillingJob, log: Path, budget: Budget) -> None:
+    """Milled with the correction, logged, and corrected again: what is then stated for the part."""
+    found = job.correct(log, job.folder / "stiffness.json")
+    second = job.mill(found.commands, part=found.part)
+    pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
+    assert told(budget.remedies, "--logged-with") == pytest.approx(
+        taken(job, pass2, logged_with=job.offsets(found, "applied.csv")), rel=0.1)
+
+
+def test_another_place_is_worth_what_was_told(job: MillingJob, log: Path, budget: Budget) -> None:
+    """The program's own work object moved so, under the same forces."""
+    remedy = next(remedy for remedy in budget.remedies if "work object" in remedy.name)
+    shift, axis = re.search(r"by ([+-]\d+) mm along base ([xyz])", remedy.name).groups()
+    text = job.program.read_text()
+    frame = re.search(r"(wobjdata wPart:=.*\[\[0,0,0\],\[1,0,0,0\]\],\[\[)([^\]]*)(\])", text)
+    place = [float(value) for value in frame[2].split(",")]
+    place["xyz".index(axis)] += float(shift)
+    moved = job.folder / "moved.mod"
+    moved.write_text(text.replace(frame[0], frame[1] + ",".join(f"{value:.4f}" for value in place) + frame[3]))
+    predicted = predict_files(Inputs(job.cell, moved, job.folder / "stiffness.json", log), settings())
+    # But for what is left between targets: there are others there.
+    here, there = budget.corrected.left, error_budget(predicted, 1e-6 * TOLERANCE_UM).corrected.left
+    stated, real = rms(remedy.left) ** 2 - rms(here.between) ** 2, rms(there.std) ** 2 - rms(there.between) ** 2
+    assert stated == pytest.approx(real, rel=0.05)
+    assert rms(remedy.left) < rms(here.std)
+
+
+def test_the_command_says_it(job: MillingJob, log: Path, budget: Budget) -> None:
+    arguments = ("predict", job.cell, job.program, "--stiffness", job.folder / "stiffness.json", "--forces", log,
+                 "--tare", "0:2", "-o", job.folder / "deviation.csv", "--force")
+    page = job.folder / "budget.html"
+    done = kit.run(*arguments, "--budget", "--tolerance-um", TOLERANCE_UM, "--report", page, "--json")
+    assert done.code == 0, done
+    said = json.loads(json.dumps(budget.as_dict()))
+    told = done.json["result"]["budget"]["remedies"]
+    assert [remedy["do"] for remedy in told] == [remedy.name for remedy in budget.remedies]
+    assert [remedy["gain_um"] for remedy in told] == pytest.approx([remedy["gain_um"] for remedy in said["remedies"]])
+    assert "CS3205" in kit.codes(done)
+    html = page.read_text()
+    for words in ("Error budget", "Places that may fail", "What would help", budget.remedies[0].name):
+        assert words in html
+    shown = kit.run(*arguments, "--budget", "--tolerance-um", TOLERANCE_UM)
+    assert f"error budget for {TOLERANCE_UM:g} um" in shown.out + shown.err
+    for wrong in (("--budget",), ("--tolerance-um", "50"), ("--depth-of-cut", "2"), ("--cutting-stiffness", "20")):
+        assert kit.run(*arguments, *wrong).code == 2
+    # Stated, the cut is spent less on.
+    known = kit.run(*arguments, "--budget", "--tolerance-um", TOLERANCE_UM, "--cutting-stiffness", "25:5", "--json").json
+    assert known["result"]["budget"]["causes"]["cut"]["share_of_tolerance"] < 0.5 * said["causes"]["cut"]["share_of_tolerance"]
