@@ -109,7 +109,8 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
     if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
         return LoggedPass(offsets, settings.cutting_stiffness)
-    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings)
+    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
+                         predicted.loaded.learned)
     agreed = compared(first.forces, predicted.forces, predicted.path)
     stiffness = two_passes(first, predicted, offsets)
     return LoggedPass(offsets, stiffness, (

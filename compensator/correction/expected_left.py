@@ -7,6 +7,8 @@ The covariance of a prediction is that of the robot under the force as logged. O
     sensor    the gain of the force sensor: so large a share of the deviation
     cut       where no cutting stiffness is known: the corrected tool stands deeper in the cut by e . n, the force grows by
               g = (e . n) / 2 a with a depth of cut a (--depth-of-cut), and |d| g / (1 + g) is left (engagement.py)
+    learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
+              was measured. The springs learned have the sensor's gain in them: then `sensor` is nothing
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
               distributed up to half the tolerance
 
@@ -28,7 +30,7 @@ from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
 CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "cut": "force that follows the cut",
-          "between": "between targets"}
+          "learned": "what was learned", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class ExpectedLeft:
     model: Array
     sensor: Array
     cut: Array
+    learned: Array
     between: Array
 
     def __post_init__(self) -> None:
@@ -66,8 +69,8 @@ class ExpectedLeft:
         """The same for the report."""
         figures = self.as_dict()
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
-                "sigma): by the model's uncertainty, the force sensor's gain, the force that follows the cut, and between "
-                f"targets{self._remedy(depth)}.")
+                "sigma): by the model's uncertainty, the force sensor's gain, the force that follows the cut, what was "
+                f"learned where it is not sure, and between targets{self._remedy(depth)}.")
 
     def _remedy(self, depth: float) -> str:
         """What to state where the unknown cut is most of it."""
@@ -86,9 +89,12 @@ def expected_left(
     targets, prediction = predicted.targets, cut.prediction
     size = np.linalg.norm(prediction.position, axis=1)
     follows = np.zeros(len(targets)) if logged.stiffness is not None else left_at_depth(predicted, kept, logged)
-    return ExpectedLeft(
-        np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2) + residual**2),
-        predicted.path.cell.force_log.form.gain_std * size, follows, _between(predicted, kept, between)[targets])
+    # What is learned of the rest may be known better together with the springs than the springs by themselves.
+    whole = np.trace(prediction.covariance, axis1=1, axis2=2)
+    of_learned = np.clip(prediction.of_learned, 0.0, whole)
+    gain = 0.0 if predicted.loaded.learned is not None else predicted.path.cell.force_log.form.gain_std
+    return ExpectedLeft(np.sqrt(whole - of_learned + residual**2), gain * size, follows, np.sqrt(of_learned),
+                        _between(predicted, kept, between)[targets])
 
 
 def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from compensator.forces.settings import LogSettings
+from compensator.learned.learned import Repeats
 from compensator.posting.settings import PostingSettings
 
 
@@ -67,6 +68,8 @@ class CorrectionSettings:
     tighten_zones: bool = False
     advise: bool = False
     correct_again: bool = False
+    learned: Path | None = None
+    repeats: Repeats = "nothing"
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,8 @@ class Settings:
         options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
         options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
         options += ["--accept-rejected"] if self.correction.accept_rejected else []
+        options += ["--learned", str(self.correction.learned)] if self.correction.learned else []
+        options += ["--repeats", self.correction.repeats] if self.correction.repeats != "nothing" else []
         return options
 
 

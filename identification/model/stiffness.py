@@ -186,18 +186,29 @@ class IdentifiedModel:
 
         of_effects (N, 6, 6 + P): `slopes` of these rows, where they are rows of a longer history; else they are one visit.
         """
-        by_x = regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance
-        elastic = by_x.sum(axis=2)
-        if self.effects:
-            if of_effects is None:
-                of_effects = self.slopes(self.load_state(theta, wrench, flange_from_tcp))
-            by_x = np.concatenate([by_x + of_effects[:, :, SPRINGS], of_effects[:, :, EFFECTS]], axis=2)
+        by_x, elastic = self._by_x(theta, wrench, flange_from_tcp, of_effects)
         covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
         if self.robot.link_mass is None and self.unknown_weight:
             axes = np.arange(6)
             squares = (elastic**2).reshape(-1, 2, 3).sum(axis=2) / 3
             covariance[:, axes, axes] += self.unknown_weight**2 * np.repeat(squares, 3, axis=1)
         return covariance
+
+    def deviation_slopes(
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: Array | None = None
+    ) -> Array:
+        """Derivative (N, 6, 6 + P) [m, rad] of the deviation by x; as in `deviation_covariance`."""
+        return self._by_x(theta, wrench, flange_from_tcp, of_effects)[0]
+
+    def _by_x(self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: Array | None) -> tuple[Array, Array]:
+        """The same, and what the springs alone give (N, 6)."""
+        by_x = regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance
+        elastic = by_x.sum(axis=2)
+        if self.effects:
+            if of_effects is None:
+                of_effects = self.slopes(self.load_state(theta, wrench, flange_from_tcp))
+            by_x = np.concatenate([by_x + of_effects[:, :, SPRINGS], of_effects[:, :, EFFECTS]], axis=2)
+        return by_x, elastic
 
     def as_dict(self) -> dict[str, Any]:
         """The content of stiffness.json."""

@@ -1,0 +1,241 @@
+"""`learn`: what a measured part and the log of its pass say of the next program, or why they are not believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from compensator.correction.engagement import read_offsets
+from compensator.correction.predict import Predicted, predict
+from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
+from compensator.forces.placement import ForceLog
+from compensator.learned.learned import DRIFT, SETUP, Learned
+from compensator.learning.chance import FALSE_RATE, chance_of_remainder
+from compensator.learning.held_out import HeldOut, held_out
+from compensator.learning.measured_points import read_points
+from compensator.learning.path_places import place_points
+from compensator.learning.posterior import Posterior, expected, posterior
+from compensator.learning.refusals import said_of, refuse_wrong_factor, refuse_without_physics, refuse_worse
+from compensator.learning.rows import rows_of
+from compensator.learning.sizes import Sizes, with_remainder, without_remainder
+from compensator.learning.terms import Terms, frame_of, terms_of
+from compensator.posting.read_toolpath import PlannedProgram
+from identification.common.arrays import Array
+from identification.common.findings import Finding
+from identification.model.cell import Cell
+from identification.model.effects_in_force import SPRINGS
+from identification.model.stiffness import IdentifiedModel
+
+# What robots in motion were measured to give way more than at rest, 1 sigma; engineering judgement where --scale says nothing.
+MOTION = Estimate(1.0, 0.2)
+ROUNDS = 3
+PARTS = {"predicted": "deflection, as it was predicted", "springs": "springs and motion, learned", "setup": "set-up of the part",
+         "drift": "warming over the job", "remainder": "smooth remainder", "left": "left"}
+
+
+@dataclass(frozen=True, eq=False)
+class Learning:
+    """What a measured part taught. parts: the rows' displacement (n,) [m] that each took, by PARTS; measured (n,) [m]. motion:
+    factor on the deflection; pulled: chi-square of the springs' change by their prior, with its degrees of freedom; chance: of a
+    remainder as clear as this without one. setup_on, drift_on: they are in the model."""
+
+    predicted: Predicted
+    terms: Terms
+    sizes: Sizes
+    learned: Learned
+    measured: Array
+    parts: dict[str, Array]
+    motion: Estimate
+    chance: float
+    held_out: HeldOut | None
+    points: tuple[int, int]
+    findings: tuple[Finding, ...]
+
+    @property
+    def setup_on(self) -> bool:
+        """Whether a displaced set-up was seen."""
+        return bool(self.terms.on[0])
+
+    @property
+    def drift_on(self) -> bool:
+        """Whether a drift was seen."""
+        return bool(self.terms.on[SETUP])
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON values."""
+        size = self.learned.springs
+        job = self.learned.mean[size:size + SETUP + DRIFT]
+        std = np.sqrt(np.diag(self.learned.covariance))
+        frame, remainder = self.learned.frame, self.learned.remainder
+        prior = -self.learned.prior[SPRINGS]
+        return {
+            "points": self.points[1], "points_used": self.points[0], "places": len(self.terms.rows.position),
+            "measured_um": 1e6 * _rms(self.measured),
+            "parts_um": {name: 1e6 * _rms(values) for name, values in self.parts.items()},
+            "gone": {name: gone for name, gone in self.gone().items()},
+            "motion": {"scale": self.motion.value, "std": self.motion.std},
+            "stiffness": {"before": np.exp(prior).tolist(), "in_motion": np.exp(-self.learned.mean[SPRINGS]).tolist(),
+                          "relative_std": std[SPRINGS].tolist()},
+            "setup": None if not self.setup_on else {
+                "shift_um": (1e6 * job[:3]).tolist(), "shift_std_um": (1e6 * std[size:size + 3]).tolist(),
+                "turn_mrad": (1e3 * job[3:6] / frame.radius).tolist(), "about_mm": (1e3 * frame.centre).tolist()},
+            "drift": None if not self.drift_on else {
+                "over_the_job_um": (1e6 * job[SETUP:]).tolist(), "std_um": (1e6 * std[size + SETUP:size + SETUP + DRIFT]).tolist(),
+                "duration_s": frame.duration},
+            "remainder": None if not len(remainder.places) else {
+                "amplitude_um": 1e6 * remainder.amplitude, "length_mm": 1e3 * remainder.length},
+            "remainder_by_chance": self.chance, "false_rate": FALSE_RATE,
+            "noise": {"factor": self.sizes.noise, "shared_um": 1e6 * self.sizes.shared,
+                      "shared_length_mm": 1e3 * self.sizes.shared_length},
+            "held_out": self.held_out.as_dict() if self.held_out else None,
+        }
+
+    def gone(self) -> dict[str, float]:
+        """Share of the measured RMS that is gone with each part taken off too, one after the other, in the order of PARTS."""
+        rest, shares = self.measured.copy(), {}
+        size = max(_rms(self.measured), 1e-30)
+        for name in list(PARTS)[:-1]:
+            rest = rest - self.parts[name]
+            shares[name] = 1.0 - _rms(rest) / size
+        return shares
+
+    def lines(self) -> list[str]:
+        """What was learned, for the terminal."""
+        from compensator.learning.words import lines
+
+        return lines(self)
+
+
+def learn(
+    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog, points_file: str | Path,
+    settings: Settings = DEFAULTS, *, radius: float = 0.0, within: float = 1e-3,
+) -> Learning:
+    """From the deviation measured on the part (`read_points`) and the log of its pass.
+
+    settings as for `predict`; scale: what was known of the factor in motion; logged_with: the offsets.csv that the program had in
+    this pass. radius [m]: of the tool, where points are of the surface; within [m]: how far they may be from the path.
+
+    Raises what `predict`, `read_points`, `place_points` and `read_offsets` raise; Refused: CS5310 the measured deviation does not
+    follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was not learned.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> try:
+    ...     compstiff.learn(cell, program, model, "insert.forces.parquet", "no_such_points.csv")
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    CS0005
+    """
+    chosen = settings.correction
+    plain = replace(settings, correction=replace(chosen, scale=EXACTLY_ONE, learned=None, repeats="nothing"))
+    points = read_points(points_file, cell)
+    predicted = predict(cell, program, model, forces, plain)
+    placed = place_points(points, predicted, radius, within)
+    rows = rows_of(points, placed, predicted)
+    offsets = np.zeros((len(predicted.path.toolpath), 3))
+    if chosen.logged_with:
+        offsets = read_offsets(chosen.logged_with, predicted.path)
+    offsets = offsets[predicted.targets]
+    motion = MOTION if chosen.scale == EXACTLY_ONE else chosen.scale
+    mean, before = _before(model, motion, cell)
+    frame = frame_of(rows, predicted)
+
+    def linearised(x: Array, on: Array) -> Terms:
+        return terms_of(rows, predicted, offsets, replace(model, mean=x), mean, before, frame, on)
+
+    terms = linearised(mean, np.ones(SETUP + DRIFT))
+    noise = without_remainder(terms)
+    refuse_wrong_factor(terms, noise, rows.seen(predicted.prediction.position)[:, 0] * motion.value, points.source)
+    for _ in range(ROUNDS - 1):
+        terms = linearised(mean + posterior(terms, noise).mean[:len(mean)], terms.on)
+        noise = without_remainder(terms, noise)
+    chance, length = chance_of_remainder(terms, noise)
+    sizes = noise
+    if chance <= FALSE_RATE:
+        # The length that stood out before the noise was sized anew, and those beside it.
+        sizes = max((with_remainder(terms, noise, factor * length) for factor in (1.0, 0.5, 2.0)), key=lambda one: one.evidence)
+    terms, sizes = _seen_of_the_job(terms, sizes)
+    found = posterior(terms, sizes)
+    terms = linearised(mean + found.mean[:len(mean)], terms.on)
+    found = posterior(terms, sizes)
+    tried = held_out(terms, sizes)
+    measured = rows.value - rows.seen(offsets)[:, 0]
+    parts = _parts(terms, found, measured, rows.seen(predicted.prediction.position)[:, 0])
+    absolute = found.mean.copy()
+    absolute[:len(mean)] += mean
+    learned = Learned(model.mean.copy(), absolute, found.covariance, frame, found.remainder)
+    result = Learning(predicted, terms, sizes, learned, measured, parts, _motion(before, found, motion, cell), chance, tried,
+                      (len(placed.rows), len(points)), ())
+    findings = (*points.findings, *predicted.findings, *placed.findings, *rows.findings, *said_of(result, before, mean))
+    refuse_worse(tried, points.source, findings)
+    refuse_without_physics(result, points.source, findings)
+    return replace(result, findings=findings)
+
+
+def _before(model: IdentifiedModel, motion: Estimate, cell: Cell) -> tuple[Array, Array]:
+    """Mean (S,) and covariance (S, S) of the parameters in motion: the stiffness file's, times the factor, which the gain of the
+    force sensor acts like."""
+    mean, covariance = model.mean.copy(), model.covariance.copy()
+    mean[SPRINGS] += np.log(motion.value)
+    covariance[SPRINGS, SPRINGS] += _of_factor(motion, cell)
+    return mean, covariance
+
+
+def _of_factor(motion: Estimate, cell: Cell) -> float:
+    return (motion.std / motion.value) ** 2 + cell.force_log.form.gain_std**2
+
+
+def _motion(before: Array, found: Posterior, motion: Estimate, cell: Cell) -> Estimate:
+    """The factor in motion itself (times the sensor's gain): what all springs changed by together, by their prior."""
+    variance, size = _of_factor(motion, cell), len(before)
+    with_x = np.zeros(size)
+    with_x[SPRINGS] = variance
+    share = np.linalg.solve(before + 1e-18 * np.eye(size), with_x)
+    log = float(share @ found.mean[:size])
+    left = variance - float(share @ with_x) + float(share @ found.covariance[:size, :size] @ share)
+    value = float(motion.value * np.exp(log))
+    return Estimate(value, value * float(np.sqrt(max(left, 0.0))))
+
+
+def _seen_of_the_job(terms: Terms, sizes: Sizes) -> tuple[Terms, Sizes]:
+    """Without drift or set-up where chance would show as much (Wald, at the false rate)."""
+    from scipy.special import chdtrc
+
+    size = terms.by_x.shape[1]
+    for part in (slice(SETUP, SETUP + DRIFT), slice(0, SETUP)):
+        found = posterior(terms, sizes)
+        where = np.arange(size, size + SETUP + DRIFT)[part]
+        value = found.mean[where]
+        if chdtrc(len(where), float(value @ np.linalg.solve(found.covariance[np.ix_(where, where)], value))) > FALSE_RATE:
+            on = terms.on.copy()
+            on[part] = 0.0
+            terms = replace(terms, on=on)
+    return terms, sizes
+
+
+def _parts(terms: Terms, found: Posterior, measured: Array, predicted: Array) -> dict[str, Array]:
+    """What each part took of the rows (n,) [m]."""
+    job, rest = replace(found, mean=_only(found.mean, terms, SETUP, 0)), replace(found, mean=_only(found.mean, terms, 0, DRIFT))
+    setup = expected(terms, job, of_x=False, of_remainder=False)
+    drift = expected(terms, rest, of_x=False, of_remainder=False)
+    remainder = expected(terms, found, of_x=False, of_job=False)
+    left = terms.residual - expected(terms, found)
+    return {"predicted": predicted, "springs": measured - predicted - setup - drift - remainder - left, "setup": setup,
+            "drift": drift, "remainder": remainder, "left": left}
+
+
+def _only(mean: Array, terms: Terms, setup: int, drift: int) -> Array:
+    """The posterior's mean with set-up or drift alone among the parameters of the job."""
+    size, kept = terms.by_x.shape[1], mean.copy()
+    if not setup:
+        kept[size:size + SETUP] = 0.0
+    if not drift:
+        kept[size + SETUP:size + SETUP + DRIFT] = 0.0
+    return kept
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
