@@ -16,6 +16,7 @@ REPORTS = {
     "DesignPlan": "identification.design.pages:design_report",
     "Predicted": "compensator.correction.report:path_report",
     "Corrected": "compensator.correction.report:path_report",
+    "Learning": "compensator.learning.pages:learn_report",
     "Verification": "compensator.verification.report:verify_report",
 }
 

@@ -42,8 +42,8 @@ class LoadedPath:
 
     @cached_property
     def goal(self) -> Frame:
-        """base_from_tcp (M) to which the model shall bring the loaded tool, so that it stands on the plan: beside it by what was
-        learned."""
+        """base_from_tcp (M) to which the model shall bring the loaded tool, so that it stands on the plan: beside it by what
+        was learned."""
         plan = self.plan
         return plan if self.rest is None else Frame(plan.rotation, plan.position - self.rest.mean)
 

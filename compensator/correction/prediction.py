@@ -114,8 +114,8 @@ def _outside(loaded: LoadedPath, rest: Rest) -> list[Finding]:
         return []
     return [loaded.path.finding(
         int(loaded.targets[off[0]]), "CS5323", "warning", f"{len(off)} of {len(rest.inside)} targets with force "
-        f"({100 * len(off) / len(rest.inside):.0f} %) stand where no measured part was: the learned remainder shrinks to nothing "
-        f"there, and its width of {1e6 * loaded.learned.remainder.amplitude if loaded.learned else 0:.0f} um stays",
+        f"({100 * len(off) / len(rest.inside):.0f} %) stand where no measured part was: the learned remainder shrinks to "
+        f"nothing there, and its width of {1e6 * loaded.learned.remainder.amplitude if loaded.learned else 0:.0f} um stays",
         "the springs learned hold there too; measure a part there to learn the rest")]
 
 

@@ -1,4 +1,5 @@
-"""Learned: what a measured part taught of the robot, the set-up, the warming and the rest, and what of it another program takes.
+"""Learned: what a measured part taught of the robot, the set-up, the warming and the rest, and what of it another program
+takes.
 
     deviation = model(x_eff) + set-up + drift + remainder,      z = (x_eff (S,), set-up (6,), drift (3,), w (3 m,))
 
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.learned.remainder import INSIDE, Remainder
 from compensator.path.robot_path import RobotPath
@@ -22,6 +24,7 @@ from identification.common.findings import Finding, Refused, error
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 
+Indices = NDArray[np.intp]
 Repeats = Literal["nothing", "setup", "job"]
 SETUP, DRIFT = 6, 3
 # Work objects that are no farther apart than this [m, rad] are the same set-up; models that differ by less the same file.
@@ -32,8 +35,8 @@ NO_REMAINDER = Remainder(np.zeros((0, 3)), np.zeros((0, 6)), 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """What set-up and drift are counted by: the work object measured, the middle (3,) [m] and radius [m] of the measured places,
-    base frame, and the job's duration [s] at the programmed feed."""
+    """What set-up and drift are counted by: the work object measured, the middle (3,) [m] and radius [m] of the measured
+    places, base frame, and the job's duration [s] at the programmed feed."""
 
     base_from_object: Frame
     centre: Array
@@ -62,7 +65,7 @@ class Rest:
     columns: Array
     basis: Array
     unseen: Array
-    inside: Array
+    inside: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,7 @@ class Learned:
         """The same, taken for exact: no covariance, nothing unseen."""
         return replace(self, covariance=np.zeros_like(self.covariance), remainder=replace(self.remainder, amplitude=0.0))
 
-    def rest(self, path: RobotPath, targets: Array) -> Rest:
+    def rest(self, path: RobotPath, targets: Indices) -> Rest:
         """At the targets (n,) of a path."""
         position, theta = path.base_from_tcp.position[targets], path.theta[targets]
         time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))[targets]
@@ -118,8 +121,8 @@ class Learned:
         return Rest(mean, columns, basis, self.remainder.unseen(basis), inside)
 
     def covariance_beside(self, by_x: Array, rest: Rest) -> Array:
-        """What the rest adds (n, 3, 3) [m^2] to the covariance that x_eff has by its slopes by_x (n, 3, S): its own and that with
-        x_eff, without what is unseen."""
+        """What the rest adds (n, 3, 3) [m^2] to the covariance that x_eff has by its slopes by_x (n, 3, S): its own and that
+        with x_eff, without what is unseen."""
         size, added = self.springs, np.empty((len(by_x), 3, 3))
         with_x, own = self.covariance[:size, size:], self.covariance[size:, size:]
         for first in range(0, len(by_x), CHUNK):
@@ -129,7 +132,7 @@ class Learned:
             added[part] = slopes @ own @ np.swapaxes(slopes, 1, 2) + across + np.swapaxes(across, 1, 2)
         return added
 
-    def check_set_up(self, path: RobotPath, targets: Array, repeats: Repeats) -> None:
+    def check_set_up(self, path: RobotPath, targets: Indices, repeats: Repeats) -> None:
         """Refused (CS5322) where the set-up is said to repeat and the program's work object stands elsewhere."""
         if repeats == "nothing" or not len(targets):
             return

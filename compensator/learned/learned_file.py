@@ -79,6 +79,12 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
     """Reads learned.json for this cell.
 
     Raises CompstiffError: CS0005 cannot be read, CS5320 not such a file or not whole, CS5321 of another robot.
+
+    >>> try:
+    ...     compstiff.read_learned("stiffness.json", compstiff.read_cell("cell.yaml"))
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    CS5320
     """
     name = str(file)
     try:
@@ -86,7 +92,8 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except (ValueError, RecursionError) as reason:
-        raise error("CS5320", f"is not JSON: {reason}", file=name, hint="name the file that compstiff learn wrote (-o)") from reason
+        raise error("CS5320", f"is not JSON: {reason}", file=name,
+                    hint="name the file that compstiff learn wrote (-o)") from reason
     if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("version") != 1:
         found = (content.get("format"), content.get("version")) if isinstance(content, dict) else type(content).__name__
         raise error("CS5320", f"is no learned file: format and version are {found}, expected ('{FORMAT}', 1)", file=name,
@@ -101,7 +108,8 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
         raise error("CS5321", f"was learned on robot '{part.robot}' (SHA-256 {part.robot_sha256[:12]}...), the cell's is "
                     f"'{cell.robot.name}' ({cell.robot.sha256[:12]}...)", file=name, hint="learn on this robot")
     count = part.springs + SETUP + DRIFT + 3 * len(part.remainder.places_mm)
-    if len(part.prior) != part.springs or len(part.mean) != count or len(part.remainder.posture_deg) != len(part.remainder.places_mm):
+    if (len(part.prior), len(part.mean), len(part.remainder.posture_deg)) != (
+            part.springs, count, len(part.remainder.places_mm)):
         raise error("CS5320", f"has {len(part.mean)} parameters, by its springs and places {count} are expected", file=name,
                     hint="edit no learned file by hand")
     position = 1e-3 * np.array(part.remainder.places_mm).reshape(-1, 3)

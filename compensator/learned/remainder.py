@@ -1,4 +1,5 @@
-"""The smooth remainder over the work space: a Gaussian process that a few places carry, and that ends where nothing was measured.
+"""The smooth remainder over the work space: a Gaussian process that a few places carry, and that ends where nothing was
+measured.
 
 Each component of the displacement f (base frame) has the kernel a^2 k(r), Matern 5/2 in the scaled distance r between TCP
 positions, length l, and between joint angles as points on their circles, length POSTURE: another orientation, tool or branch of
@@ -31,8 +32,8 @@ INSIDE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """places (m, 3) [m] TCP positions in the base frame, posture (m, 6) [rad]; length, amplitude [m]: 1 sigma a component before
-    anything was measured."""
+    """places (m, 3) [m] TCP positions in the base frame, posture (m, 6) [rad]; length, amplitude [m]: 1 sigma a component
+    before anything was measured."""
 
     places: Array
     posture: Array
@@ -54,7 +55,7 @@ class Remainder:
 
     @cached_property
     def _factor(self) -> Array:
-        return np.linalg.cholesky(kernel(self._features, self._features) + NUGGET * np.eye(len(self.places)))
+        return np.asarray(np.linalg.cholesky(kernel(self._features, self._features) + NUGGET * np.eye(len(self.places))))
 
 
 def features(position: Array, theta: Array, length: float) -> Array:
@@ -71,7 +72,8 @@ def kernel(first: Array, second: Array) -> Array:
 
 
 def spread_out(position: Array, theta: Array, length: float, most: int) -> Array:
-    """Indices (m,) of at most so many places, each the farthest from those before it, the first the one nearest to the middle."""
+    """Indices (m,) of at most so many places, each the farthest from those before it, the first the one nearest to the
+    middle."""
     where = features(position, theta, length)
     chosen = [int(np.argmin(np.sum((where - where.mean(axis=0)) ** 2, axis=1)))]
     distance = np.sum((where - where[chosen[0]]) ** 2, axis=1)

@@ -1,8 +1,8 @@
 """Is there a remainder at all, or would chance show as much? The likelihood ratio against its own distribution under chance.
 
 The statistic is the largest likelihood ratio over lengths and amplitudes, noise and physical terms as they are without any
-remainder. Where an amplitude of zero is at the edge and the length then means nothing, no table has its distribution: it is drawn,
-rows of that model without a remainder.
+remainder. Where an amplitude of zero is at the edge and the length then means nothing, no table has its distribution: it is
+drawn, rows of that model without a remainder.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from compensator.learning.posterior import expected, posterior
 from compensator.learning.sizes import Sizes, with_remainder, without_remainder
 from compensator.learning.terms import Terms
-from identification.common.arrays import Array
+from identification.common.arrays import rms
 
 # The path is left out in so many stretches, one after the other; neighbours are too alike to be left out one by one.
 STRETCHES, FEWEST_PLACES = 8, 16
@@ -19,9 +19,9 @@ TRIES = 4
 
 @dataclass(frozen=True)
 class HeldOut:
-    """RMS [m] over all rows, each in a stretch that was left out. known: what the model as it was leaves; physical: with springs,
-    set-up and drift learned from the other stretches; learned: with the remainder, too. better: mean of the squares gained by a
-    stretch over its standard error."""
+    """RMS [m] over all rows, each in a stretch that was left out. known: what the model as it was leaves; physical: with
+    springs, set-up and drift learned from the other stretches; learned: with the remainder, too. better: mean of the squares
+    gained by a stretch over its standard error."""
 
     known: float
     physical: float
@@ -62,8 +62,4 @@ def held_out(terms: Terms, sizes: Sizes) -> HeldOut | None:
     won = terms.residual**2 - learned**2
     by_stretch = np.array([won[stretch == number].mean() for number in range(STRETCHES)])
     error = float(by_stretch.std(ddof=1) / np.sqrt(STRETCHES))
-    return HeldOut(_rms(terms.residual), _rms(physical), _rms(learned), float(by_stretch.mean() / max(error, 1e-30)), STRETCHES)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return HeldOut(rms(terms.residual), rms(physical), rms(learned), float(by_stretch.mean() / max(error, 1e-30)), STRETCHES)

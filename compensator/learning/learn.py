@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from compensator.correction.engagement import read_offsets
-from compensator.correction.predict import Predicted, predict
+from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learning.chance import FALSE_RATE, chance_of_remainder
-from compensator.learning.held_out import HeldOut, held_out
+from compensator.learning.held_out import held_out
+from compensator.learning.learning import Learning
 from compensator.learning.measured_points import read_points
 from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected, posterior
-from compensator.learning.refusals import said_of, refuse_wrong_factor, refuse_without_physics, refuse_worse
+from compensator.learning.refusals import refuse_without_physics, refuse_worse, refuse_wrong_factor, said_of
 from compensator.learning.rows import rows_of
 from compensator.learning.sizes import Sizes, with_remainder, without_remainder
 from compensator.learning.terms import Terms, frame_of, terms_of
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
-from identification.common.findings import Finding
 from identification.model.cell import Cell
 from identification.model.effects_in_force import SPRINGS
 from identification.model.stiffness import IdentifiedModel
@@ -32,81 +31,6 @@ from identification.model.stiffness import IdentifiedModel
 # What robots in motion were measured to give way more than at rest, 1 sigma; engineering judgement where --scale says nothing.
 MOTION = Estimate(1.0, 0.2)
 ROUNDS = 3
-PARTS = {"predicted": "deflection, as it was predicted", "springs": "springs and motion, learned", "setup": "set-up of the part",
-         "drift": "warming over the job", "remainder": "smooth remainder", "left": "left"}
-
-
-@dataclass(frozen=True, eq=False)
-class Learning:
-    """What a measured part taught. parts: the rows' displacement (n,) [m] that each took, by PARTS; measured (n,) [m]. motion:
-    factor on the deflection; pulled: chi-square of the springs' change by their prior, with its degrees of freedom; chance: of a
-    remainder as clear as this without one. setup_on, drift_on: they are in the model."""
-
-    predicted: Predicted
-    terms: Terms
-    sizes: Sizes
-    learned: Learned
-    measured: Array
-    parts: dict[str, Array]
-    motion: Estimate
-    chance: float
-    held_out: HeldOut | None
-    points: tuple[int, int]
-    findings: tuple[Finding, ...]
-
-    @property
-    def setup_on(self) -> bool:
-        """Whether a displaced set-up was seen."""
-        return bool(self.terms.on[0])
-
-    @property
-    def drift_on(self) -> bool:
-        """Whether a drift was seen."""
-        return bool(self.terms.on[SETUP])
-
-    def as_dict(self) -> dict[str, Any]:
-        """JSON values."""
-        size = self.learned.springs
-        job = self.learned.mean[size:size + SETUP + DRIFT]
-        std = np.sqrt(np.diag(self.learned.covariance))
-        frame, remainder = self.learned.frame, self.learned.remainder
-        prior = -self.learned.prior[SPRINGS]
-        return {
-            "points": self.points[1], "points_used": self.points[0], "places": len(self.terms.rows.position),
-            "measured_um": 1e6 * _rms(self.measured),
-            "parts_um": {name: 1e6 * _rms(values) for name, values in self.parts.items()},
-            "gone": {name: gone for name, gone in self.gone().items()},
-            "motion": {"scale": self.motion.value, "std": self.motion.std},
-            "stiffness": {"before": np.exp(prior).tolist(), "in_motion": np.exp(-self.learned.mean[SPRINGS]).tolist(),
-                          "relative_std": std[SPRINGS].tolist()},
-            "setup": None if not self.setup_on else {
-                "shift_um": (1e6 * job[:3]).tolist(), "shift_std_um": (1e6 * std[size:size + 3]).tolist(),
-                "turn_mrad": (1e3 * job[3:6] / frame.radius).tolist(), "about_mm": (1e3 * frame.centre).tolist()},
-            "drift": None if not self.drift_on else {
-                "over_the_job_um": (1e6 * job[SETUP:]).tolist(), "std_um": (1e6 * std[size + SETUP:size + SETUP + DRIFT]).tolist(),
-                "duration_s": frame.duration},
-            "remainder": None if not len(remainder.places) else {
-                "amplitude_um": 1e6 * remainder.amplitude, "length_mm": 1e3 * remainder.length},
-            "remainder_by_chance": self.chance, "false_rate": FALSE_RATE,
-            "noise": {"factor": self.sizes.noise, "shared_um": 1e6 * self.sizes.shared,
-                      "shared_length_mm": 1e3 * self.sizes.shared_length},
-            "held_out": self.held_out.as_dict() if self.held_out else None,
-        }
-
-    def gone(self) -> dict[str, float]:
-        """Share of the measured RMS that is gone with each part taken off too, one after the other, in the order of PARTS."""
-        rest, shares = self.measured.copy(), {}
-        size = max(_rms(self.measured), 1e-30)
-        for name in list(PARTS)[:-1]:
-            rest = rest - self.parts[name]
-            shares[name] = 1.0 - _rms(rest) / size
-        return shares
-
-    def lines(self) -> list[str]:
-        """What was learned, for the terminal."""
-        from compensator.learning.words import lines
-
-        return lines(self)
 
 
 def learn(
@@ -115,11 +39,12 @@ def learn(
 ) -> Learning:
     """From the deviation measured on the part (`read_points`) and the log of its pass.
 
-    settings as for `predict`; scale: what was known of the factor in motion; logged_with: the offsets.csv that the program had in
-    this pass. radius [m]: of the tool, where points are of the surface; within [m]: how far they may be from the path.
+    settings as for `predict`; scale: what was known of the factor in motion; logged_with: the offsets.csv that the program had
+    in this pass. radius [m]: of the tool, where points are of the surface; within [m]: how far they may be from the path.
 
-    Raises what `predict`, `read_points`, `place_points` and `read_offsets` raise; Refused: CS5310 the measured deviation does not
-    follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was not learned.
+    Raises what `predict`, `read_points`, `place_points` and `read_offsets` raise; Refused: CS5310 the measured deviation does
+    not follow the predicted, CS5311 the remainder is larger than what physics explains, CS5312 it is worse where it was not
+    learned.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -168,7 +93,7 @@ def learn(
     absolute[:len(mean)] += mean
     learned = Learned(model.mean.copy(), absolute, found.covariance, frame, found.remainder)
     result = Learning(predicted, terms, sizes, learned, measured, parts, _motion(before, found, motion, cell), chance, tried,
-                      (len(placed.rows), len(points)), ())
+                      (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
     findings = (*points.findings, *predicted.findings, *placed.findings, *rows.findings, *said_of(result, before, mean))
     refuse_worse(tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
@@ -176,8 +101,8 @@ def learn(
 
 
 def _before(model: IdentifiedModel, motion: Estimate, cell: Cell) -> tuple[Array, Array]:
-    """Mean (S,) and covariance (S, S) of the parameters in motion: the stiffness file's, times the factor, which the gain of the
-    force sensor acts like."""
+    """Mean (S,) and covariance (S, S) of the parameters in motion: the stiffness file's, times the factor, which the gain of
+    the force sensor acts like."""
     mean, covariance = model.mean.copy(), model.covariance.copy()
     mean[SPRINGS] += np.log(motion.value)
     covariance[SPRINGS, SPRINGS] += _of_factor(motion, cell)
@@ -235,7 +160,3 @@ def _only(mean: Array, terms: Terms, setup: int, drift: int) -> Array:
     if not drift:
         kept[size + SETUP:size + SETUP + DRIFT] = 0.0
     return kept
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

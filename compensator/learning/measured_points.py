@@ -79,8 +79,9 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
         row = int(point[np.argmax(np.abs(value))])
         raise error("CS5301", f"a deviation of {1e3 * np.abs(value).max():.4g} mm, expected under {1e3 * LARGEST:g} mm",
                     file=table.source, line=int(table.line[row]), hint="deviations are in micrometres")
-    return MeasuredPoints(table.source, 1e-3 * table.stack(*POSITION), _targets(table), table.line, normal, point.astype(np.intp),
-                          directions[point, component].copy(), value, sigma[point], (*table.findings, *findings))
+    return MeasuredPoints(table.source, 1e-3 * table.stack(*POSITION), _targets(table), table.line, normal,
+                          point.astype(np.intp), directions[point, component].copy(),
+                          value, sigma[point], (*table.findings, *findings))
 
 
 def _unit(table: Table) -> Array:
@@ -106,8 +107,9 @@ def _sigma(table: Table, cell: Cell) -> tuple[Array, list[Finding]]:
         return sigma, []
     stated = float(np.sqrt(np.mean(cell.noise.deflection**2)))
     return np.full(len(table), stated), [Finding(
-        "CS5302", "note", f"no column std_um: 1 sigma of a measured number taken from the cell's measurement.deflection_std_um, "
-        f"{1e6 * stated:g} um", file=table.source, hint="state what your probe does; the real scatter is estimated beside it")]
+        "CS5302", "note", "no column std_um: 1 sigma of a measured number taken from the cell's "
+        f"measurement.deflection_std_um, {1e6 * stated:g} um", file=table.source,
+        hint="state what your probe does; the real scatter is estimated beside it")]
 
 
 def _targets(table: Table) -> Indices:
@@ -128,5 +130,5 @@ def left_out(points: MeasuredPoints, rows: NDArray[np.bool_], code: str, why: st
     """A warning for points (N,) that are not used, with the line of the first; none: nothing."""
     if not rows.any():
         return []
-    return [Finding(code, "warning", f"{counted(int(rows.sum()), 'point')} of {len(points)} {why}: left out", file=points.source,
-                    line=int(points.line[np.argmax(rows)]), hint=hint)]
+    return [Finding(code, "warning", f"{counted(int(rows.sum()), 'point')} of {len(points)} {why}: left out",
+                    file=points.source, line=int(points.line[np.argmax(rows)]), hint=hint)]

@@ -44,8 +44,8 @@ class PathPlaces:
 
 
 def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, within: float) -> PathPlaces:
-    """radius [m]: of the tool, where the points are of the surface; 0: the points are where the tool's centre point was planned.
-    within [m]: how far a point may be from the path then.
+    """radius [m]: of the tool, where the points are of the surface; 0: the points are where the tool's centre point was
+    planned. within [m]: how far a point may be from the path then.
 
     Raises CompstiffError: CS5303 too many points too far from the cut, ambiguous, or without force; CS5304 a radius without
     normals, or several work objects; CS3004 a target beyond the program.
@@ -74,16 +74,17 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     lost = far | ambiguous | without
     findings = [
         *left_out(points, far, "CS5305", f"more than {1e3 * within:g} mm from the cutting path (the farthest "
-                  f"{1e3 * float(np.nanmax(np.where(far, distance, 0.0))):.3g} mm)", "points on the surface need --tool-radius-mm "
-                  "and normals; else --within-mm"),
+                  f"{1e3 * float(np.nanmax(np.where(far, distance, 0.0))):.3g} mm)",
+                  "points on the surface need --tool-radius-mm and normals; else --within-mm"),
         *left_out(points, ~far & ambiguous, "CS5306", "are as near to two places of the path: which one cut them is not known",
                   "name the target in a column target"),
         *left_out(points, without, "CS5307", "were cut where the log shows no force", "leave points of the entry out"),
     ]
     kept = np.flatnonzero(~lost)
     if lost.sum() > MOST_LOST * len(points) or not len(kept):
-        stopped = error("CS5303", f"only {counted(len(kept), 'point')} of {len(points)} have a place of their own on the cutting "
-                        "path", file=points.source, hint="is it the part of this program, in its work object, in millimetres?")
+        stopped = error("CS5303", f"only {counted(len(kept), 'point')} of {len(points)} have a place of their own on the "
+                        "cutting path", file=points.source,
+                        hint="is it the part of this program, in its work object, in millimetres?")
         raise CompstiffError(*stopped.findings, *findings)
     order = kept[np.argsort(place[kept], kind="stable")]
     time = np.cumsum(np.nan_to_num(path.move_time, posinf=0.0))

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from compensator.learning.held_out import HeldOut
+from compensator.learning.learning import Learning
 from compensator.learning.sizes import Sizes, noise_covariance
 from compensator.learning.terms import Terms
-from identification.common.arrays import Array
+from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, Refused
-
-if TYPE_CHECKING:
-    from compensator.learning.learn import Learning
 
 # A factor on the predicted deflection outside of this is a mistake, not motion; so many standard errors make it sure.
 SANE, SURE = (0.5, 2.0), 3.0
@@ -26,9 +22,9 @@ LARGE_SETUP = 0.2e-3
 
 
 def refuse_wrong_factor(terms: Terms, noise: Sizes, predicted: Array, source: str) -> None:
-    """Refused (CS5310) where the measured deviation is surely no sane multiple of the predicted (n,) [m] beside set-up and drift:
-    another sign, frame, unit, log or part."""
-    if np.sqrt(np.mean(predicted**2)) < HARDLY:
+    """Refused (CS5310) where the measured deviation is surely no sane multiple of the predicted (n,) [m] beside set-up and
+    drift: another sign, frame, unit, log or part."""
+    if rms(predicted) < HARDLY:
         return
     prior = terms.physical_prior
     size = terms.by_x.shape[1]
@@ -46,7 +42,8 @@ def refuse_wrong_factor(terms: Terms, noise: Sizes, predicted: Array, source: st
 
 
 def refuse_worse(tried: HeldOut | None, source: str, findings: tuple[Finding, ...]) -> None:
-    """Refused (CS5312) where what was learned is surely worse than what was known, on stretches that it was not learned from."""
+    """Refused (CS5312) where what was learned is surely worse than what was known, on stretches that it was not learned
+    from."""
     if tried is not None and tried.better < -2.0:
         raise Refused(Finding(
             "CS5312", "error", f"on stretches that were left out {1e6 * tried.learned:.1f} um are left, "
@@ -57,8 +54,8 @@ def refuse_worse(tried: HeldOut | None, source: str, findings: tuple[Finding, ..
 def refuse_without_physics(learning: Learning, source: str, findings: tuple[Finding, ...]) -> None:
     """Refused (CS5311) where the smooth remainder is larger than what physics explains: then a calibration is missing."""
     parts = learning.parts
-    physical = _rms(parts["predicted"] + parts["springs"] + parts["setup"] + parts["drift"])
-    remainder = _rms(parts["remainder"])
+    physical = rms(parts["predicted"] + parts["springs"] + parts["setup"] + parts["drift"])
+    remainder = rms(parts["remainder"])
     if remainder <= physical or not len(learning.learned.remainder.places):
         return
     raise Refused(Finding(
@@ -69,16 +66,17 @@ def refuse_without_physics(learning: Learning, source: str, findings: tuple[Find
 
 
 def _missing(learning: Learning) -> str:
-    """Which calibration is missing, by what the remainder looks like: a stretch of the work space is a scale, all else is not."""
+    """Which calibration is missing, by what the remainder looks like: a stretch of the work space is a scale, all else is
+    not."""
     rows, remainder = learning.terms.rows, learning.parts["remainder"]
     centred = (rows.position - learning.learned.frame.centre)[rows.place] / learning.learned.frame.radius
     linear = (rows.direction[:, :, None] * centred[:, None, :]).reshape(len(rows), 9)
     fitted = linear @ np.linalg.lstsq(linear, remainder, rcond=None)[0]
     share = float(np.sum(fitted**2) / max(np.sum(remainder**2), 1e-300))
     if share > 0.7:
-        return (f"{100 * share:.0f} % of it grow with the distance, as link lengths, joint zeros or the part's temperature make "
-                "it: the kinematic calibration (absolute accuracy) of the robot is missing or off, or part and gauge differ in "
-                "temperature")
+        return (f"{100 * share:.0f} % of it grow with the distance, as link lengths, joint zeros or the part's temperature "
+                "make it: the kinematic calibration (absolute accuracy) of the robot is missing or off, or part and gauge "
+                "differ in temperature")
     return ("it is bent within the part: the kinematic calibration (absolute accuracy), the tool's TCP, or the straightness of "
             "the fixture is missing, or the points are of another part")
 
@@ -92,8 +90,8 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
     chi2 = float(change @ np.linalg.solve(before + 1e-18 * np.eye(len(before)), change))
     if chdtrc(len(mean), chi2) < PULLED:
         findings.append(Finding(
-            "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square {chi2:.0f} "
-            f"with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
+            "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square "
+            f"{chi2:.0f} with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
             "compstiff diagnose on the load tests, or --rows and diagnose on the rows of this part"))
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
@@ -101,17 +99,13 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
         shift = float(np.linalg.norm(job[:3]))
         findings.append(Finding(
             "CS5314", "warning" if shift > LARGE_SETUP else "note", f"the part stood {1e6 * shift:.0f} um and "
-            f"{1e3 * np.linalg.norm(job[3:6]) / frame.radius:.2f} mrad from its work object, as far as rigid: carried only with "
-            "--repeats setup or job", file=source, hint="probe the work object again" if shift > LARGE_SETUP else ""))
+            f"{1e3 * np.linalg.norm(job[3:6]) / frame.radius:.2f} mrad from its work object, as far as rigid: carried only "
+            "with --repeats setup or job", file=source, hint="probe the work object again" if shift > LARGE_SETUP else ""))
     if learning.drift_on:
         findings.append(Finding(
-            "CS5315", "note", f"a drift of {1e6 * np.linalg.norm(job[6:]):.0f} um over the {frame.duration:.0f} s of the job, as "
-            "warming makes it: carried only with --repeats job", file=source))
+            "CS5315", "note", f"a drift of {1e6 * np.linalg.norm(job[6:]):.0f} um over the {frame.duration:.0f} s of the job, "
+            "as warming makes it: carried only with --repeats job", file=source))
     if learning.held_out is None:
         findings.append(Finding("CS5316", "warning", "too few places to leave stretches out: nothing says how well this holds "
                                 "elsewhere", file=source, hint="measure more of the part"))
     return findings
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -27,8 +27,8 @@ GAP = 10e-3
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """n numbers at P places. value, sigma (n,) [m]: measured, less nothing; direction (n, 3), base frame, means of unit vectors;
-    place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s].
+    """n numbers at P places. value, sigma (n,) [m]: measured, less nothing; direction (n, 3), base frame, means of unit
+    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s].
     of_targets (n, 3 M) sparse: means of a displacement (M, 3) of the targets with force, along the directions."""
 
     value: Array
@@ -64,7 +64,8 @@ class Rows:
 
 
 def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, most: int = MOST_PLACES) -> Rows:
-    """The numbers of the points that have a place, in the base frame, means of neighbours where there are over `most` points."""
+    """The numbers of the points that have a place, in the base frame, means of neighbours where there are over `most`
+    points."""
     path, targets = predicted.path, predicted.targets
     count, size = len(placed.rows), len(targets)
     group = _groups(placed.length, most)
@@ -103,8 +104,9 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
     findings = [] if len(position) == count else [Finding(
         "CS5308", "note", f"{count} points are averaged to {len(position)} places along the path", file=points.source)]
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
-    return Rows(mean @ points.value[used], sigma, mean @ direction, keys[:, 0].astype(np.intp), position, posture,
-                middle(placed.length)[:, 0], middle(placed.time)[:, 0], sparse.csr_array(mean @ of_targets), tuple(findings))
+    return Rows(np.asarray(mean @ points.value[used]), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
+                position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0], sparse.csr_array(mean @ of_targets),
+                tuple(findings))
 
 
 def _groups(length: Array, most: int) -> Indices:

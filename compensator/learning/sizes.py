@@ -17,7 +17,7 @@ from identification.common.arrays import Array
 
 # Lengths of the remainder [m] that are tried; weak log-normal priors, median and spread: factor on the stated noise, size
 # and length of what neighbours share, amplitude and length of the remainder.
-LENGTHS = tuple(1e-3 * np.array([25.0, 50.0, 100.0, 200.0, 400.0, 800.0]))
+LENGTHS = (25e-3, 50e-3, 100e-3, 200e-3, 400e-3, 800e-3)
 NOISE, SHARED, SHARED_LENGTH = (1.0, 1.0), (4e-6, 1.2), (4e-3, 0.5)
 AMPLITUDE, LENGTH = (30e-6, 1.5), (150e-3, 1.0)
 BOUNDS = [np.log([0.2, 20.0]), np.log([1e-7, 5e-4]), np.log([1e-3, 10e-3])]

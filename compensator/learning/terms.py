@@ -2,9 +2,10 @@
 
 The remainder's prior is taken on the condition that set-up and drift see nothing of it: G^T W Phi w = 0 with their columns G at
 the rows and the weights W = 1 / sigma^2 (Plumlee and Joseph, Statistica Sinica 28 (2018) 601, orthogonal Gaussian process
-models). What they can explain is theirs, and is not carried elsewhere in the remainder's name. The springs have a prior of their
-own, the load test's, and a column that follows the force: both are weighed against the remainder together. Made orthogonal to
-the springs too, what they could explain by chance would be theirs whatever the load test says; docs/benchmarks.md has both.
+models). What they can explain is theirs, and is not carried elsewhere in the remainder's name. The springs have a prior of
+their own, the load test's, and a column that follows the force: both are weighed against the remainder together. Made
+orthogonal to the springs too, what they could explain by chance would be theirs whatever the load test says; docs/benchmarks.md
+has both.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compensator.correction.prediction import deviation_slopes, predict_path
 from compensator.correction.predict import Predicted
+from compensator.correction.prediction import deviation_slopes, predict_path
 from compensator.learned.learned import DRIFT, SETUP, JobFrame
 from compensator.learned.remainder import Remainder, spread_out
 from compensator.learning.rows import Rows
@@ -29,9 +31,9 @@ MOST_CARRIERS = 48
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """residual (n,) [m]: measured less what is known at the prior's mean, linearised where `mean` (S,) stands; by_x (n, S) slopes
-    by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; on (9,): 1 for the
-    parameters of the job that are in the model."""
+    """residual (n,) [m]: measured less what is known at the prior's mean, linearised where `mean` (S,) stands; by_x (n, S)
+    slopes by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; on (9,): 1
+    for the parameters of the job that are in the model."""
 
     rows: Rows
     frame: JobFrame
@@ -55,7 +57,7 @@ class Terms:
         prior[size:, size:] = np.diag(np.repeat([SETUP_STD**2, DRIFT_STD**2], [SETUP, DRIFT]) * self.on)
         return prior
 
-    def select(self, chosen: Array) -> Terms:
+    def select(self, chosen: NDArray[np.bool_]) -> Terms:
         """These rows (n,) alone."""
         return replace(self, rows=self.rows.select(chosen), residual=self.residual[chosen], by_x=self.by_x[chosen],
                        of_job=self.of_job[chosen])
@@ -69,7 +71,8 @@ class Terms:
         return remainder, rows.spread(remainder.basis(rows.position, rows.posture))
 
     def free(self, slopes: Array) -> Array:
-        """An orthonormal basis (3 m, r) of the weights that neither set-up nor drift sees at these rows, by the slopes (n, 3 m)."""
+        """An orthonormal basis (3 m, r) of the weights that neither set-up nor drift sees at these rows, by the slopes (n, 3
+        m)."""
         weight = 1.0 / self.rows.sigma**2
         seen = self.of_job[:, self.on > 0]
         seen = seen / np.maximum(np.linalg.norm(seen, axis=0), 1e-300)

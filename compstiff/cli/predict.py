@@ -11,6 +11,7 @@ from compstiff.cli.console import WRITABLE, command
 from compstiff.cli.options import (
     CELL,
     FORCES,
+    LEARNED_OPTIONS,
     LOG_OPTIONS,
     OTHER_LOG,
     POSTING_OPTIONS,
@@ -28,7 +29,7 @@ from compstiff.outcome import Outcome, Session, call
 @STIFFNESS
 @FORCES
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *LEARNED_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
