@@ -49,6 +49,7 @@ PARTS = {
 HIDDEN = ("backlash:1", "soft_zone:1", "gear_friction:1", "bearing_tilt:2", "base_rocking", "spindle_compliance")
 HIDDEN_PART = "0.5 mm"
 SPACINGS_MM = (1.5, 0.5, 0.25, 0.1)
+CUT = "cutting: {{material: aluminium, tool_diameter_mm: {diameter:g}, contact_mm: {contact:g}}}\n"
 SHARP = PLACES.index("sharp corner")
 
 
@@ -58,7 +59,7 @@ class Row:
 
     before, after (S,) [um] off plan; faces (2, S) [um] of the machined faces before and after; place (S,); worse (S,) by more
     than 2 stated sigma; grown (S,) [um] beyond before; within: share of the steps within 2 sigma of what is
-    stated for the part.
+    stated for the part; stated: its median [um].
     """
 
     name: str
@@ -69,6 +70,7 @@ class Row:
     worse: np.ndarray
     grown: np.ndarray
     within: float
+    stated: float = 0.0
 
     def worse_beside(self, place: int = -1) -> str:
         """How many steps are worse, how many of them not at that place, and by how much at most."""
@@ -92,7 +94,8 @@ def row(name: str, first: Pass, after: Pass, sigma_um: np.ndarray, left_um: np.n
     before, behind = (np.linalg.norm(done.off_um, axis=1)[cut] for done in (first, after))
     stated = first.steps.between(sigma_um if left_um is None else left_um)[cut]
     return Row(name, before, behind, np.array([first.surface_um[cut], after.surface_um[cut]]), first.steps.place[cut],
-               made_worse(first, after, sigma_um)[cut], grown(first, after)[cut], float(np.mean(behind <= 2 * stated)))
+               made_worse(first, after, sigma_um)[cut], grown(first, after)[cut], float(np.mean(behind <= 2 * stated)),
+               float(np.median(stated)))
 
 
 def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
@@ -107,6 +110,16 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
         second = again_milled(job, found)
         again = job.correct(job.log(second, found.commands, "pass2.csv", part=found.part), stiffness)
         third = again_milled(job, again)
+        known_pass = settings(logged_with=job.offsets(found, "offsets1.csv"))
+        third_known = job.correct(job.folder / "pass2.csv", stiffness, known_pass)
+        paired = job.correct(job.folder / "pass2.csv", stiffness, settings(
+            logged_with=job.folder / "offsets1.csv", first_forces=log))
+        by_material = job.correct(log, stiffness, cell=job.cell_with("cell_cut.yaml", CUT.format(
+            diameter=2 * job.cutter.radius_mm, contact=PARTS[part].get("wall_depth_mm", 4.0))))
+        not_moving = job.correct(log, stiffness, cell=job.cell_with("cell_still.yaml", job.folder.joinpath(
+            "cell_cut.yaml").read_text().removeprefix(job.cell.read_text()) + "motion: {compliance_std: 0}\n"))
+        depth = PARTS[part].get("allowance_mm", 1.5)
+        stated_depth = job.correct(log, stiffness, settings(depth_of_cut=1e-3 * depth))
         last = job.correct(job.log(third, again.commands, "pass3.csv", part=again.part), stiffness)
         targets = job.log(job.first, job.planned, "targets.csv", by_target=True)
         known = job.correct(log, truth)
@@ -120,6 +133,11 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
                     ("corrected: pass 2", found, False),
                     ("corrected again from the log of pass 2: pass 3", again, False),
                     ("and once more: pass 4", last, False),
+                    ("pass 2, depth of cut stated", stated_depth, False),
+                    ("pass 2, material, diameter and contact stated", by_material, False),
+                    ("the same, and motion.compliance_std 0", not_moving, False),
+                    ("pass 3, --logged-with", third_known, False),
+                    ("pass 3, both passes", paired, False),
                     ("corrected with --keep-targets", job.correct(log, stiffness, settings(keep_targets=True)), False),
                     ("log by the target moved to, taken for the nearest", job.correct(targets, stiffness), False),
                     ("log by the target moved to, and cell.yaml says so",
@@ -133,7 +151,8 @@ def plain(arguments: tuple[str, int, dict[str, float]]) -> Result:
             words = ", ".join(f"{name} {value:g}" for name, value in wanted.items())
             rows.append(row(f"with {words}", job.first_with(other.part), job.mill(other.commands, part=other.part),
                             other.sigma_um))
-        return Result(part, seed, rows, seconds=time.perf_counter() - started,
+        found_k = paired.job.stiffness
+        return Result(part, seed, rows, said="" if found_k is None else found_k.words(), seconds=time.perf_counter() - started,
                       cutting_stiffness=wall_stiffness(job.first_with(again.part), third),
                       targets=(len(job.part.target_mm), len(found.part.target_mm)))
 
@@ -219,7 +238,8 @@ def pooled(rows: list[Row]) -> Row:
         return np.concatenate([getattr(one, name) for one in rows], axis=-1)
 
     return Row(rows[0].name, all_of("before"), all_of("after"), all_of("faces"), all_of("place"), all_of("worse"),
-               all_of("grown"), float(np.mean([one.within for one in rows])))
+               all_of("grown"), float(np.mean([one.within for one in rows])),
+               float(np.mean([one.stated for one in rows])))
 
 
 def by_name(results: Iterable[Result]) -> dict[str, list[Row]]:
@@ -239,10 +259,11 @@ def print_plain(part: str, results: list[Result]) -> None:
     first = next(iter(table.values()))
     print(f"no correction: off {np.mean([rms(one.before) for one in first]):.1f} um RMS, "
           f"{max(one.before.max() for one in first):.0f} um at most; steps that cut {len(first[0].before)} a robot")
+    print("cutting stiffness of the two passes: " + "; ".join(result.said for result in results))
     counts = np.mean([result.targets for result in results], axis=0)
     print(f"targets of the program: {counts[0]:.0f}, of the corrected one {counts[1]:.0f}")
     print("| | gone, RMS | largest | faces, RMS | without the sharp corner, RMS | left [um] RMS / largest | "
-          "worse (beside the corner), by at most | within 2 sigma |\n|---|---|---|---|---|---|---|---|")
+          "worse (beside the corner), by at most | within 2 sigma | median off, stated [um] |\n" + 9 * "|---" + "|")
     for name, rows in table.items():
         each = [gone(one) for one in rows]
         faces = [100 * (1 - rms(one.faces[1]) / rms(one.faces[0])) for one in rows]
@@ -252,7 +273,8 @@ def print_plain(part: str, results: list[Result]) -> None:
         print(f"| {name} | {np.mean(each):.1f} % ({min(each):.1f}) | {np.mean(largest):.0f} % ({min(largest):.0f}) | "
               f"{np.mean(faces):.1f} % ({min(faces):.1f}) | {np.mean(others):.1f} % ({min(others):.1f}) | "
               f"{np.mean([rms(one.after) for one in rows]):.1f} / {max(one.after.max() for one in rows):.0f} | "
-              f"{worse} | {100 * np.mean([one.within for one in rows]):.0f} % |")
+              f"{worse} | {100 * np.mean([one.within for one in rows]):.1f} % | "
+              f"{np.mean([np.median(one.after) for one in rows]):.1f}, {np.mean([one.stated for one in rows]):.1f} |")
     print("\n| place | off before [um] RMS | pass 2: left RMS / largest, gone | pass 3: left, gone | worse in pass 2 |")
     print("|---|---|---|---|---|")
     second, third = (pooled(table[name]) for name in ("corrected: pass 2", "corrected again from the log of pass 2: pass 3"))

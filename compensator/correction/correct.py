@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from compensator.correction.between_targets import BetweenTargets, left_between
 from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
-from compensator.correction.engagement import following_the_cut, logged_pass
+from compensator.correction.cutting_stiffness import CuttingStiffness
+from compensator.correction.engagement import LoggedPass, following_the_cut
 from compensator.correction.expected_left import ExpectedLeft, expected_left
 from compensator.correction.intermediate_targets import with_intermediate_targets
+from compensator.correction.logged_pass import logged_pass
 from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
@@ -32,8 +34,8 @@ class Corrected:
     it, kept (N,) the places of the given targets among them. content: the bytes to write. residual (M,) [m]: distance of the
     loaded tool from the plan with the numbers as written; between: the same between targets, None where no move asks for half
     the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
-    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. feed: the feed check, and advice: on
-    the posture, where they were asked for.
+    stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. logged: what is known of the logged
+    pass; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where they were asked for.
     """
 
     planned: Predicted
@@ -45,9 +47,16 @@ class Corrected:
     between: BetweenTargets | None
     left: ExpectedLeft
     left_as_logged: Array | None
+    logged: LoggedPass
+    gain: float
     feed: FeedCheck | None
     advice: Advice | None
     findings: tuple[Finding, ...]
+
+    @property
+    def stiffness(self) -> CuttingStiffness | None:
+        """Of the cut; None where nothing is known but the force."""
+        return self.logged.stiffness
 
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
@@ -64,6 +73,7 @@ class Corrected:
             "expected_left_um": self.left.as_dict(),
             "expected_worse": round(float(self.correction.harm.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
+            "cutting_stiffness": None if self.stiffness is None else self.stiffness.as_dict() | {"gain": self.gain},
             "feed_check": self.feed.as_dict() if self.feed else None,
         }
         return figures | ({"posture": self.advice.as_dict()} if self.advice else {})
@@ -84,6 +94,7 @@ class Corrected:
             self.left.line(self.planned.settings.correction.depth_of_cut),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
+            *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
             *(self.advice.lines() if self.advice else []),
             *(self.feed.lines() if self.feed else []),
@@ -139,6 +150,6 @@ def correct(planned: Predicted) -> Corrected:
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
-    left = expected_left(predicted, kept, cut, logged, residual, between)
-    return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged, feed,
-                     advice, findings)
+    left = expected_left(predicted, kept, cut, residual, between)
+    return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
+                     logged, cut.gain, feed, advice, findings)

@@ -7,61 +7,40 @@ With the cutting stiffness K [N/m], the change of F_n per metre of depth, and al
 
     F' = F (1 + K (e . n) / F_n) .
 
-The corrected tool is on the plan, so this is the solution of the coupled problem, not a step towards it. K is given, or
-comes from two passes of one program: K = sum dF_n dt_n / sum dt_n^2 over their targets, t_n the depth, with a standard error
-from stretches of the path, since neighbouring targets err alike.
+The corrected tool is on the plan, so this is the solution of the coupled problem, not a step towards it: deeper by t the force
+is K t more, and the arm, which gives way by c_nn along n under 1 N along n, yields K c_nn t. Where that loop's gain is 1 or
+more the cut is stiffer than the arm, pass after pass would overshoot, and the correction is refused.
+
+K is stated, found from logged pairs of passes (cutting_stiffness.py), or known by its prior (cutting_prior.py). Where it is not
+followed its size leaves |d| g / (1 + g) off the plan, g = K (e . n) / F_n, and its error the same where it is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.cut_kind import climb_share, slot_share
+from compensator.correction.cutting_prior import GROWS
+from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.predict import Predicted, under_forces
+from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
-from compensator.correction.settings import Estimate
 from compensator.forces.placement import TargetForces
-from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import CompstiffError, Finding, Refused, counted, error
-from identification.common.tables import read_table
+from identification.common.findings import CompstiffError, Finding, Refused
+from identification.model.compliance import compliance_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Where less than this share of the force stands across the feed it says nothing of a depth.
 LEAST_ACROSS = 0.05
-STRETCHES = 20
-FEWEST_TARGETS = 40
+# Of what grows at a wall so much does in a slot: nothing for a step aside, a little for one along the axis (cut_kind.py).
+IN_A_SLOT = 0.3
 # What is left for this cutting stiffness [N/m] is told where none is known.
 ASSUMED = 1e4
-# So large a share of the force grows with the depth of cut; that of the edges does not. Engineering judgement.
-GROWS = 0.5
-# The planned positions in an offsets file are this program's [m].
-SAME_PLACE = 2e-6
-OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
-
-
-def read_offsets(file: Path, path: RobotPath) -> Array:
-    """The offsets (N, 3) [m], base frame, that the program had in a pass: an offsets.csv of this program.
-
-    Raises CompstiffError: CS4121 the file belongs to another program; and what `read_table` raises.
-    """
-    table = read_table(file, required=("target", *OFFSETS), optional=PLACES, may_be_empty=PLACES)
-    count = len(path.toolpath)
-    wrong = "" if np.array_equal(table.numbers["target"], np.arange(count)) else (
-        f"has {counted(len(table), 'row')}, the program {counted(count, 'target')}: expected one row a target, in order")
-    if not wrong and all(name in table.numbers for name in PLACES):
-        apart = np.linalg.norm(1e-3 * table.stack(*PLACES) - path.toolpath.position, axis=1)
-        if np.nanmax(apart, initial=0.0) > SAME_PLACE:
-            wrong = f"target {int(np.nanargmax(apart))} is {1e3 * np.nanmax(apart):.4g} mm from where this program has it"
-    if wrong:
-        raise error("CS4121", f"these are not the offsets of this program: {wrong}", file=str(file),
-                    hint="name the offsets.csv that was written with the program the log was taken with")
-    return np.asarray(np.einsum("nij,nj->ni", path.base_from_object.rotation, 1e-3 * table.stack(*OFFSETS)))
 
 
 def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
@@ -87,47 +66,83 @@ class LoggedPass:
     was the planned one; stiffness: of the cut [N/m], None: not known."""
 
     offsets: Array | None
-    stiffness: Estimate | None
+    stiffness: CuttingStiffness | None
     findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPass:
-    """The path under the forces that the corrected pass meets, and the deviation that they cause. left_as_logged (M,) [m]: how
-    far off the plan a cutting stiffness of ASSUMED would leave the tool, None where the force follows the cut."""
+    """The path under the forces that the corrected pass meets, and the deviation that they cause, the error of the cutting
+    stiffness in its covariance. left (M,) [m]: 1 sigma of how far off the plan the force that follows the cut leaves the tool;
+    in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]: what a cutting stiffness of ASSUMED
+    would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where the force is as logged."""
 
     loaded: LoadedPath
     prediction: Prediction
+    left: Array
+    in_covariance: Array
     left_as_logged: Array | None
+    gain: float
     findings: tuple[Finding, ...] = ()
-
-
-def logged_pass(predicted: Predicted) -> LoggedPass:
-    """As the settings say: the cutting stiffness stated, or that of two passes. Raises what `read_offsets` and `two_passes`
-    raise, and what the first pass's log raises."""
-    settings = predicted.settings.correction
-    offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
-    if settings.cutting_stiffness is not None or settings.first_forces is None or offsets is None:
-        return LoggedPass(offsets, settings.cutting_stiffness)
-    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
-                         predicted.loaded.learned)
-    agreed = compared(first.forces, predicted.forces, predicted.path)
-    stiffness = two_passes(first, predicted, offsets)
-    return LoggedPass(offsets, stiffness, (
-        *agreed,
-        Finding("CS4124", "note", f"cutting stiffness from the two passes: {1e-3 * stiffness.value:.3g} N/mm, standard "
-                f"error {1e-3 * stiffness.std:.2g}", file=predicted.forces.log.source),))
 
 
 def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> CorrectedPass:
     """The corrected pass of a program whose targets as given stand at the places `kept`."""
     offsets = _at_all(logged.offsets, kept, predicted)
-    if logged.stiffness is None:
-        with np.errstate(over="ignore", invalid="ignore"):      # absurd numbers in targets without force
-            return CorrectedPass(predicted.loaded, predicted.prediction, left_as_logged(predicted, ASSUMED, offsets))
-    forces, findings = engaged(predicted, logged.stiffness, offsets)
+    with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
+        per_newton, _ = _deeper(predicted, offsets)
+        follows, left_over = _here(predicted, logged.stiffness)
+        left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
+        if not follows.any():
+            return CorrectedPass(predicted.loaded, predicted.prediction, left, np.zeros(len(left)),
+                                 _left(predicted, np.abs(ASSUMED * per_newton)), 0.0)
+    forces, findings = engaged(predicted, follows, offsets)
+    gain = _check_gain(predicted, follows)
     loaded = replace(predicted.loaded, forces=forces)
-    return CorrectedPass(loaded, predict_path(loaded), None, findings)
+    prediction = predict_path(loaded)
+    left = left * (1 + (follows * per_newton)[predicted.targets])       # of the deviation that the corrected pass has
+    # The force as a whole is uncertain by this, and so is the deviation: in its own direction.
+    along = prediction.position / np.maximum(np.linalg.norm(prediction.position, axis=1), 1e-300)[:, None]
+    covariance = prediction.covariance + np.einsum("n,ni,nj->nij", left**2, along, along)
+    covariance.flags.writeable = False
+    return CorrectedPass(loaded, replace(prediction, covariance=covariance), left, left, None, gain, findings)
+
+
+def _here(predicted: Predicted, stiffness: CuttingStiffness | None) -> tuple[Array, Array]:
+    """K (N,) [N/m] that the correction follows at each target, and the size (N,) of what it leaves out: its error, or all."""
+    count = len(predicted.path.toolpath)
+    force = predicted.forces.wrench[:, :3]
+    if stiffness is None:
+        _, across = across_feed(predicted.path, force)
+        grows = GROWS * (1 - (1 - IN_A_SLOT) * slot_share(predicted.path, force))
+        return np.zeros(count), grows * across / predicted.settings.correction.depth_of_cut
+    share = np.zeros(count)
+    if stiffness.followed:
+        share = climb_share(predicted.path, force) if stiffness.climb_only else np.ones(count)
+    return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * stiffness.size)
+
+
+def _check_gain(predicted: Predicted, stiffness: Array) -> float:
+    """The largest K c_nn of stiffness K (N,) [N/m]. Raises Refused (CS3200) from 1 on."""
+    targets, model, toolpath = predicted.targets, predicted.model, predicted.path.toolpath
+    if not len(targets):
+        return 0.0
+    direction, _ = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    along = np.zeros(len(targets))
+    for tool, places in predicted.loaded.each_tool():
+        compliance = compliance_matrix(model.robot, predicted.loaded.theta[places], tool, model.compliance)[:, :3, :3]
+        n = direction[targets[places]]
+        along[places] = np.einsum("ni,nij,nj->n", n, compliance, n)
+    gains = stiffness[targets] * along
+    worst = int(np.argmax(gains))
+    gain, where = float(gains[worst]), int(targets[worst])
+    if gain >= 1:
+        raise Refused(Finding(
+            "CS3200", "error", f"the cut is stiffer than the arm: {1e-3 * stiffness[where]:.3g} N/mm of depth against "
+            f"{1e-3 / along[worst]:.3g} N/mm of the tool across the feed (gain {gain:.2g}, expected under 1)",
+            file=toolpath.source, line=int(toolpath.line[where]), target=int(toolpath.number[where]),
+            hint="is the unit of --cutting-stiffness N/mm? Else take less contact along the tool's axis, or a stiffer posture"))
+    return gain
 
 
 def _at_all(offsets: Array | None, kept: Indices, predicted: Predicted) -> Array | None:
@@ -145,55 +160,39 @@ def standing(predicted: Predicted, offsets: Array | None) -> Array:
 
 
 def engaged(
-    predicted: Predicted, stiffness: Estimate, offsets: Array | None
+    predicted: Predicted, stiffness: Array, offsets: Array | None
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
-    """The forces of the corrected pass, out of those of the logged pass; offsets (N, 3) [m] the log was taken with.
+    """The forces of the corrected pass, out of those of the logged pass, for a cutting stiffness (N,) [N/m]; offsets (N, 3) [m]
+    the log was taken with.
 
-    The uncertainty of the stiffness joins the force's standard error. Raises CompstiffError (CS4123) where the force would
-    vanish or more than double: then the stiffness does not fit the log.
+    Raises CompstiffError (CS4123) where the force would vanish or more than double: then the stiffness does not fit the log.
     """
     forces, toolpath = predicted.forces, predicted.path.toolpath
     per_newton, chosen = _deeper(predicted, offsets)
-    growth = stiffness.value * per_newton
+    growth = stiffness * per_newton
     worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
     if len(growth) and abs(growth[worst]) >= 1:
         raise CompstiffError(Finding(
-            "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness.value:g} N/mm the force here would change by "
+            "CS4123", "error", f"with a cutting stiffness of {1e-3 * stiffness[worst]:g} N/mm the force here would change by "
             f"{100 * growth[worst]:.0f} %, expected less than 100 %", file=toolpath.source, line=int(toolpath.line[worst]),
             target=int(toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
-    error_of = np.abs(forces.wrench[:, :3] * per_newton[:, None]) * stiffness.std
-    cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None],
-                  standard_error=np.sqrt(forces.standard_error**2 + error_of**2) if stiffness.std else forces.standard_error)
+    cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None])
+    chosen &= stiffness > 0
     size = growth[chosen]
     left = len(predicted.targets) - int(chosen.sum())
-    note = f"; {left} with next to no force across the feed keep theirs" if left else ""
+    note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     return cut, (Finding(
-        "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.value:.3g} N/mm the corrected "
+        "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=toolpath.source),)
 
 
-def left_as_logged(predicted: Predicted, stiffness: float, offsets: Array | None) -> Array:
-    """How far off the plan (M,) [m] the tool stays with a cutting stiffness [N/m] where the forces are taken as logged.
-
-    By g = K (e . n) / F_n more force it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left.
-    """
-    per_newton, _ = _deeper(predicted, offsets)
-    return _left(predicted, stiffness * per_newton)
-
-
-def left_at_depth(predicted: Predicted, kept: Indices, logged: LoggedPass) -> Array:
-    """The same (M,) [m] for a cut of the settings' depth a across the feed: half the force grows with it, K = F_n / 2 a."""
-    with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
-        per_newton, _ = _deeper(predicted, _at_all(logged.offsets, kept, predicted))
-        _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    return _left(predicted, GROWS * per_newton * across / predicted.settings.correction.depth_of_cut)
-
-
-def _left(predicted: Predicted, growth: Array) -> Array:
-    growth = np.abs(growth[predicted.targets])
-    return np.asarray(np.linalg.norm(predicted.prediction.position, axis=1) * growth / (1 + growth))
+def _left(predicted: Predicted, growth: Array, followed: Array | float = 0.0) -> Array:
+    """How far off the plan (M,) [m] the tool stays where the force grows by g (N,) more than is corrected for: by g more force
+    it yields by g |d| more, which takes it out of the cut again: |d| g / (1 + g) is left. followed (N,): growth that is."""
+    all_of_it = np.broadcast_to(np.maximum(1 + growth + followed, 0.1), growth.shape)[predicted.targets]
+    return np.asarray(np.linalg.norm(predicted.prediction.position, axis=1) * growth[predicted.targets] / all_of_it)
 
 
 def _deeper(predicted: Predicted, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:
@@ -204,36 +203,3 @@ def _deeper(predicted: Predicted, offsets: Array | None) -> tuple[Array, NDArray
     chosen[predicted.targets] = True
     chosen &= across > 0
     return np.where(chosen, deeper / np.maximum(across, 1e-300), 0.0), chosen
-
-
-def two_passes(first: Predicted, second: Predicted, offsets: Array) -> Estimate:
-    """K from a pass of the planned program (first) and one with offsets (N, 3) [m] (second), each under its own log.
-
-    Raises CompstiffError (CS4122) where the passes do not determine it: too few targets, or an error of more than half;
-    Refused (CS3117) where the force falls with the depth.
-    """
-    direction, across = across_feed(first.path, first.forces.wrench[:, :3])
-    both = np.zeros(len(across), dtype=bool)
-    both[np.intersect1d(first.targets, second.targets)] = True
-    both &= across > 0
-    change = np.einsum("ni,ni->n", second.forces.wrench[:, :3] - first.forces.wrench[:, :3], direction)[both]
-    depth = np.einsum("ni,ni->n", standing(first, None) - standing(second, offsets), direction)[both]
-    power = float(depth @ depth)
-    if len(depth) >= FEWEST_TARGETS and power > 0:
-        value = float(depth @ change) / power
-        moments = np.array([part.sum() for part in np.array_split(depth * (change - value * depth), STRETCHES)])
-        std = float(np.sqrt((moments**2).sum() * STRETCHES / (STRETCHES - 1))) / power
-        if value > 2 * std:
-            return Estimate(value, std)
-        if value < -3 * std:
-            raise Refused(Finding(
-                "CS3117", "error", f"the corrected pass, which by force_log.sign cut {1e6 * np.abs(depth).mean():.0f} um "
-                f"deeper, shows less force ({np.sign(np.median(change)) * np.abs(change).mean():+.1f} N): "
-                f"{1e-3 * value:.3g} N/mm of depth, standard error {1e-3 * std:.3g}", file=second.forces.log.source,
-                hint="force_log.sign in cell.yaml is wrong (then the first correction doubled the error), or the logs are "
-                "swapped"))
-        why = f"{1e-3 * value:.3g} N/mm with a standard error of {1e-3 * std:.3g}"
-    else:
-        why = f"only {counted(len(depth), 'target')} with force in both, expected at least {FEWEST_TARGETS}"
-    raise error("CS4122", f"the two passes do not determine the cutting stiffness: {why}", file=first.path.toolpath.source,
-                hint="is each log that of its pass? state it with --cutting-stiffness, or correct from the second log alone")

@@ -5,14 +5,16 @@ The covariance of a prediction is that of the robot under the force as logged. O
     model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known, the scatter of the
               mean force; and what a correction that is held back leaves
     sensor    the gain of the force sensor: so large a share of the deviation
-    cut       where no cutting stiffness is known: the corrected tool stands deeper in the cut by e . n, the force grows by
-              g = (e . n) / 2 a with a depth of cut a (--depth-of-cut), and |d| g / (1 + g) is left (engagement.py)
+    motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
+              measured pass says how much (then its error is the model's)
+    cut       the corrected tool stands deeper in the cut, and the force grows by g: |d| g / (1 + g) is left by as much of the
+              cutting stiffness as is not known (engagement.py)
     learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
-              was measured. The springs learned have the sensor's gain in them: then `sensor` is nothing
+              was measured. The springs learned have the motion and the sensor's gain in them: `sensor` and `motion` are nothing
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
               distributed up to half the tolerance
 
-Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming, the robot in motion.
+Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming.
 """
 
 from __future__ import annotations
@@ -24,13 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.between_targets import BetweenTargets
-from compensator.correction.engagement import CorrectedPass, LoggedPass, left_at_depth
+from compensator.correction.engagement import CorrectedPass
 from compensator.correction.predict import Predicted
+from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
-CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "cut": "force that follows the cut",
-          "learned": "what was learned", "between": "between targets"}
+CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "motion": "the robot in motion",
+          "cut": "force that follows the cut", "learned": "what was learned", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class ExpectedLeft:
 
     model: Array
     sensor: Array
+    motion: Array
     cut: Array
     learned: Array
     between: Array
@@ -69,8 +73,8 @@ class ExpectedLeft:
         """The same for the report."""
         figures = self.as_dict()
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
-                "sigma): by the model's uncertainty, the force sensor's gain, the force that follows the cut, what was "
-                f"learned where it is not sure, and between targets{self._remedy(depth)}.")
+                "sigma): by the model's uncertainty, the force sensor's gain, the robot in motion, the force that follows "
+                f"the cut, what was learned where it is not sure, and between targets{self._remedy(depth)}.")
 
     def _remedy(self, depth: float) -> str:
         """What to state where the unknown cut is most of it."""
@@ -81,20 +85,21 @@ class ExpectedLeft:
 
 
 def expected_left(
-    predicted: Predicted, kept: Indices, cut: CorrectedPass, logged: LoggedPass, residual: Array,
-    between: BetweenTargets | None,
+    predicted: Predicted, kept: Indices, cut: CorrectedPass, residual: Array, between: BetweenTargets | None
 ) -> ExpectedLeft:
     """Of a corrected program whose targets as given stand at `kept` (N,); residual (M,) [m]: what its correction leaves by the
     model."""
-    targets, prediction = predicted.targets, cut.prediction
+    targets, prediction, cell = predicted.targets, cut.prediction, predicted.path.cell
     size = np.linalg.norm(prediction.position, axis=1)
-    follows = np.zeros(len(targets)) if logged.stiffness is not None else left_at_depth(predicted, kept, logged)
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
-    whole = np.trace(prediction.covariance, axis1=1, axis2=2)
-    of_learned = np.clip(prediction.of_learned, 0.0, whole)
-    gain = 0.0 if predicted.loaded.learned is not None else predicted.path.cell.force_log.form.gain_std
-    return ExpectedLeft(np.sqrt(whole - of_learned + residual**2), gain * size, follows, np.sqrt(of_learned),
-                        _between(predicted, kept, between)[targets])
+    of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
+    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model, 0.0))
+    learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
+    unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
+    gain = 0.0 if learned else cell.force_log.form.gain_std
+    return ExpectedLeft(
+        np.sqrt(np.maximum(of_model - of_learned, 0.0) + residual**2), gain * size, unknown * size, cut.left.copy(),
+        np.sqrt(of_learned), _between(predicted, kept, between)[targets])
 
 
 def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:

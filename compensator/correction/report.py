@@ -43,7 +43,8 @@ def path_report(job: Predicted | Corrected) -> str:
             f"same model leaves {residual['largest']:.2f} um at most. "
             f"{corrected.left.sentence(predicted.settings.correction.depth_of_cut)} "
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
-            + ("The force follows the cut with the stated cutting stiffness." if corrected.left_as_logged is None else
+            + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
+               if corrected.left_as_logged is None and corrected.stiffness is not None else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
                f"{corrected.as_logged()}."))
         if predicted.settings.correction.scale == EXACTLY_ONE:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.engagement import read_offsets
+from compensator.correction.logged_pass import read_offsets
 from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog

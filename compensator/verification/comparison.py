@@ -24,6 +24,8 @@ from identification.common.arrays import Array
 WORSE_SIGMAS, BY_CHANCE = 2.0, 0.0228
 # A scale outside this range is not what motion adds to a static deflection.
 SANE_SCALE = (0.5, 2.0)
+# A 95 % interval is as wide as so many standard errors either way.
+HALF_WIDTH = 1.96
 # A constant is there when it is so many half intervals from zero, and worth a word from this share of the measured RMS on.
 SURE, SMALL = 1.5, 0.05
 
@@ -129,6 +131,21 @@ class Scale:
     def shown(self) -> bool:
         """Whether the measured deviation follows the predicted at all."""
         return self.interval is not None and self.interval[0] > 0
+
+    @property
+    def std(self) -> float | None:
+        """1 sigma of the scale, None where it has no interval."""
+        return None if self.interval is None else (self.interval[1] - self.interval[0]) / (2 * HALF_WIDTH)
+
+    @property
+    def option(self) -> str:
+        """--scale as `correct` takes it, with its standard error; also where 1 will do, which tells that the moving robot gives
+        way as at rest. Empty where none can be told."""
+        value = self.advised
+        if value is None and self.shown and not self.constant_shown and self.interval and (
+                self.interval[0] <= 1 <= self.interval[1]):
+            value = 1.0
+        return "" if value is None or self.std is None else f"--scale {value:g}:{max(self.std, 1e-3):.2g}"
 
     @property
     def advised(self) -> float | None:

@@ -198,8 +198,9 @@ def _scale_text(scale: Scale) -> str:
             f"deviation is {_times(scale)} the predicted.")
     if scale.advised is not None:
         why = " So it is where the load tests were taken at standstill." if scale.scale > 1 else ""
-        return text + why + (f" Advice: correct --scale {scale.advised:g}, which would explain {100 * scale.share_scaled:.1f} "
+        return text + why + (f" Advice: correct {scale.option}, which would explain {100 * scale.share_scaled:.1f} "
                              f"% and leave {scale.residual_rms_um:.1f} um RMS.")
     if scale.interval is not None and scale.interval[0] <= 1 <= scale.interval[1]:
-        return text + " 1 lies inside: no scale is needed."
+        return text + " 1 lies inside: no scale is needed" + (
+            f"; correct {scale.option} tells that motion adds nothing beyond that." if scale.option else ".")
     return text + " No scale is advised; the findings say why."

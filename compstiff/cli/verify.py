@@ -47,8 +47,8 @@ def verify(
         # Written with either answer: a part that is not accepted needs it most.
         write_whole({report: verify_report(result).encode()})
     step = ""
-    if result.scale is not None and result.scale.advised is not None:
-        step = f"compstiff correct ... --scale {result.scale.advised:g}"
+    if result.scale is not None and result.scale.option:
+        step = f"compstiff correct ... {result.scale.option}"
     elif result.scale is None and result.comparison.verdict != "worse":
         step = "add --predicted offsets.csv to see how much was predicted and whether a scale would help"
     return Outcome(result.as_dict(), result.findings, result.lines(), step, REFUSED if result.accepted is False else DONE)

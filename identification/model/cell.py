@@ -114,6 +114,26 @@ class LimitsFile(Strict):
     max_tilt_deg: Positive = Field(default=0.5, le=30.0)
 
 
+Material = Literal["aluminium", "copper_alloy", "cast_iron", "steel", "stainless_steel", "titanium", "superalloy",
+                   "hardened_steel"]
+
+
+class CuttingFile(Strict):
+    """The cut that this cell mills with: how stiff it is across the feed, or what its prior is made from."""
+
+    material: Material | None = None
+    tool_diameter_mm: Positive | None = None
+    contact_mm: Positive | None = None
+    stiffness_n_per_mm: Positive | None = None
+    std_n_per_mm: NotNegative | None = None
+
+
+class MotionFile(Strict):
+    """How much more, or less, the moving robot gives way than at rest, where no measured pass has told it."""
+
+    compliance_std: Annotated[float, Field(ge=0, le=0.5)] = 0.02
+
+
 class ModbusFile(Strict):
     """Where the cell's Modbus server listens."""
 
@@ -169,6 +189,8 @@ class CellFile(Strict):
     limits: LimitsFile = LimitsFile()
     modbus: ModbusFile = ModbusFile()
     design: DesignFile = DesignFile()
+    cutting: CuttingFile = CuttingFile()
+    motion: MotionFile = MotionFile()
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +237,7 @@ class Cell:
 
     object_stated: whether the file states its work object; else that is the world. joint_window (6, 2) [rad]: where the joints
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
+    cutting, motion: as the file has them.
     """
 
     source: Path
@@ -233,6 +256,8 @@ class Cell:
     object_stated: bool = True
     joint_window: Array = field(default_factory=lambda: np.tile([-np.inf, np.inf], (6, 1)))
     reach: tuple[float, float] | None = None
+    cutting: CuttingFile = field(default_factory=CuttingFile)
+    motion: MotionFile = field(default_factory=MotionFile)
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -291,7 +316,19 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         joint_window=np.radians([window or (-np.inf, np.inf) for _, window in described.design.joint_window_deg]),
         reach=None if described.design.reach_mm is None else (1e-3 * described.design.reach_mm[0],
                                                               1e-3 * described.design.reach_mm[1]),
+        cutting=_cutting(described.cutting, file),
+        motion=described.motion,
     )
+
+
+def _cutting(cutting: CuttingFile, file: Path) -> CuttingFile:
+    """As it stands. CompstiffError (CS0102) where a key says nothing without another one."""
+    needs = (("std_n_per_mm", "stiffness_n_per_mm"), ("tool_diameter_mm", "material"), ("contact_mm", "material"))
+    for key, other in needs:
+        if getattr(cutting, key) is not None and getattr(cutting, other) is None:
+            raise error("CS0102", f"cutting.{key} is stated without cutting.{other}, and says nothing by itself",
+                        file=str(file), hint=f"state cutting.{other} too")
+    return cutting
 
 
 def _force_log(log: ForceLogFile, sensor: Frame | None, tool: ToolFile) -> ForceLogFrame:

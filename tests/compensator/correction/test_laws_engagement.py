@@ -189,3 +189,63 @@ def test_another_log_of_the_program_is_held_against_the_first(tmp_path: Path, pa
     both = kit.run("correct", tmp_path / "cell.yaml", tmp_path, "--stiffness", tmp_path / "stiffness.json", "-o",
                    tmp_path / "all/", "--other-forces", tmp_path / "again.csv")
     assert both.code == 2
+
+
+def test_a_cut_that_is_stiffer_than_the_arm_is_refused(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """Logged on the plan, so that the force itself hardly grows: the gain alone speaks."""
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    assert job.correct("--cutting-stiffness", f"{CUTTING}").code == 0
+    second, _ = milled(path, commanded(job))
+    (tmp_path / "applied.csv").write_bytes(job.offsets_file.read_bytes())
+    job.forces = text(second)
+    applied = ("--force", "--json", "--logged-with", tmp_path / "applied.csv", "--cutting-stiffness")
+    result = job.correct(*applied, f"{CUTTING}")
+    gain = result.json["result"]["cutting_stiffness"]["gain"]
+    assert 0 < gain < 1
+    refused = job.correct(*applied, f"{1.1 * CUTTING / gain}")
+    assert (refused.code, "CS3200" in kit.codes(refused)) == (3, True)
+    assert "N/mm of the tool across the feed (gain 1.1" in next(
+        f["message"] for f in refused.json["findings"] if f["code"] == "CS3200")
+    assert job.correct(*applied, f"{0.9 * CUTTING / gain}").code == 0
+
+
+def test_the_gain_is_the_arms_own(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """By pushing the independent arm along n with one newton more."""
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    stated = job.correct("--json", "--cutting-stiffness", f"{CUTTING}").json["result"]["cutting_stiffness"]
+    points = np.array([(kit.work_object() @ frame).p for frame in path.frames])
+    feed = np.gradient(points, axis=0)
+    feed /= np.linalg.norm(feed, axis=1)[:, None]
+    across = first - np.einsum("ni,ni->n", first, feed)[:, None] * feed
+    n = across / np.linalg.norm(across, axis=1)[:, None]
+    gives = [kit.deviation(IRB6660, q, TOOL.p, np.r_[d, 0, 0, 0], K) @ d for q, d in zip(path.q, n, strict=True)]
+    assert stated["gain"] == pytest.approx(1e3 * CUTTING * max(gives), rel=0.02)
+    assert (stated["origin"], stated["n_per_mm"], stated["followed"]) == ("stated", pytest.approx(CUTTING), True)
+
+
+def test_the_cell_states_the_cut(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """cell.yaml's stiffness is used as the option's is, with its error; a material alone does not tell it, and says so."""
+    first, _ = uncorrected
+    job = Job(tmp_path, program=path.program(), forces=text(first))
+    plain = job.cell
+    assert job.correct("--cutting-stiffness", f"{CUTTING}:40").code == 0
+    by_option = commanded(job)
+    job.cell = plain + f"cutting: {{stiffness_n_per_mm: {CUTTING}, std_n_per_mm: 40}}\n"
+    result = job.correct("--force", "--json")
+    assert result.json["result"]["cutting_stiffness"]["origin"] == "cell.yaml"
+    np.testing.assert_allclose(commanded(job), by_option, atol=1e-9)
+    exact = job.correct("--force", "--json", "--cutting-stiffness", f"{CUTTING}").json["result"]["expected_left_um"]
+    assert exact["cut"] == 0
+    left = result.json["result"]["expected_left_um"]
+    assert left["cut"] > 1
+    assert left["model"] == pytest.approx(exact["model"], rel=1e-3)
+    job.cell = plain + "cutting: {material: steel, tool_diameter_mm: 16}\n"
+    result = job.correct("--force", "--json")
+    assert result.code == 0
+    said = next(f["message"] for f in result.json["findings"] if f["code"] == "CS3202")
+    assert "cutting.contact_mm and the spindle's speed" in said
+    for wrong in ("{std_n_per_mm: 4}", "{contact_mm: 4}", "{material: wood}", "{stiffness_n_per_mm: -1}"):
+        job.cell = plain + f"cutting: {wrong}\n"
+        assert job.correct("--force").code == 1

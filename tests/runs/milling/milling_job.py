@@ -13,6 +13,7 @@ import numpy as np
 
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.offsets import offsets_csv
 from compensator.correction.settings import Settings
 from identification.model.cell import read_cell
 from identification.model.stiffness import IdentifiedModel
@@ -147,6 +148,18 @@ class MillingJob:
             # What refines a move says of its own targets where they were planned.
             part = part.with_targets(1e3 * path.toolpath.position)
         return Correction(job, part, written, sigma, left)
+
+    def offsets(self, found: Correction, name: str) -> Path:
+        """offsets.csv of a correction."""
+        output = self.folder / name
+        output.write_bytes(offsets_csv(found.job))
+        return output
+
+    def cell_with(self, name: str, lines: str) -> Path:
+        """The cell with these lines more."""
+        output = self.folder / name
+        output.write_text(self.cell.read_text() + lines)
+        return output
 
     def cell_in_base(self) -> Path:
         """The cell with a log in the base frame."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.correction.cut_kind import climb_share, slot_share
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.settings import Estimate
 from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms, settings
@@ -15,6 +16,9 @@ from tests.virtual_cell.cell import parse
 from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 from tests.virtual_cell.milling import Pass
+
+# How the force on the wall follows the tool [N/m], over robots (docs/benchmarks.md).
+WALL = 25e3
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +103,79 @@ def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
     growth = np.abs(np.sum(deviation * across, axis=1) / np.linalg.norm(across, axis=1)) / (2 * 0.5e-3)
     left = np.linalg.norm(deviation, axis=1) * growth / (1 + growth)
     assert rms(left[pushes]) > 5e-6
-    assert np.allclose(corrected.job.left.cut[inner][pushes], left[pushes], rtol=1e-6)
+    cut = corrected.job.left.cut[inner]
+    wall, slot = (np.isin(corrected.part.place[targets[inner]], [PLACES.index(place)]) & pushes for place in (
+        "straight wall", "slot"))
+    assert wall.sum() > 50
+    assert slot.sum() > 20
+    assert np.allclose(cut[wall], left[wall], rtol=1e-6)
+    # In a slot nothing grows with a step aside: a little is left for one along the axis.
+    assert np.allclose(cut[slot] / left[slot], 0.3, atol=0.05)
+
+
+def test_a_slot_and_a_climbing_cut_are_told_by_the_force(corrected: Correction) -> None:
+    predicted = corrected.job.predicted
+    force, place = predicted.forces.wrench[:, :3], corrected.part.place
+    for name, share, other in (("slot", slot_share, climb_share), ("straight wall", climb_share, slot_share)):
+        there = place == PLACES.index(name)
+        assert (share(predicted.path, force)[there] > 0.99).mean() > 0.95
+        assert other(predicted.path, force)[there].max() < 0.05
+        # Turned over by a wrong sign it is neither a climbing cut nor a slot.
+        assert share(predicted.path, -force)[there].max() < 0.5
+
+
+def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction, first: Pass, second: Pass
+) -> None:
+    cell = job.cell_with("cell_cut.yaml", "cutting: {material: aluminium, tool_diameter_mm: 16, contact_mm: 4}\n")
+    known = job.correct(log, stiffness, cell=cell)
+    assert known.job.stiffness is not None
+    assert 0.5 < known.job.stiffness.value / WALL < 2
+    assert {"CS3201", "CS4120"} <= {finding.code for finding in known.job.findings}
+    milled, before = job.mill(known.commands, part=known.part), job.first_with(known.part)
+    assert 1 - gone(before, milled, "straight wall") < 0.7 * (1 - gone(first, second, "straight wall"))
+    assert gone(before, milled, "slot") > gone(first, second, "slot") - 0.005
+    off = np.linalg.norm(milled.off_um, axis=1)[before.cutting]
+    assert np.mean(off <= 2 * before.steps.between(known.left_um)[before.cutting]) > 0.95
+
+
+def test_two_passes_tell_the_cutting_stiffness_of_the_wall(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction, first: Pass, second: Pass
+) -> None:
+    """By how much the force on the wall really grew, along its own direction, between the two simulated passes."""
+    applied = job.offsets(corrected, "applied.csv")
+    pass2 = job.log(second, corrected.commands, "pass2_for_k.csv", part=corrected.part)
+    found = job.correct(pass2, stiffness, settings(logged_with=applied, first_forces=log)).job.stiffness
+    assert found is not None
+    assert found.followed
+    wall = first.steps.place == PLACES.index("straight wall")
+    across = first.force_n[wall] - np.einsum("si,si->s", first.force_n[wall], flat(first.steps.feed[wall]))[:, None] * flat(
+        first.steps.feed[wall])
+    n = across / np.linalg.norm(across, axis=1)[:, None]
+    grown = np.einsum("si,si->s", second.force_n[wall] - first.force_n[wall], n)
+    deeper = np.einsum("si,si->s", first.off_um[wall] - second.off_um[wall], n)
+    truth = 1e6 * float(np.median(grown / deeper))
+    assert abs(found.value - truth) < 2.5 * found.std
+    assert found.std < 0.35 * truth
+    assert found.as_dict()["n_per_mm"] == pytest.approx(1e-3 * found.value)
+
+
+def flat(feed: np.ndarray) -> np.ndarray:
+    """Directions (S, 2) in the plane as (S, 3)."""
+    return np.column_stack([feed, np.zeros(len(feed))])
+
+
+def test_the_moving_robot_is_a_cause_until_a_scale_is_known(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction
+) -> None:
+    size = np.linalg.norm(corrected.job.predicted.prediction.position, axis=1)
+    assert np.allclose(corrected.job.left.motion, 0.02 * size)
+    stated = job.correct(log, stiffness, cell=job.cell_with("cell_motion.yaml", "motion: {compliance_std: 0.1}\n"))
+    assert rms(stated.job.left.motion) == pytest.approx(5 * rms(corrected.job.left.motion), rel=0.02)
+    scaled = job.correct(log, stiffness, settings(scale=Estimate(1.0, 0.05)))
+    assert not scaled.job.left.motion.any()
+    more = np.sqrt(rms(scaled.job.left.model) ** 2 - rms(corrected.job.left.model) ** 2)
+    assert more == pytest.approx(0.05 * rms(size), rel=0.1)
 
 
 def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, log: Path, corrected: Correction) -> None:

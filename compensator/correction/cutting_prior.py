@@ -1,0 +1,73 @@
+"""What is known of a cut's stiffness before passes were compared: by its material, tool and speeds, or by the logged force.
+
+Power: the mean force along the edge's way is the specific cutting force times the chip's section, F = k_c b a v_f / v_c with
+the contact b along the tool's axis, the depth a across the feed, the feed v_f and the cutting speed v_c = pi D n. So
+
+    K = DIRECTION k_c(h) b v_f / (pi D n),    k_c(h) = k_c1.1 h^-m_c    (Kienzle; h [mm]),
+
+DIRECTION the part of that force's growth which stands across the feed, and the chip's mean thickness h = v_f / (z n) sqrt(a/D)
+with TEETH z and ENGAGED a/D as usual: h enters by its fourth root only. Without contact or diameter there is the force alone:
+half of F_n grows in proportion to the depth a, K = F_n / 2 a (`of_force`).
+
+k_c1.1 and m_c: ISCAR, Turning Tools catalogue 2017, p. 558, and Boring Systems 2022, p. 111, material groups by DIN/ISO 513
+and VDI 3323; the middle of a group's values in logarithms (the two differ for titanium alone). WIDTH and DIRECTION are
+engineering judgement: the values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the
+direction by 1.3 (linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from compensator.correction.settings import Estimate
+from identification.model.cell import CuttingFile
+
+
+class Material(NamedTuple):
+    """specific: k_c1.1 [N/mm^2], of a chip 1 mm thick and wide; exponent: m_c."""
+
+    specific: float
+    exponent: float
+
+
+MATERIALS = {
+    "aluminium": Material(735.0, 0.25),            # groups 21 to 25: 700 to 800
+    "copper_alloy": Material(700.0, 0.27),         # 26 to 28: 700
+    "cast_iron": Material(1270.0, 0.26),           # 15 to 20: 1150 to 1420
+    "steel": Material(1740.0, 0.23),               # 1 to 11: 1350 to 2500
+    "stainless_steel": Material(1970.0, 0.21),     # 12 to 14: 1875 to 2150
+    "titanium": Material(1560.0, 0.23),            # 36, 37: 1160 to 2110
+    "superalloy": Material(3090.0, 0.24),          # 31 to 35: 2600 to 3300
+    "hardened_steel": Material(4600.0, 0.24),      # 38 to 41: 4500 to 4700; its exponent is not given: as of steel
+}
+DIRECTION, WIDTH = 0.8, 0.4
+# Of the mean chip thickness alone: teeth, and depth by diameter.
+TEETH, ENGAGED = 3, 0.1
+# So large a share of the force grows with the depth, that of the edges does not; and 1 sigma of ln K where nothing but the
+# force and a guess of the depth is known. Engineering judgement.
+GROWS, FORCE_WIDTH = 0.5, 0.8
+
+
+def of_material(cutting: CuttingFile, feed: float | None, revolution: float | None) -> Estimate | None:
+    """K [N/m] of a cut as cell.yaml describes it; feed [m/s] of its moves, revolution [s] of the spindle. None where one of
+    them, the diameter or the contact is not known."""
+    if not (cutting.material and cutting.tool_diameter_mm and cutting.contact_mm and feed and revolution):
+        return None
+    material = MATERIALS[cutting.material]
+    a_turn, around = 1e3 * feed * revolution, np.pi * cutting.tool_diameter_mm
+    chip = a_turn / TEETH * np.sqrt(ENGAGED)
+    per_mm = DIRECTION * material.specific * chip**-material.exponent * cutting.contact_mm * a_turn / around
+    return _log_normal(1e3 * float(per_mm), WIDTH)
+
+
+def of_force(across: float, depth: float) -> Estimate:
+    """K [N/m] of a cut whose force across the feed is `across` [N] at a depth [m] that is all but guessed."""
+    return _log_normal(GROWS * across / depth, FORCE_WIDTH)
+
+
+def _log_normal(median: float, width: float) -> Estimate:
+    """Mean and standard deviation of exp(N(ln median, width^2))."""
+    mean = median * float(np.exp(0.5 * width**2))
+    return Estimate(mean, mean * float(np.sqrt(np.expm1(width**2))))

@@ -1,0 +1,145 @@
+"""What is known of the pass that the force was logged in: the offsets its program had, and how stiff the cut is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.cut_kind import climb_share
+from compensator.correction.cutting_prior import of_force, of_material
+from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
+from compensator.correction.engagement import LoggedPass, across_feed, standing
+from compensator.correction.predict import Predicted, under_forces
+from compensator.correction.settings import Estimate
+from compensator.forces.two_logs import compared
+from compensator.path.robot_path import RobotPath
+from identification.common.findings import Finding, Refused, counted, error
+from identification.common.tables import read_table
+
+Array = NDArray[np.float64]
+FEWEST_TARGETS = 40
+# The planned positions in an offsets file are this program's [m].
+SAME_PLACE = 2e-6
+OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
+
+
+def logged_pass(predicted: Predicted) -> LoggedPass:
+    """As settings and cell say: the cutting stiffness stated, or that of two passes, or that of the material. Raises what
+    `read_offsets` and `pass_pair` raise, and what the first pass's log raises; Refused (CS3117) where the force falls with the
+    depth."""
+    settings = predicted.settings.correction
+    offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
+    prior, findings = known_before(predicted)
+    if settings.first_forces is None or offsets is None:
+        return LoggedPass(offsets, prior, findings)
+    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
+                         predicted.loaded.learned)
+    agreed = compared(first.forces, predicted.forces, predicted.path)
+    stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
+    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told))
+
+
+def known_before(predicted: Predicted) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
+    """The cutting stiffness by --cutting-stiffness, else by cell.yaml, else by its material; None: nothing is known but the
+    force."""
+    stated, cutting = predicted.settings.correction.cutting_stiffness, predicted.cell.cutting
+    if stated is not None:
+        return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), ()
+    if cutting.stiffness_n_per_mm is not None:
+        value, std = 1e3 * cutting.stiffness_n_per_mm, 1e3 * (cutting.std_n_per_mm or 0.0)
+        return CuttingStiffness(value, std, "cell.yaml", mean_std=std), ()
+    if cutting.material is None:
+        return None, ()
+    feed = predicted.path.toolpath.feed[predicted.targets]
+    feed = feed[np.isfinite(feed)]
+    revolution = predicted.forces.log.revolution
+    known = of_material(cutting, float(np.median(feed)) if len(feed) else None, revolution)
+    if known is not None:
+        prior = CuttingStiffness(known.value, known.std, "material", mean_std=known.std, climb_only=True)
+        return prior, (Finding("CS3201", "note", f"cutting stiffness by its material, {cutting.material}: {prior.words()}",
+                               file=str(predicted.cell.source)),)
+    missing = [name for name, there in (("cutting.tool_diameter_mm", cutting.tool_diameter_mm),
+                                        ("cutting.contact_mm", cutting.contact_mm), ("a programmed feed", len(feed)),
+                                        ("the spindle's speed", revolution)) if not there]
+    return None, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
+                          f"without {' and '.join(missing)}", file=str(predicted.cell.source),
+                          hint="state it, or the depth across the feed (--depth-of-cut)"),)
+
+
+def of_passes(
+    prior: CuttingStiffness | None, pairs: Sequence[PassPair], predicted: Predicted
+) -> tuple[CuttingStiffness, tuple[Finding, ...]]:
+    """The posterior from logged pairs of passes of one cut, with the force's prior where none is known; predicted: the latest
+    pass. Raises Refused (CS3117) where the force falls with the depth."""
+    source = predicted.forces.log.source
+    if prior is not None and not prior.std:
+        return prior, ()            # stated as exact
+    if prior is None:
+        _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+        before = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.depth_of_cut)
+    else:
+        before = Estimate(prior.value, prior.std)
+    falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)
+    if falls.value < -3 * falls.std:
+        deeper = np.concatenate([pair.depth for pair in pairs])
+        change = np.concatenate([pair.change for pair in pairs])
+        raise Refused(Finding(
+            "CS3117", "error", f"the corrected pass, which by force_log.sign cut {1e6 * np.abs(deeper).mean():.0f} um "
+            f"deeper, shows less force ({np.sign(np.median(change)) * np.abs(change).mean():+.1f} N): "
+            f"{1e-3 * falls.value:.3g} N/mm of depth, standard error {1e-3 * falls.std:.3g}", file=source,
+            hint="force_log.sign in cell.yaml is wrong (then the first correction doubled the error), or the logs are "
+            "swapped"))
+    climbing = [pair.where(pair.climb > 0.5) for pair in pairs]
+    climbing = [pair for pair in climbing if len(pair.depth) >= FEWEST_TARGETS]
+    found = replace(posterior(before, climbing), climb_only=True) if climbing else posterior(before, pairs)
+    findings = [Finding("CS4124", "note", f"cutting stiffness from {counted(found.pairs, 'pair')} of passes: {found.words()}",
+                        file=source)]
+    if not found.followed:
+        findings.append(Finding(
+            "CS4122", "warning", f"the passes do not determine the cutting stiffness: {found.words()}; the forces are taken as "
+            "logged, and what it may leave is in left_um", file=source,
+            hint="is each log that of its pass? Another pair, or --cutting-stiffness, tells more"))
+    return found, tuple(findings)
+
+
+def read_offsets(file: Path, path: RobotPath) -> Array:
+    """The offsets (N, 3) [m], base frame, that the program had in a pass: an offsets.csv of this program.
+
+    Raises CompstiffError: CS4121 the file belongs to another program; and what `read_table` raises.
+    """
+    table = read_table(file, required=("target", *OFFSETS), optional=PLACES, may_be_empty=PLACES)
+    count = len(path.toolpath)
+    wrong = "" if np.array_equal(table.numbers["target"], np.arange(count)) else (
+        f"has {counted(len(table), 'row')}, the program {counted(count, 'target')}: expected one row a target, in order")
+    if not wrong and all(name in table.numbers for name in PLACES):
+        apart = np.linalg.norm(1e-3 * table.stack(*PLACES) - path.toolpath.position, axis=1)
+        if np.nanmax(apart, initial=0.0) > SAME_PLACE:
+            wrong = f"target {int(np.nanargmax(apart))} is {1e3 * np.nanmax(apart):.4g} mm from where this program has it"
+    if wrong:
+        raise error("CS4121", f"these are not the offsets of this program: {wrong}", file=str(file),
+                    hint="name the offsets.csv that was written with the program the log was taken with")
+    return np.asarray(np.einsum("nij,nj->ni", path.base_from_object.rotation, 1e-3 * table.stack(*OFFSETS)))
+
+
+def pass_pair(first: Predicted, second: Predicted, offsets: Array) -> PassPair:
+    """A pass of the planned program (first) and one with offsets (N, 3) [m] (second), each under its own log, where both have
+    force. Raises CompstiffError (CS4122) for too few such targets."""
+    direction, across = across_feed(first.path, first.forces.wrench[:, :3])
+    both = np.zeros(len(across), dtype=bool)
+    both[np.intersect1d(first.targets, second.targets)] = True
+    both &= across > 0
+    if both.sum() < FEWEST_TARGETS:
+        raise error("CS4122", "the two passes do not determine the cutting stiffness: only "
+                    f"{counted(int(both.sum()), 'target')} with force in both, expected at least {FEWEST_TARGETS}",
+                    file=first.path.toolpath.source, hint="is each log that of its pass? State it with --cutting-stiffness, or "
+                    "correct from the second log alone")
+    n = direction[both]
+    change = np.einsum("ni,ni->n", (second.forces.wrench - first.forces.wrench)[both, :3], n)
+    depth = np.einsum("ni,ni->n", (standing(first, None) - standing(second, offsets))[both], n)
+    variance = sum(np.nan_to_num(one.forces.standard_error[both]) ** 2 for one in (first, second))
+    climb = climb_share(first.path, first.forces.wrench[:, :3])[both]
+    return PassPair(depth, change, n, np.sqrt(np.einsum("ni,ni->n", variance, n**2)), climb)

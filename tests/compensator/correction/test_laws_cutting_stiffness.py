@@ -1,0 +1,142 @@
+"""Cutting stiffness: its posterior from pairs of passes that were drawn here, and its prior against an independent cutter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensator.correction.cutting_prior import MATERIALS, WIDTH, of_force, of_material
+from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
+from compensator.correction.settings import Estimate
+from identification.model.cell import CuttingFile
+from tests.virtual_cell.endmill import EndMill
+
+WIDE = Estimate(40e3, 60e3)
+
+
+def drawn(rng: np.random.Generator, stiffness: float, spread: float = 0.0, *, targets: int = 400, noise: float = 0.6,
+          memory: float = 0.0, zero: float = 1.0, stated: float = 1.0, turning: bool = True) -> PassPair:
+    """A pair of passes round a square pocket, or along one wall at one depth: stiffness [N/m] at 20 places spread [N/m] apart,
+    sensor zeros that moved, noise with that correlation of neighbours, of which the standard errors state so large a share."""
+    angle = np.floor(np.linspace(0, 4 if turning else 0.999, targets, endpoint=False)) * np.pi / 2
+    n = np.column_stack([np.cos(angle), np.sin(angle), np.full(targets, -0.1)])
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    depth = 80e-6 * (1 + 0.3 * turning * np.sin(np.linspace(0, 9, targets)))
+    place = np.repeat(stiffness + spread * rng.standard_normal(20), -(-targets // 20))[:targets]
+    scatter = rng.standard_normal(targets)
+    for i in range(1, targets):
+        scatter[i] = memory * scatter[i - 1] + np.sqrt(1 - memory**2) * scatter[i]
+    change = place * depth + n @ (zero * rng.standard_normal(3)) + noise * scatter
+    return PassPair(depth, change, n, np.full(targets, stated * noise), np.ones(targets))
+
+
+@pytest.mark.parametrize("case", [
+    {}, {"memory": 0.7}, {"stated": 0.4}, {"spread": 12e3}, {"spread": 12e3, "memory": 0.6, "stated": 0.5}, {"zero": 2.0}])
+def test_its_standard_error_is_honest(case: dict[str, float]) -> None:
+    """Whatever scatters - noise with a memory, standard errors that are too small, places that differ, zeros that moved - the
+    mean over places lies within 1 and 2 standard errors as often as a normal's, and a place that was not milled within std."""
+    rng = np.random.default_rng(7)
+    missed, elsewhere, relative = [], [], []
+    for _ in range(250):
+        found = posterior(WIDE, [drawn(rng, 25e3, **case)])
+        missed.append((found.value - 25e3) / found.mean_std)
+        elsewhere.append((found.value - 25e3 - case.get("spread", 0.0) * rng.standard_normal()) / found.std)
+        relative.append(found.std / 25e3)
+    for off in (np.abs(missed), np.abs(elsewhere)):
+        assert np.mean(off < 1) > 0.58
+        assert np.mean(off < 2) > 0.91
+    # The sensor's zeros are taken to move by 2 N, more than they mostly do here.
+    assert np.mean(np.abs(missed) < 1) < 0.93
+    # It is no blank cheque either.
+    assert np.median(relative) < 0.18 + 1.5 * (case.get("spread", 0.0) / 25e3) + 0.2 * (case.get("zero", 1.0) > 1)
+
+
+def test_more_pairs_tell_more() -> None:
+    rng = np.random.default_rng(3)
+    pairs = [drawn(rng, 25e3, noise=2.0) for _ in range(6)]
+    errors = [posterior(WIDE, pairs[:count]).mean_std for count in (1, 3, 6)]
+    assert errors[0] > 1.2 * errors[1] > 1.4 * errors[2]
+    assert posterior(WIDE, pairs).pairs == 6
+
+
+def test_a_pair_that_tells_nothing_leaves_the_prior() -> None:
+    rng = np.random.default_rng(4)
+    pair = drawn(rng, 25e3, noise=1e4)
+    found = posterior(Estimate(50e3, 10e3), [pair])
+    assert found.value == pytest.approx(50e3, rel=0.02)
+    assert found.mean_std == pytest.approx(10e3, rel=0.02)
+
+
+def test_zeros_that_moved_are_told_from_the_cut_only_where_the_path_turns() -> None:
+    """Along one straight wall a zero that moved by a newton looks like stiffness, and the error says so."""
+    rng = np.random.default_rng(5)
+    turning, straight = (posterior(WIDE, [drawn(rng, 25e3, noise=0.2, turning=turns)]) for turns in (True, False))
+    assert straight.mean_std > 2 * turning.mean_std
+    assert straight.mean_std > 5e3
+
+
+def test_places_that_differ_are_no_one_stiffness() -> None:
+    """Half of them a slot: it is not followed, although the mean is known well."""
+    rng = np.random.default_rng(6)
+    found = posterior(WIDE, [drawn(rng, 15e3, 15e3)])
+    assert found.spread > 9e3
+    assert not found.followed
+    assert found.size > 15e3
+
+
+def test_a_force_that_falls_with_the_depth_shows() -> None:
+    rng = np.random.default_rng(8)
+    pair = drawn(rng, -25e3)
+    signed = of_either_sign(Estimate(0.0, 60e3), [pair])
+    assert signed.value < -3 * signed.std
+    assert posterior(WIDE, [pair]).value > 0
+
+
+def test_what_is_followed() -> None:
+    assert CuttingStiffness(25e3, 10e3, "stated").followed
+    assert not CuttingStiffness(25e3, 15e3, "stated").followed
+    assert CuttingStiffness(25e3, 0.0, "stated").words() == "25 N/mm, taken as exact"
+
+
+# Linear-edge coefficients [N/mm^2, N/mm] of other materials than the virtual cell's own, from the usual tables of milling
+# mechanics, rounded: a carbon steel and Ti6Al4V (Altintas, Manufacturing Automation, ch. 2).
+CUTTERS = {
+    "aluminium": EndMill(),
+    "steel": EndMill(shear_n_mm2=(1800.0, 700.0, 300.0), edge_n_mm=(25.0, 40.0, 2.0)),
+    "titanium": EndMill(shear_n_mm2=(1700.0, 600.0, 300.0), edge_n_mm=(24.0, 43.0, 3.0)),
+}
+
+
+@pytest.mark.parametrize("material", CUTTERS)
+def test_the_prior_of_a_material_holds_its_cutter(material: str) -> None:
+    """How the force across the feed of an independent end mill grows in climb milling, over depths and feeds: within two widths
+    of the prior, and within one in most cases."""
+    off = []
+    for feed in (18.0, 36.0, 72.0):
+        cutter = EndMill(feed_mm_s=feed, shear_n_mm2=CUTTERS[material].shear_n_mm2, edge_n_mm=CUTTERS[material].edge_n_mm)
+        prior = of_material(CuttingFile(material=material, tool_diameter_mm=16, contact_mm=4), 1e-3 * feed,
+                            1 / cutter.turns_per_s)
+        assert prior is not None
+        for depth in (0.3, 0.6, 1.2, 2.5, 5.0):
+            left = [float(cutter.mean_force(cutter.coverage(-cutter.rim_mm[:, 1] - 8 + depth + step), 4.0)[1])
+                    for step in (-0.05, 0.05)]
+            off.append(np.log((left[1] - left[0]) / 0.1 / (1e-3 * prior.value)) / WIDTH)
+    assert np.abs(off).max() < 2.5
+    assert np.mean(np.abs(off) < 1) > 0.5
+
+
+def test_what_a_prior_needs() -> None:
+    cut = {"material": "steel", "tool_diameter_mm": 16.0, "contact_mm": 4.0}
+    full = of_material(CuttingFile(**cut), 0.02, 0.01)
+    assert full is not None
+    assert of_material(CuttingFile(**cut | {"contact_mm": 8.0}), 0.02, 0.01).value == pytest.approx(2 * full.value)
+    for missing in cut:
+        assert of_material(CuttingFile(**{key: value for key, value in cut.items() if key != missing}), 0.02, 0.01) is None
+    assert of_material(CuttingFile(**cut), None, 0.01) is None
+    assert of_material(CuttingFile(**cut), 0.02, None) is None
+    # By the source's table hard materials are stiffer to cut; the log-normal's mean is above its median.
+    order = [of_material(CuttingFile(**cut | {"material": name}), 0.02, 0.01).value for name in (
+        "aluminium", "cast_iron", "steel", "superalloy", "hardened_steel")]
+    assert order == sorted(order)
+    assert all(600 < material.specific < 5000 and 0.19 < material.exponent < 0.31 for material in MATERIALS.values())
+    assert of_force(100.0, 1e-3).value == pytest.approx(50e3 * np.exp(0.32))
