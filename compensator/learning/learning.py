@@ -82,7 +82,7 @@ class Learning:
                 "amplitude_um": 1e6 * remainder.amplitude, "length_mm": 1e3 * remainder.length},
             "remainder_by_chance": self.chance, "false_rate": FALSE_RATE,
             "noise": {"factor": self.sizes.noise, "shared_um": 1e6 * self.sizes.shared,
-                      "shared_length_mm": 1e3 * self.sizes.shared_length},
+                      "smear_mm": 1e3 * self.sizes.smear},
             "held_out": self.held_out.as_dict() if self.held_out else None,
         }
 

@@ -28,7 +28,7 @@ GAP = 10e-3
 @dataclass(frozen=True, eq=False)
 class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less nothing; direction (n, 3), base frame, means of unit
-    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s].
+    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there.
     of_targets (n, 3 M) sparse: means of a displacement (M, 3) of the targets with force, along the directions."""
 
     value: Array
@@ -39,6 +39,7 @@ class Rows:
     posture: Array
     length: Array
     time: Array
+    steep: Array
     of_targets: sparse.csr_array
     findings: tuple[Finding, ...] = ()
 
@@ -60,7 +61,7 @@ class Rows:
     def select(self, chosen: NDArray[np.bool_]) -> Rows:
         """These rows (n,) alone, places as they are."""
         return Rows(self.value[chosen], self.sigma[chosen], self.direction[chosen], self.place[chosen], self.position,
-                    self.posture, self.length, self.time, self.of_targets[np.flatnonzero(chosen)])
+                    self.posture, self.length, self.time, self.steep[chosen], self.of_targets[np.flatnonzero(chosen)])
 
 
 def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, most: int = MOST_PLACES) -> Rows:
@@ -105,8 +106,21 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
         "CS5308", "note", f"{count} points are averaged to {len(position)} places along the path", file=points.source)]
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
     return Rows(np.asarray(mean @ points.value[used]), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
-                position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0], sparse.csr_array(mean @ of_targets),
+                position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
+                np.asarray(abs(mean @ of_targets) @ _steep(predicted).ravel()), sparse.csr_array(mean @ of_targets),
                 tuple(findings))
+
+
+def _steep(predicted: Predicted) -> Array:
+    """How fast each component of the predicted deviation changes along the path (M, 3) [m/m], the steeper side of each target."""
+    length = predicted.path.length[predicted.targets]
+    steps = np.maximum(np.diff(length), 1e-4)[:, None]
+    slope = np.abs(np.diff(predicted.prediction.position, axis=0)) / steps
+    steep = np.zeros((len(length), 3))
+    if len(length) > 1:
+        steep[:-1] = slope
+        steep[1:] = np.maximum(steep[1:], slope)
+    return steep
 
 
 def _groups(length: Array, most: int) -> Indices:
