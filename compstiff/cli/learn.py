@@ -44,20 +44,17 @@ from compstiff.outcome import Outcome, Session, call
 @REPORT
 def learn(
     session: Session, cell_file: Path, toolpath_file: Path, points_file: Path, stiffness_file: Path, forces_file: Path,
-    output: Path, logged_with: Path | None, tool_radius_mm: float, within_mm: float, report: Path | None, settings: Settings,
+    output: Path, tool_radius_mm: float, within_mm: float, report: Path | None, settings: Settings,
 ) -> Outcome:
     """Learn from a measured part what the next program should know.
 
     CELL is cell.yaml, TOOLPATH the planned program, POINTS the deviation measured on the part: x_mm y_mm z_mm in the work
     object, with dx_um dy_um dz_um, or nx ny nz and dn_um along the normal; std_um. FORCES is the log of that very pass.
     """
-    from dataclasses import replace
-
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import learn, read_cell, read_stiffness, read_toolpath
     from identification.common.files import check_writable, json_bytes, write_whole
 
-    settings = replace(settings, correction=replace(settings.correction, logged_with=logged_with))
     inputs = [cell_file, toolpath_file, points_file, stiffness_file, forces_file]
     session.inputs += [*inputs, *(path for _, path in settings.files())]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)

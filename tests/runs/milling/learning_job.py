@@ -108,11 +108,11 @@ def off_um(first: Pass, done: Pass) -> np.ndarray:
     return np.asarray(np.linalg.norm(done.off_um, axis=1)[first.cutting | done.cutting])
 
 
-def corrected(job: ErringJob, log: Path, stiffness: Path, learned: Path | None = None, repeats: str = "nothing", **more: object
-              ) -> Correction:
-    """The program corrected with its log."""
-    chosen = settings(learned=learned, repeats=repeats, **more) if learned else settings(**more)
-    return job.correct(log, stiffness, chosen)
+def corrected(job: ErringJob, log: Path, stiffness: Path, learned: Path | None = None, repeats: str = "nothing",
+              cut: str = "") -> Correction:
+    """The program corrected with its log; cut: lines more in cell.yaml."""
+    chosen = settings(learned=learned, repeats=repeats) if learned else settings()
+    return job.correct(log, stiffness, chosen, job.cell_with("cell_cut.yaml", cut) if cut else None)
 
 
 __all__ = ["TARE", "Both", "ErringJob", "corrected", "mirrored", "off_um"]
