@@ -1,11 +1,12 @@
-"""Does a second part get better by what was measured on the first? Milled, measured, learned and milled again in the virtual cell.
+"""Does a second part get better by what was measured on the first? Milled, measured, learned and milled again in the virtual
+cell.
 
     OMP_NUM_THREADS=1 python benchmarks/learning.py [ROBOTS] [FIRST_SEED] [--only parts|noise] [--workers N]
 
 The truth is tests/virtual_cell alone: springs that give way 1.2 times as much in motion as in the load test, a smooth kinematic
 error of up to 0.2 mm (a sum of plane waves of 0.3 to 1.5 m), and a spindle that grows by 40 um as it warms up; the model knows
-none of it. Each robot is load-tested with realistic noise and identified; the planned program is milled, logged and measured on a
-machine of 3 um. Mirroring, what shops do: the planned targets less the deviation measured there.
+none of it. Each robot is load-tested with realistic noise and identified; the planned program is milled, logged and measured on
+a machine of 3 um. Mirroring, what shops do: the planned targets less the deviation measured there.
 
 Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Worse: robots whose RMS grew.
 noise: parts that are off by their deflection and white noise, or noise that neighbours share, alone: what is learned of them.
@@ -35,7 +36,7 @@ PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 8.0}
 PROBE_UM = 3.0
 CUT = "cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
 NOISES_UM = (3.0, 10.0)
-DRAWS = 24
+DRAWS = 12
 
 
 def gone(job: ErringJob, commands: Commands | Correction) -> tuple[float, float, float]:
@@ -96,16 +97,16 @@ def robot(seed: int) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
 
 
 def noise(arguments: tuple[int, float, bool]) -> tuple[int, int, list[float], int]:
-    """One robot, parts that are off by deflection and noise alone: of how many a remainder is learned, how many are refused, what
-    the prediction of the program changes by [um], and how often set-up or drift are seen."""
+    """One robot, parts that are off by deflection and noise alone: of how many a remainder is learned, how many are refused,
+    what the prediction of the program changes by [um], and how often set-up or drift are seen."""
     seed, std_um, shared = arguments
     with tempfile.TemporaryDirectory() as folder:
         job = ErringJob(Path(folder), seed, part=slot_and_pocket(**PART), motion=1.0)
         stiffness = job.identify()
         log = job.log(job.first, job.planned, "log.csv")
         cell = compstiff.read_cell(job.cell)
-        before = compstiff.predict(cell, compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell), log,
-                                   settings()).prediction.position
+        program, model = compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell)
+        before = compstiff.predict(cell, program, model, log, settings()).prediction.position
         found, refused, changed, of_job = 0, 0, [], 0
         for draw in range(DRAWS):
             rng = np.random.default_rng([seed, 93, draw])
@@ -116,14 +117,14 @@ def noise(arguments: tuple[int, float, bool]) -> tuple[int, int, list[float], in
                     walk[step] = 0.85 * walk[step - 1] + np.sqrt(1 - 0.85**2) * walk[step]
                 off = off + std_um * walk
             try:
-                learning, learned = job.learn(stiffness, log, job.measure(job.first, "points.csv", std_um, seed=draw, values_um=off))
+                points = job.measure(job.first, "points.csv", std_um, seed=draw, values_um=off)
+                learning, learned = job.learn(stiffness, log, points)
             except compstiff.CompstiffError:
                 refused += 1
                 continue
             found += learning.as_dict()["remainder"] is not None
             of_job += learning.setup_on or learning.drift_on
-            after = compstiff.predict(cell, compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell),
-                                      log, settings(learned=learned)).prediction.position
+            after = compstiff.predict(cell, program, model, log, settings(learned=learned)).prediction.position
             changed.append(1e6 * rms(np.linalg.norm(after - before, axis=1)))
         return found, refused, changed, of_job
 
@@ -150,17 +151,18 @@ def main() -> None:
                 print(f"| {name} | {before.mean():.0f} | {after.mean():.1f} ({after.max():.1f}) | {share.mean():.1f} % "
                       f"({share.min():.1f}) | {int((share < 0).sum())} | {len(values)} |")
         if options.only in (None, "noise"):
-            print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: {100 * FALSE_RATE:g} %")
-            print("| noise | remainder learned | set-up or drift seen | refused | prediction changed by [um] RMS, mean (largest) |\n"
-                  "|---|---|---|---|---|")
+            print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: {100 * FALSE_RATE:g} "
+                  "%")
+            print("| noise | remainder learned | set-up or drift seen | refused | prediction changed by [um] RMS, mean (largest) "
+                  "|\n|---|---|---|---|---|")
             few = seeds[:(len(seeds) + 1) // 2]
             for std_um in NOISES_UM:
                 for shared in (False, True):
                     done = list(pool.map(noise, [(seed, std_um, shared) for seed in few]))
                     number = DRAWS * len(few)
                     changed = np.concatenate([each[2] for each in done])
-                    print(f"| {std_um:g} um{', shared over 3 mm besides' if shared else ''} | {sum(each[0] for each in done)} of {number} "
-                          f"| {sum(each[3] for each in done)} | {sum(each[1] for each in done)} | {changed.mean():.2f} "
+                    print(f"| {std_um:g} um{', shared over 3 mm besides' if shared else ''} | "
+                          f"{sum(each[0] for each in done)} of {number} | {sum(each[3] for each in done)} | {sum(each[1] for each in done)} | {changed.mean():.2f} "
                           f"({changed.max():.2f}) |", flush=True)
 
 

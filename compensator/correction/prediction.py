@@ -30,8 +30,8 @@ class Prediction:
     position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
     the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
-    that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; unseen (M,) [m^2]: the variance a
-    component, in covariance too, of what no measured part shows there.
+    that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; unseen (M, 3, 3) [m^2]: the
+    part of covariance of what no measured part shows there.
     """
 
     targets: Indices
@@ -47,7 +47,7 @@ class Prediction:
     @property
     def known(self) -> Array:
         """The covariance (M, 3, 3) [m^2] without what no measured part shows, which no correction has to do with."""
-        return np.asarray(self.covariance - self.unseen[:, None, None] * np.eye(3))
+        return np.asarray(self.covariance - self.unseen)
 
     @property
     def std(self) -> Array:
@@ -69,7 +69,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         of_effects = model.slopes(load_state_of(loaded, theta))[targets]
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros(count)
+    learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
         covariance[places] = model.deviation_covariance(
@@ -81,7 +81,9 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     if loaded.learned is not None and loaded.rest is not None:
         learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()
         added = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
-        position, covariance = position + learned, covariance + added + unseen[:, None, None] * np.eye(3)
+        between = loaded.learned.remainder.unseen(loaded.rest.basis)
+        added = added + between[:, None, None] * np.eye(3)
+        position, covariance = position + learned, covariance + added
         outside = _outside(loaded, loaded.rest)
     notes, findings = _state_notes(loaded, state_changes(loaded) if model.effects else [])
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
@@ -90,7 +92,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    of_learned = np.trace(added, axis1=1, axis2=2) + 3.0 * unseen
+    of_learned = np.trace(added, axis1=1, axis2=2)
     read_only(position, rotation, covariance, notes, learned, of_learned, unseen)
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
                       of_learned, unseen)

@@ -30,6 +30,8 @@ SETUP, DRIFT = 6, 3
 # Work objects that are no farther apart than this [m, rad] are the same set-up; models that differ by less the same file.
 SAME_OBJECT, SAME_MODEL = 1e-5, 1e-6
 CHUNK = 4096
+# A weight of the remainder whose variance is more than this share of what it was before was not measured.
+UNTOLD = 0.25
 NO_REMAINDER = Remainder(np.zeros((0, 3)), np.zeros((0, 6)), 1.0, 0.0)
 
 
@@ -59,7 +61,7 @@ class JobFrame:
 @dataclass(frozen=True, eq=False)
 class Rest:
     """What a program takes beside the springs at n places: mean (n, 3) [m], columns (n, 3, 9) and basis (n, m) of the
-    parameters beyond x_eff, unseen (n,) [m^2] variance a component of what nobody measured there, inside (n,): measured."""
+    parameters beyond x_eff, unseen (n, 3, 3) [m^2] the covariance of what nobody measured there, inside (n,): measured."""
 
     mean: Array
     columns: Array
@@ -118,7 +120,23 @@ class Learned:
         weights = beyond[SETUP + DRIFT:].reshape(-1, 3)
         mean = columns @ beyond[:SETUP + DRIFT] + basis @ weights
         inside = np.sum(basis**2, axis=1) >= INSIDE if len(weights) else np.ones(len(position), dtype=bool)
-        return Rest(mean, columns, basis, self.remainder.unseen(basis), inside)
+        return Rest(mean, columns, basis, self._unseen(basis), inside)
+
+    def _unseen(self, basis: Array) -> Array:
+        """Covariance (n, 3, 3) [m^2] of what was not measured: between the places, and along directions nobody measured
+        there."""
+        unseen = self.remainder.unseen(basis)[:, None, None] * np.eye(3)
+        if not len(self.remainder.places) or not self.remainder.amplitude:
+            return unseen
+        of_weights = self.covariance[self.springs + SETUP + DRIFT:, self.springs + SETUP + DRIFT:]
+        variance, directions = np.linalg.eigh(of_weights)
+        untold = directions[:, variance > UNTOLD * self.remainder.amplitude**2] * np.sqrt(
+            variance[variance > UNTOLD * self.remainder.amplitude**2])
+        for first in range(0, len(basis), CHUNK):
+            part = slice(first, first + CHUNK)
+            slopes = _spread(basis[part]) @ untold
+            unseen[part] += slopes @ np.swapaxes(slopes, 1, 2)
+        return unseen
 
     def covariance_beside(self, by_x: Array, rest: Rest) -> Array:
         """What the rest adds (n, 3, 3) [m^2] to the covariance that x_eff has by its slopes by_x (n, 3, S): its own and that

@@ -28,10 +28,12 @@ from identification.model.cell import Cell
 from identification.model.effects_in_force import SPRINGS
 from identification.model.stiffness import IdentifiedModel
 
-# How far the moving robot may give way otherwise than at rest, 1 sigma, where --scale says nothing and cell.yaml no more: wide, for
-# the part was measured to tell it. Engineering judgement.
+# How far the moving robot may give way otherwise than at rest, 1 sigma, where --scale says nothing and cell.yaml no more: wide,
+# for the part was measured to tell it. Engineering judgement.
 MOTION = 0.2
 ROUNDS = 3
+# A displacement of the job that is not known to this share of what was assumed before is not shown by the points.
+UNSHOWN = 0.05
 
 
 def learn(
@@ -70,23 +72,23 @@ def learn(
     mean, before = _before(model, motion, cell)
     frame = frame_of(rows, predicted)
 
-    def linearised(x: Array, on: Array) -> Terms:
-        return terms_of(rows, predicted, offsets, replace(model, mean=x), mean, before, frame, on)
+    def linearised(x: Array, job: Array) -> Terms:
+        return terms_of(rows, predicted, offsets, replace(model, mean=x), mean, before, frame, job)
 
-    terms = linearised(mean, np.ones(SETUP + DRIFT))
+    terms = linearised(mean, np.eye(SETUP + DRIFT))
     noise = without_remainder(terms)
     refuse_wrong_factor(terms, noise, rows.seen(predicted.prediction.position)[:, 0] * motion.value, points.source)
     for _ in range(ROUNDS - 1):
-        terms = linearised(mean + posterior(terms, noise).mean[:len(mean)], terms.on)
+        terms = linearised(mean + posterior(terms, noise).mean[:len(mean)], terms.job)
         noise = without_remainder(terms, noise)
     chance, length = chance_of_remainder(terms, noise)
     sizes = noise
     if chance <= FALSE_RATE:
         # The length that stood out before the noise was sized anew, and those beside it.
         sizes = max((with_remainder(terms, noise, factor * length) for factor in (1.0, 0.5, 2.0)), key=lambda one: one.evidence)
-    terms, sizes = _seen_of_the_job(terms, sizes)
+    terms = _seen_of_the_job(terms, sizes)
     found = posterior(terms, sizes)
-    terms = linearised(mean + found.mean[:len(mean)], terms.on)
+    terms = linearised(mean + found.mean[:len(mean)], terms.job)
     found = posterior(terms, sizes)
     tried = held_out(terms, sizes)
     measured = rows.value - rows.seen(offsets)[:, 0]
@@ -127,20 +129,23 @@ def _motion(before: Array, found: Posterior, motion: Estimate, cell: Cell) -> Es
     return Estimate(value, value * float(np.sqrt(max(left, 0.0))))
 
 
-def _seen_of_the_job(terms: Terms, sizes: Sizes) -> tuple[Terms, Sizes]:
-    """Without drift or set-up where chance would show as much (Wald, at the false rate)."""
+def _seen_of_the_job(terms: Terms, sizes: Sizes) -> Terms:
+    """Without the displacements of set-up and drift that the points do not show (a plane of walls alone says nothing of their
+    height), and without all of drift or set-up where chance would show as much (Wald, at the false rate)."""
     from scipy.special import chdtrc
 
     size = terms.by_x.shape[1]
     for part in (slice(SETUP, SETUP + DRIFT), slice(0, SETUP)):
         found = posterior(terms, sizes)
-        where = np.arange(size, size + SETUP + DRIFT)[part]
-        value = found.mean[where]
-        if chdtrc(len(where), float(value @ np.linalg.solve(found.covariance[np.ix_(where, where)], value))) > FALSE_RATE:
-            on = terms.on.copy()
-            on[part] = 0.0
-            terms = replace(terms, on=on)
-    return terms, sizes
+        where, std = size + np.arange(SETUP + DRIFT)[part], terms.of_job_std[part]
+        value, covariance = found.mean[where] / std, found.covariance[np.ix_(where, where)] / np.outer(std, std)
+        known, directions = np.linalg.eigh(covariance)
+        shown, variance = directions[:, known < UNSHOWN**2], known[known < UNSHOWN**2]
+        chi2 = float(np.sum((shown.T @ value) ** 2 / variance))
+        job = terms.job.copy()
+        job[part, part] = shown @ shown.T if shown.shape[1] and chdtrc(shown.shape[1], chi2) <= FALSE_RATE else 0.0
+        terms = replace(terms, job=job)
+    return terms
 
 
 def _parts(terms: Terms, found: Posterior, measured: Array, predicted: Array) -> dict[str, Array]:

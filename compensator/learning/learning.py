@@ -50,12 +50,12 @@ class Learning:
     @property
     def setup_on(self) -> bool:
         """Whether a displaced set-up was seen."""
-        return bool(self.terms.on[0])
+        return bool(self.terms.job[:SETUP].any())
 
     @property
     def drift_on(self) -> bool:
         """Whether a drift was seen."""
-        return bool(self.terms.on[SETUP])
+        return bool(self.terms.job[SETUP:].any())
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""

@@ -28,8 +28,9 @@ GAP = 10e-3
 @dataclass(frozen=True, eq=False)
 class Rows:
     """n numbers at P places. value, sigma (n,) [m]: measured, less nothing; direction (n, 3), base frame, means of unit
-    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s]. steep (n,) [m/m]: how fast the predicted deviation changes along the path there.
-    of_targets (n, 3 M) sparse: means of a displacement (M, 3) of the targets with force, along the directions."""
+    vectors; place (n,). position (P, 3) [m] and posture (P, 6) [rad] as planned, length (P,) [m] along the path, time (P,) [s].
+    steep (n,) [m/m]: how fast the predicted deviation changes along the path there. of_targets (n, 3 M) sparse: means of a
+    displacement (M, 3) of the targets with force, along the directions."""
 
     value: Array
     sigma: Array
@@ -112,7 +113,8 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
 
 
 def _steep(predicted: Predicted) -> Array:
-    """How fast each component of the predicted deviation changes along the path (M, 3) [m/m], the steeper side of each target."""
+    """How fast each component of the predicted deviation changes along the path (M, 3) [m/m], the steeper side of each
+    target."""
     length = predicted.path.length[predicted.targets]
     steps = np.maximum(np.diff(length), 1e-4)[:, None]
     slope = np.abs(np.diff(predicted.prediction.position, axis=0)) / steps

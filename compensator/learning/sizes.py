@@ -1,10 +1,11 @@
 """How large noise and remainder are, by evidence: the likelihood of the rows with all parameters integrated out.
 
 Beside the readings' own noise there is what neighbours along the path share and no smooth remainder is, such as edges and the
-feed's own pattern: of a size of its own, over SHARED_LENGTH, never carried on. Without it neighbours would count as independent,
-and chance would be taken for a remainder. And where the predicted deviation is steep, at entries and corners, it is as wrong as
-the place of the force is (the mean over a target's stretch, the sensor's clock): by `smear` times its slope. Without that
-the corners, where the prediction is blurred, would decide about the springs: by 3 to 7 % too soft, on simulated parts.
+feed's own pattern: of a size of its own, over SHARED_LENGTH, never carried on. Without it neighbours would count as
+independent, and chance would be taken for a remainder. And where the predicted deviation is steep, at entries and corners, it
+is as wrong as the place of the force is (the mean over a target's stretch, the sensor's clock): by `smear` times its slope.
+Without that the corners, where the prediction is blurred, would decide about the springs: by 3 to 7 % too soft, on simulated
+parts.
 """
 
 from __future__ import annotations

@@ -23,8 +23,9 @@ from compensator.learning.rows import Rows
 from identification.common.arrays import Array
 from identification.model.stiffness import IdentifiedModel
 
-# 1 sigma before anything was measured [m]: a work object that was probed, an axis that warms up. Engineering judgement, wide.
-SETUP_STD, DRIFT_STD = 1e-3, 0.2e-3
+# 1 sigma before anything was measured: shift [m] and turn [rad] of a work object that was probed, drift [m] of what warms up.
+# Engineering judgement, wide.
+SHIFT_STD, TURN_STD, DRIFT_STD = 1e-3, 2e-3, 0.2e-3
 # So many places carry the remainder.
 MOST_CARRIERS = 48
 
@@ -32,8 +33,8 @@ MOST_CARRIERS = 48
 @dataclass(frozen=True, eq=False)
 class Terms:
     """residual (n,) [m]: measured less what is known at the prior's mean, linearised where `mean` (S,) stands; by_x (n, S)
-    slopes by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; on (9,): 1
-    for the parameters of the job that are in the model."""
+    slopes by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; job (9, 9):
+    projector on what is in the model of set-up and drift, each in shares of its sigma before."""
 
     rows: Rows
     frame: JobFrame
@@ -41,20 +42,25 @@ class Terms:
     by_x: Array
     of_job: Array
     before: Array
-    on: Array
+    job: Array
 
     @property
     def physical(self) -> Array:
         """H (n, S + 9) of the physical terms."""
-        return np.concatenate([self.by_x, self.of_job * self.on], axis=1)
+        return np.concatenate([self.by_x, self.of_job], axis=1)
+
+    @property
+    def of_job_std(self) -> Array:
+        """1 sigma (9,) [m] of set-up and drift before anything was measured."""
+        return np.repeat([SHIFT_STD, TURN_STD * self.frame.radius, DRIFT_STD], 3)
 
     @property
     def physical_prior(self) -> Array:
-        """Covariance (S + 9, S + 9) of their parameters; those that are off have none."""
+        """Covariance (S + 9, S + 9) of their parameters; what the model does not have of the job has none."""
         size = len(self.before)
         prior = np.zeros((size + SETUP + DRIFT, size + SETUP + DRIFT))
         prior[:size, :size] = self.before
-        prior[size:, size:] = np.diag(np.repeat([SETUP_STD**2, DRIFT_STD**2], [SETUP, DRIFT]) * self.on)
+        prior[size:, size:] = self.of_job_std[:, None] * self.job * self.of_job_std
         return prior
 
     def select(self, chosen: NDArray[np.bool_]) -> Terms:
@@ -74,7 +80,7 @@ class Terms:
         """An orthonormal basis (3 m, r) of the weights that neither set-up nor drift sees at these rows, by the slopes (n, 3
         m)."""
         weight = 1.0 / self.rows.sigma**2
-        seen = self.of_job[:, self.on > 0]
+        seen = self.of_job * self.of_job_std @ self.job
         seen = seen / np.maximum(np.linalg.norm(seen, axis=0), 1e-300)
         _, size, right = np.linalg.svd((seen * weight[:, None]).T @ slopes)
         rank = int((size > 1e-9 * size.max(initial=0.0)).sum())
@@ -90,11 +96,11 @@ def frame_of(rows: Rows, predicted: Predicted) -> JobFrame:
 
 
 def terms_of(rows: Rows, predicted: Predicted, offsets: Array, model: IdentifiedModel, mean: Array, before: Array,
-             frame: JobFrame, on: Array) -> Terms:
+             frame: JobFrame, job: Array) -> Terms:
     """Linearised at the parameters of `model`: rows less the offsets (M, 3) [m] that the pass had and the deviation there.
     mean (S,), before (S, S): the prior of x."""
     loaded = replace(predicted.loaded, model=model)
     deviation, slopes = predict_path(loaded).position, deviation_slopes(loaded)[:, :3]
     by_x = rows.seen(slopes)
     residual = rows.value - rows.seen(offsets + deviation)[:, 0] + by_x @ (model.mean - mean)
-    return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.position, rows.time)), before, on)
+    return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.position, rows.time)), before, job)

@@ -16,7 +16,7 @@ from compensator.learning.held_out import held_out
 from compensator.learning.posterior import posterior
 from compensator.learning.rows import Rows
 from compensator.learning.sizes import SHARED_LENGTH, Sizes, log_evidence, noise_covariance, with_remainder, without_remainder
-from compensator.learning.terms import DRIFT_STD, SETUP_STD, Terms
+from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from identification.model.rotations import Frame
 
 SIGMA = 4e-6
@@ -53,7 +53,8 @@ def terms(rng: np.random.Generator, residual: np.ndarray | None = None, places: 
                 np.zeros(number), sparse.csr_array((number, 3)))
     frame = JobFrame(Frame.identity(), position.mean(axis=0), 0.05, float(length[-1] / 0.03))
     values = rng.standard_normal(number) * SIGMA if residual is None else residual
-    return Terms(rows, frame, values, by_x, rows.along(frame.columns(position, rows.time)), 0.02**2 * np.eye(springs), np.ones(9))
+    of_job = rows.along(frame.columns(position, rows.time))
+    return Terms(rows, frame, values, by_x, of_job, 0.02**2 * np.eye(springs), np.eye(9))
 
 
 def drawn(given: Terms, sizes: Sizes, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +128,7 @@ def test_the_posterior_is_that_of_the_normal_equations() -> None:
     same = given.rows.direction @ given.rows.direction.T
     noise = (1.3 * SIGMA) ** 2 * np.eye(len(given.rows)) + 5e-6**2 * alike * same
     columns = np.hstack([given.by_x, given.of_job, slopes @ free])
-    prior = np.repeat([0.02**2, SETUP_STD**2, DRIFT_STD**2, 15e-6**2], [6, 6, 3, free.shape[1]])
+    prior = np.repeat([0.02**2, SHIFT_STD**2, (0.05 * TURN_STD) ** 2, DRIFT_STD**2, 15e-6**2], [6, 3, 3, 3, free.shape[1]])
     information = columns.T @ np.linalg.solve(noise, columns) + np.diag(1 / prior)
     mean = np.linalg.solve(information, columns.T @ np.linalg.solve(noise, given.residual))
     covariance = np.linalg.inv(information)

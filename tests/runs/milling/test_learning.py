@@ -1,5 +1,6 @@
-"""A second part gets better by the first: a cell with a kinematic error, warming and springs softer in motion, milled in the virtual
-cell, measured, learned by the command line, corrected with what was learned and milled again. benchmarks/learning.py has more."""
+"""A second part gets better by the first: a cell with a kinematic error, warming and springs softer in motion, milled in the
+virtual cell, measured, learned by the command line, corrected with what was learned and milled again. benchmarks/learning.py
+has more."""
 
 from __future__ import annotations
 
@@ -43,8 +44,8 @@ def log(job: ErringJob) -> Path:
 def learned(job: ErringJob, stiffness: Path, log: Path) -> Path:
     """By the command line, with its report."""
     output, points = job.folder / "part_learned.json", job.measure(job.first, "points.csv")
-    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o", output,
-                   "--report", job.folder / "learn.html")
+    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o",
+                   output, "--report", job.folder / "learn.html")
     assert done.code == 0, done
     return output
 
@@ -147,7 +148,8 @@ def test_a_deviation_that_does_not_follow_is_refused(job: ErringJob, stiffness: 
     off = job.first.off_um
     wrong = -off if values == "turned" else 50 * np.random.default_rng(5).standard_normal(off.shape)
     points, output = job.measure(job.first, f"{values}.csv", values_um=wrong), job.folder / f"{values}.json"
-    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o", output)
+    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o",
+                   output)
     assert done.code == 3
     assert "CS5310" in done.err
     assert not output.exists()
@@ -174,12 +176,14 @@ def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path)
     learning, output = plain.learn(model, forces, plain.measure(plain.first, "points.csv", 10.0))
     assert learning.as_dict()["remainder"] is None
     cell = compstiff.read_cell(plain.cell)
-    one, two = (compstiff.predict(cell, compstiff.read_toolpath(plain.program, cell), compstiff.read_stiffness(model, cell), forces,
-                                  settings(**chosen)).prediction.position for chosen in ({}, {"learned": output}))
+    program, springs = compstiff.read_toolpath(plain.program, cell), compstiff.read_stiffness(model, cell)
+    one, two = (compstiff.predict(cell, program, springs, forces, settings(**chosen)).prediction.position
+                for chosen in ({}, {"learned": output}))
     assert rms(1e6 * (one - two)) < 1.0
 
 
-def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path) -> None:
+def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Path, log: Path, learned: Path,
+                                                  tmp_path: Path) -> None:
     def codes(*options: object, program: Path = job.program, model: Path = stiffness) -> tuple[int, str]:
         done = kit.run("predict", job.cell, program, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
                        tmp_path / "d.csv", "--force", *options)
@@ -203,7 +207,8 @@ def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Pat
 @pytest.mark.parametrize("edit", [
     lambda c: c.pop("mean"), lambda c: c["mean"].pop(), lambda c: c["covariance"].pop(), lambda c: c.update(version=2),
     lambda c: c["covariance"][3].__setitem__(3, -1.0), lambda c: c["remainder"]["posture_deg"].pop(),
-    lambda c: c["covariance"][3].__setitem__(0, 1e3), lambda c: c.update(springs=7), lambda c: c["job"].update(quaternion=[0] * 4)])
+    lambda c: c["covariance"][3].__setitem__(0, 1e3), lambda c: c.update(springs=7),
+    lambda c: c["job"].update(quaternion=[0] * 4)])
 def test_a_learned_file_that_is_not_whole_is_refused(job: ErringJob, learned: Path, tmp_path: Path, edit) -> None:
     content = json.loads(learned.read_text())
     edit(content)
@@ -217,7 +222,8 @@ def test_a_learned_file_that_is_not_whole_is_refused(job: ErringJob, learned: Pa
 def test_the_record_and_the_report_name_it(job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path) -> None:
     output = tmp_path / "out.mod"
     done = kit.run("correct", job.cell, job.program, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "--learned",
-                   learned, "--repeats", "job", "-o", output, "--report", tmp_path / "correct.html", "--offsets", tmp_path / "o.csv")
+                   learned, "--repeats", "job", "-o", output, "--report", tmp_path / "correct.html", "--offsets",
+                   tmp_path / "o.csv")
     assert done.code == 0, done
     record = json.loads((tmp_path / "out.mod.json").read_text())
     assert record["learned"]["file"] == learned.name
