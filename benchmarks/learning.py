@@ -32,7 +32,7 @@ from tests.runs.milling.milling_job import Correction, rms, settings
 from tests.virtual_cell.milled_part import slot_and_pocket
 from tests.virtual_cell.milling import Commands
 
-PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 8.0}
+PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 5.0}
 PROBE_UM = 3.0
 CUT = "cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
 NOISES_UM = (3.0, 10.0)
@@ -151,10 +151,10 @@ def main() -> None:
                 print(f"| {name} | {before.mean():.0f} | {after.mean():.1f} ({after.max():.1f}) | {share.mean():.1f} % "
                       f"({share.min():.1f}) | {int((share < 0).sum())} | {len(values)} |")
         if options.only in (None, "noise"):
-            print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: {100 * FALSE_RATE:g} "
-                  "%")
-            print("| noise | remainder learned | set-up or drift seen | refused | prediction changed by [um] RMS, mean (largest) "
-                  "|\n|---|---|---|---|---|")
+            print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: "
+                  f"{100 * FALSE_RATE:g} %")
+            print("| noise | remainder learned | set-up or drift seen | refused | prediction changed by [um] RMS, mean "
+                  "(largest) |\n|---|---|---|---|---|")
             few = seeds[:(len(seeds) + 1) // 2]
             for std_um in NOISES_UM:
                 for shared in (False, True):
@@ -162,8 +162,8 @@ def main() -> None:
                     number = DRAWS * len(few)
                     changed = np.concatenate([each[2] for each in done])
                     print(f"| {std_um:g} um{', shared over 3 mm besides' if shared else ''} | "
-                          f"{sum(each[0] for each in done)} of {number} | {sum(each[3] for each in done)} | {sum(each[1] for each in done)} | {changed.mean():.2f} "
-                          f"({changed.max():.2f}) |", flush=True)
+                          f"{sum(each[0] for each in done)} of {number} | {sum(each[3] for each in done)} | "
+                          f"{sum(each[1] for each in done)} | {changed.mean():.2f} ({changed.max():.2f}) |", flush=True)
 
 
 if __name__ == "__main__":

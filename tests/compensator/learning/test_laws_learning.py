@@ -84,7 +84,7 @@ def test_the_carried_process_is_the_process_where_it_is_carried() -> None:
 def test_it_ends_where_nothing_was_measured() -> None:
     position, theta, _ = path(20)
     remainder = Remainder(position, theta, 0.1, 20e-6)
-    for far, posture in ((position + [1.5, 0, 0], theta), (position, theta + 1.5)):
+    for far, posture in ((position + np.array([1.5, 0.0, 0.0]), theta), (position, theta + 1.5)):
         basis = remainder.basis(far, posture)
         assert np.abs(basis).max() < 1e-2
         assert np.allclose(remainder.unseen(basis), 20e-6**2, rtol=1e-2)
