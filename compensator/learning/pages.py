@@ -10,6 +10,8 @@ import numpy as np
 from compensator.learning.learning import PARTS, Learning
 from identification.common.report import AXES, Figure, ReportTable, render
 
+# Places farther apart along the path [m] are not joined in a figure.
+GAP = 15e-3
 GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
 COLOURS = dict(zip(PARTS, ("#2b6ca3", "#6aa9d8", "#7d5ba6", "#c0392b", "#e07b00", "#222222"), strict=True))
 
@@ -44,11 +46,15 @@ def _along(learning: Learning) -> Figure:
     """Each part along the path, by the size at a place."""
     rows = learning.terms.rows
     order = np.argsort(rows.length)
+    # No line is drawn over a stretch that was not measured.
+    gaps = 1 + np.flatnonzero(np.diff(rows.length[order]) > GAP)
+    length = np.insert(1e3 * rows.length[order], gaps, np.nan)
     data: list[dict[str, Any]] = []
     for name, words in {"measured": "measured", **PARTS}.items():
         values = learning.measured if name == "measured" else learning.parts[name]
         square = np.bincount(rows.place, values**2, minlength=len(rows.length))
-        data.append({"type": "scatter", "mode": "lines", "x": 1e3 * rows.length[order], "y": 1e6 * np.sqrt(square)[order],
+        data.append({"type": "scatter", "mode": "lines", "x": length,
+                     "y": np.insert(1e6 * np.sqrt(square)[order], gaps, np.nan),
                      "name": words, "line": {"color": COLOURS.get(name, "#999999"), "width": 2 if name == "measured" else 1.5}})
     layout = {"xaxis": {"title": {"text": "path length [mm]"}, **GRID},
               "yaxis": {"title": {"text": "size of the measured components [um]"}, "rangemode": "tozero", **GRID}}
