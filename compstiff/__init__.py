@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from compensator.correction.settings import Settings
     from compensator.forces.log import read_force_log
     from compensator.forces.tare import still_payload
+    from compensator.learned.learned_file import read_learned
+    from compensator.learning.learn import learn
     from compensator.modbus.link import Address
     from compensator.modbus.offset_file import read_offsets
     from compensator.modbus.push import push
@@ -65,6 +67,8 @@ _FILES = {
     "compensator.correction.settings": ("Settings",),
     "compensator.forces.log": ("read_force_log",),
     "compensator.forces.tare": ("still_payload",),
+    "compensator.learned.learned_file": ("read_learned",),
+    "compensator.learning.learn": ("learn",),
     "compensator.modbus.link": ("Address",),
     "compensator.modbus.offset_file": ("read_offsets",),
     "compensator.modbus.push": ("push",),
@@ -98,11 +102,10 @@ _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
     "Address", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
     "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "deviation_csv",
-    "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan",
-    "milling_poses",
-    "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_measurements",
-    "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload", "upload", "verify",
-    "watch_folder", "write",
+    "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "learn",
+    "milling_poses", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_learned",
+    "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload",
+    "upload", "verify", "watch_folder", "write",
 ]
 
 

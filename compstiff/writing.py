@@ -17,6 +17,7 @@ REPORTS = {
     "Predicted": "compensator.correction.report:path_report",
     "Budget": "compensator.correction.report:budget_report",
     "Corrected": "compensator.correction.report:path_report",
+    "Learning": "compensator.learning.pages:learn_report",
     "Verification": "compensator.verification.report:verify_report",
 }
 

@@ -69,8 +69,9 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
     theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
     reached = ~np.isnan(theta).any(axis=1)
     points = points[reached]
-    rest = loaded_tool(replace(under.loaded, targets=points), theta[reached])
-    off = _across(rest.position - path.base_from_tcp.position[points], path, points)
+    loaded = replace(under.loaded, targets=points)
+    rest = loaded_tool(loaded, theta[reached])
+    off = _across(rest.position - loaded.goal.position, path, points)
     left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
     beside, steps = _steps(looked_at, under.prediction)
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])

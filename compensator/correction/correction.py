@@ -79,22 +79,22 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
     CompstiffError: CS4108 the forward model does not confirm the full correction.
     """
-    path, targets, goal, planned = loaded.path, loaded.targets, loaded.goal, loaded.theta
+    path, targets, plan, planned = loaded.path, loaded.targets, loaded.plan, loaded.path.theta[loaded.targets]
     commanded, residual = _full(loaded)
     share, harm = np.ones(len(targets)), np.full(len(targets), np.nan)
     findings: list[Finding] = []
     if restraint is not None and len(targets):
-        full = commanded.base_from_tcp.position - goal.position
+        full = commanded.base_from_tcp.position - plan.position
         offset, findings = _restrained(loaded, full, restraint)
-        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.covariance, offset)
+        harm = chance_of_harm(restraint.prediction.position, restraint.prediction.known, offset)
         held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
         if len(held):
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
             commanded = _held_back(loaded, commanded, held, share[held], offset[held])
-            residual = np.linalg.norm(loaded_tool(loaded, commanded.theta).position - goal.position, axis=1)
+            residual = np.linalg.norm(loaded_tool(loaded, commanded.theta).position - loaded.goal.position, axis=1)
     theta = commanded.theta
     object_from_base = path.base_from_object[targets].inverse()
-    object_from_tcp, wanted = object_from_base @ commanded.base_from_tcp, object_from_base @ goal
+    object_from_tcp, wanted = object_from_base @ commanded.base_from_tcp, object_from_base @ plan
     offset = object_from_tcp.position - wanted.position
     turn = rotation_vector(object_from_tcp.rotation @ np.swapaxes(wanted.rotation, 1, 2))
     refuse_outside(path, targets, theta, "after correction")
@@ -132,9 +132,9 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
 def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, offset: Array) -> Poses:
     """The commanded poses with only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places `held`
     (H,) among the targets."""
-    goal, tcp = loaded.goal[held], full.base_from_tcp
-    turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(goal.rotation, 1, 2))
-    reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ goal.rotation, goal.position + offset)
+    plan, tcp = loaded.plan[held], full.base_from_tcp
+    turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(plan.rotation, 1, 2))
+    reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ plan.rotation, plan.position + offset)
     rotation, position, theta = tcp.rotation.copy(), tcp.position.copy(), full.theta.copy()
     rotation[held], position[held] = reduced.rotation, reduced.position
     flange = reduced @ loaded.path.flange_from_tcp[loaded.targets[held]].inverse()
@@ -145,7 +145,7 @@ def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, off
 def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
     """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113)."""
     path, targets, prediction = loaded.path, loaded.targets, restraint.prediction
-    share = confident_share(prediction.position, prediction.covariance, restraint.confidence)
+    share = confident_share(prediction.position, prediction.known, restraint.confidence)
     sure = share[:, None] * full
     findings = []
     unsure = np.flatnonzero((share < 1) & (np.linalg.norm(full - sure, axis=1) > HELD))

@@ -30,13 +30,15 @@ from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
-from identification.common.findings import CompstiffError, Finding, Refused
+from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.model.compliance import compliance_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Where less than this share of the force stands across the feed it says nothing of a depth.
 LEAST_ACROSS = 0.05
+# With a learned displacement the force is followed as far as this share of itself.
+MOST_GROWTH = 0.95
 # Of what grows at a wall so much does in a slot: nothing for a step aside, a little for one along the axis (cut_kind.py).
 IN_A_SLOT = 0.3
 # What is left for this cutting stiffness [N/m] is told where none is known.
@@ -170,6 +172,9 @@ def engaged(
     forces, toolpath = predicted.forces, predicted.path.toolpath
     per_newton, chosen = _deeper(predicted, offsets)
     growth = stiffness * per_newton
+    limited: tuple[Finding, ...] = ()
+    if predicted.loaded.learned is not None:
+        growth, limited = _limited(predicted, growth)
     worst = int(np.argmax(np.abs(growth))) if len(growth) else 0
     if len(growth) and abs(growth[worst]) >= 1:
         raise CompstiffError(Finding(
@@ -182,10 +187,21 @@ def engaged(
     size = growth[chosen]
     left = len(predicted.targets) - int(chosen.sum())
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
-    return cut, (Finding(
+    return cut, (*limited, Finding(
         "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=toolpath.source),)
+
+
+def _limited(predicted: Predicted, growth: Array) -> tuple[Array, tuple[Finding, ...]]:
+    """Growth (N,) within a force that vanishes and one that doubles, and what is said of it (CS5325): what is learned of set-up
+    and calibration may be more than the depth of a light cut, at an entry."""
+    beyond = np.flatnonzero(np.abs(growth) > MOST_GROWTH)
+    if not len(beyond):
+        return growth, ()
+    return np.clip(growth, -MOST_GROWTH, MOST_GROWTH), (predicted.path.finding(
+        int(beyond[0]), "CS5325", "note", f"at {counted(len(beyond), 'target')} the learned displacement is deeper than the "
+        f"cut: the force is taken to change by {100 * MOST_GROWTH:.0f} % there, no more"),)
 
 
 def _left(predicted: Predicted, growth: Array, followed: Array | float = 0.0) -> Array:

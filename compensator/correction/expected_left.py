@@ -9,6 +9,8 @@ The covariance of a prediction is that of the robot under the force as logged. O
               measured pass says how much (then its error is the model's)
     cut       the corrected tool stands deeper in the cut, and the force grows by g: |d| g / (1 + g) is left by as much of the
               cutting stiffness as is not known (engagement.py)
+    learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
+              was measured. The springs learned have the motion and the sensor's gain in them: `sensor` and `motion` are nothing
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
               distributed up to half the tolerance
 
@@ -31,7 +33,7 @@ from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
 CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "motion": "the robot in motion",
-          "cut": "force that follows the cut", "between": "between targets"}
+          "cut": "force that follows the cut", "learned": "what was learned", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +44,7 @@ class ExpectedLeft:
     sensor: Array
     motion: Array
     cut: Array
+    learned: Array
     between: Array
 
     def __post_init__(self) -> None:
@@ -71,7 +74,7 @@ class ExpectedLeft:
         figures = self.as_dict()
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
                 "sigma): by the model's uncertainty, the force sensor's gain, the robot in motion, the force that follows "
-                f"the cut, and between targets{self._remedy(depth)}.")
+                f"the cut, what was learned where it is not sure, and between targets{self._remedy(depth)}.")
 
     def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""
@@ -88,11 +91,15 @@ def expected_left(
     model."""
     targets, prediction, cell = predicted.targets, cut.prediction, predicted.path.cell
     size = np.linalg.norm(prediction.position, axis=1)
-    of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2 + residual**2
-    unknown = cell.motion.compliance_std if predicted.settings.correction.scale == EXACTLY_ONE else 0.0
+    # What is learned of the rest may be known better together with the springs than the springs by themselves.
+    of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
+    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model, 0.0))
+    learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
+    unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
+    gain = 0.0 if learned else cell.force_log.form.gain_std
     return ExpectedLeft(
-        np.sqrt(np.maximum(of_model, 0.0)), cell.force_log.form.gain_std * size, unknown * size, cut.left.copy(),
-        _between(predicted, kept, between)[targets])
+        np.sqrt(np.maximum(of_model - of_learned, 0.0) + residual**2), gain * size, unknown * size, cut.left.copy(),
+        np.sqrt(of_learned), _between(predicted, kept, between)[targets])
 
 
 def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:

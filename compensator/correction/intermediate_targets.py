@@ -76,7 +76,7 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
     kept = as_given + np.cumsum(added)
     forces = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
     targets, _ = targets_to_correct(with_more, forces)
-    loaded = LoadedPath(with_more, forces, planned.model, targets)
+    loaded = LoadedPath(with_more, forces, planned.model, targets, planned.loaded.learned)
     air = np.zeros(len(text.toolpath), dtype=bool)
     air[kept] = planned.program.air
     findings = _findings(path.toolpath, added, looked_at, settings.tolerance)
@@ -91,10 +91,11 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
     points = np.flatnonzero(known & near)
-    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points)
+    learned = planned.loaded.learned
+    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points, learned)
     # What is left of the covariance is the mean force's.
     exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0)
-    prediction = predict_path(replace(loaded, model=exact))
+    prediction = predict_path(replace(loaded, model=exact, learned=learned.exactly() if learned else None))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
     own[grid.kept[planned.targets]] = planned.prediction.position
     deviation[:] = own

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.placement import TargetForces
+from compensator.learned.learned import Learned, Rest
 from compensator.path.robot_path import RobotPath
+from identification.model.inverse import nearest_angles
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 
@@ -19,22 +22,39 @@ Indices = NDArray[np.intp]
 @dataclass(frozen=True, eq=False)
 class LoadedPath:
     """path with N targets, the forces at all of them, the robot's model, and the `targets` (M,) that are looked at: those with
-    force that can be corrected."""
+    force that can be corrected. learned: what a measured part taught beyond the model's parameters, None: nothing."""
 
     path: RobotPath
     forces: TargetForces
     model: IdentifiedModel
     targets: Indices
+    learned: Learned | None = None
+
+    @cached_property
+    def rest(self) -> Rest | None:
+        """What was learned beyond the model at the targets (M,)."""
+        return None if self.learned is None else self.learned.rest(self.path, self.targets)
 
     @property
-    def theta(self) -> Array:
-        """Planned joint angles (M, 6) [rad]."""
-        return self.path.theta[self.targets]
-
-    @property
-    def goal(self) -> Frame:
+    def plan(self) -> Frame:
         """base_from_tcp (M) as planned: where the loaded tool shall stand."""
         return self.path.base_from_tcp[self.targets]
+
+    @cached_property
+    def goal(self) -> Frame:
+        """base_from_tcp (M) to which the model shall bring the loaded tool, so that it stands on the plan: beside it by what
+        was learned."""
+        plan = self.plan
+        return plan if self.rest is None else Frame(plan.rotation, plan.position - self.rest.mean)
+
+    @cached_property
+    def theta(self) -> Array:
+        """Joint angles (M, 6) [rad] at the goal; without anything learned those of the plan."""
+        planned = self.path.theta[self.targets]
+        if self.rest is None:
+            return planned
+        flange = self.goal @ self.path.flange_from_tcp[self.targets].inverse()
+        return nearest_angles(self.model.robot, flange, planned)
 
     @property
     def wrench(self) -> Array:

@@ -40,7 +40,8 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     prior, findings = known_before(predicted)
     if settings.first_forces is None or offsets is None:
         return LoggedPass(offsets, prior, findings)
-    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings)
+    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
+                         predicted.loaded.learned)
     agreed = compared(first.forces, predicted.forces, predicted.path)
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
     return LoggedPass(offsets, stiffness, (*findings, *agreed, *told))

@@ -101,7 +101,7 @@ def advise(loaded: LoadedPath) -> Advice | None:
 def _pose(loaded: LoadedPath, turn: float) -> Frame:
     """base_from_flange (M) with the tool turned about its own axis."""
     about = rotation_matrix(np.array([0.0, 0.0, turn]))
-    tcp = Frame(loaded.goal.rotation @ about, loaded.goal.position)
+    tcp = Frame(loaded.plan.rotation @ about, loaded.plan.position)
     return tcp @ loaded.path.flange_from_tcp[loaded.targets].inverse()
 
 

@@ -16,6 +16,8 @@ from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settin
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.forces.two_logs import compared
+from compensator.learned.learned import Learned
+from compensator.learned.learned_file import read_learned
 from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
@@ -86,16 +88,21 @@ class Predicted:
             "predicted": len(size),
             "deviation_um": largest_and_rms(1e6 * size),
             "deviation_std_um": largest_and_rms(1e6 * std),
+            "learned_um": None if self.loaded.learned is None else largest_and_rms(
+                1e6 * np.linalg.norm(self.prediction.learned, axis=1)),
         }
 
     def lines(self) -> list[str]:
         """The prediction for the terminal."""
         figures = self.as_dict()
-        deviation, std = figures["deviation_um"], figures["deviation_std_um"]
+        deviation, std, learned = figures["deviation_um"], figures["deviation_std_um"], figures["learned_um"]
         return [
             f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
             f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard "
             f"deviation up to {std['largest']:.1f} um",
+            *([] if learned is None else [
+                f"of that learned from a measured part, beside the springs: largest {learned['largest']:.1f} um, RMS "
+                f"{learned['rms']:.1f} um"]),
         ]
 
 
@@ -120,6 +127,9 @@ def predict(
     (2777, [-11.4, 13.0, 1.0])
     """
     doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
+    learned = _learned(cell, settings)
+    if learned is not None:
+        model = learned.model(model)
     if settings.correction.scale != EXACTLY_ONE:
         model = model.scaled(*settings.correction.scale)
     if not len(program.toolpath):
@@ -127,7 +137,7 @@ def predict(
                     file=str(program.source or program.toolpath.source), hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings)
+        predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings, learned)
     return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted)))
 
 
@@ -137,7 +147,8 @@ def _compared(predicted: Predicted) -> list[Finding]:
     if settings.log.other_forces is None:
         return []
     alone = replace(settings, log=replace(settings.log, other_forces=None))
-    other = under_forces(predicted.path, predicted.program, predicted.model, settings.log.other_forces, alone)
+    other = under_forces(predicted.path, predicted.program, predicted.model, settings.log.other_forces, alone,
+                         predicted.loaded.learned)
     return compared(other.forces, predicted.forces, predicted.path)
 
 
@@ -155,8 +166,21 @@ def _of_rejected(model: IdentifiedModel, *, accepted: bool) -> list[Finding]:
                     hint="the standard deviations do not say how far off it may be: measure after the first pass (verify)")]
 
 
+def _learned(cell: Cell, settings: Settings) -> Learned | None:
+    """What a measured part taught, as far as the program takes it. Raises what `read_learned` raises; CompstiffError (CS5324):
+    --scale beside it, which is learned too."""
+    chosen = settings.correction
+    if chosen.learned is None:
+        return None
+    if chosen.scale != EXACTLY_ONE:
+        raise error("CS5324", "--scale and --learned say both how far the robot gives way in motion", file=str(chosen.learned),
+                    hint="leave --scale out: the learned file has it in its springs")
+    return read_learned(chosen.learned, cell).carried(chosen.repeats)
+
+
 def under_forces(
-    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog, settings: Settings
+    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog, settings: Settings,
+    learned: Learned | None = None,
 ) -> Predicted:
     """The program as the robot drives it, under the forces of one log. Raises as `predict`."""
     noticed: tuple[Finding, ...] = program.toolpath.findings
@@ -170,7 +194,9 @@ def under_forces(
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
                    *_without_zero(placed, path, settings), *_other_tool(path, placed))
         targets, left = targets_to_correct(path, placed)
-        loaded = LoadedPath(path, placed, model, targets)
+        if learned is not None:
+            learned.check_set_up(path, targets, settings.correction.repeats)
+        loaded = LoadedPath(path, placed, model, targets, learned)
         prediction = predict_path(loaded)
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.

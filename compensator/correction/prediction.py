@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.forward import StateChange, deviated_tool, load_state_of, state_changes
 from compensator.correction.loaded_path import LoadedPath
+from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
 from identification.model.compliance import compliance_matrix, displacement
@@ -27,8 +28,10 @@ class Prediction:
     """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
 
     position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
-    the stiffnesses and effects, plus the scatter of the mean force where the log gives one. notes (M,): the effects whose state
-    changes before the target, "" where none does.
+    the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
+    notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
+    that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; unseen (M, 3, 3) [m^2]: the
+    part of covariance of what no measured part shows there.
     """
 
     targets: Indices
@@ -37,6 +40,14 @@ class Prediction:
     covariance: Array
     notes: NDArray[np.object_]
     findings: tuple[Finding, ...]
+    learned: Array
+    of_learned: Array
+    unseen: Array
+
+    @property
+    def known(self) -> Array:
+        """The covariance (M, 3, 3) [m^2] without what no measured part shows, which no correction has to do with."""
+        return np.asarray(self.covariance - self.unseen)
 
     @property
     def std(self) -> Array:
@@ -51,13 +62,14 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     equilibrium, CS1202 another tool than the one an effect in force was identified with.
     """
     _check_tools(loaded)
-    model, targets, theta, wrench = loaded.model, loaded.targets, loaded.theta, loaded.wrench
+    model, targets, theta, wrench = loaded.model, loaded.targets, loaded.path.theta[loaded.targets], loaded.wrench
     count = len(targets)
     pose, of_effects = deviated_tool(loaded, theta), None
     if model.effects and count:
         of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets)
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
+    learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
         covariance[places] = model.deviation_covariance(
@@ -65,6 +77,14 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         if scatter[places].any():
             carried = compliance_matrix(model.robot, theta[places], tool, model.compliance)[:, :3, :3]
             covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter[places], carried)
+    outside: list[Finding] = []
+    if loaded.learned is not None and loaded.rest is not None:
+        learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()
+        added = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
+        between = loaded.learned.remainder.unseen(loaded.rest.basis)
+        added = added + between[:, None, None] * np.eye(3)
+        position, covariance = position + learned, covariance + added
+        outside = _outside(loaded, loaded.rest)
     notes, findings = _state_notes(loaded, state_changes(loaded) if model.effects else [])
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
     if count and largest < HARDLY:
@@ -72,8 +92,33 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    read_only(position, rotation, covariance, notes)
-    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *findings))
+    of_learned = np.trace(added, axis1=1, axis2=2)
+    read_only(position, rotation, covariance, notes, learned, of_learned, unseen)
+    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
+                      of_learned, unseen)
+
+
+def deviation_slopes(loaded: LoadedPath) -> Array:
+    """Derivative (M, 6, 6 + P) [m, rad] of the deviation by the model's parameters, at the planned angles."""
+    model, theta, wrench = loaded.model, loaded.path.theta[loaded.targets], loaded.wrench
+    of_effects = model.of_effects(load_state_of(loaded, theta)).of(loaded.targets) if model.effects and len(theta) else None
+    slopes = np.empty((len(theta), 6, len(model.mean)))
+    for tool, places in loaded.each_tool():
+        slopes[places] = model.deviation_slopes(theta[places], wrench[places], tool,
+                                                None if of_effects is None else of_effects.of(places))
+    return slopes
+
+
+def _outside(loaded: LoadedPath, rest: Rest) -> list[Finding]:
+    """A warning (CS5323) where targets stand outside of what was measured."""
+    off = np.flatnonzero(~rest.inside)
+    if not len(off):
+        return []
+    return [loaded.path.finding(
+        int(loaded.targets[off[0]]), "CS5323", "warning", f"{len(off)} of {len(rest.inside)} targets with force "
+        f"({100 * len(off) / len(rest.inside):.0f} %) stand where no measured part was: the learned remainder shrinks to "
+        f"nothing there, and its width of {1e6 * loaded.learned.remainder.amplitude if loaded.learned else 0:.0f} um stays",
+        "the springs learned hold there too; measure a part there to learn the rest")]
 
 
 def _check_tools(loaded: LoadedPath) -> None:

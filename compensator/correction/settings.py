@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from compensator.forces.settings import LogSettings
+from compensator.learned.learned import Repeats
 from compensator.posting.settings import PostingSettings
 
 
@@ -67,6 +68,8 @@ class CorrectionSettings:
     tighten_zones: bool = False
     advise: bool = False
     correct_again: bool = False
+    learned: Path | None = None
+    repeats: Repeats = "nothing"
 
 
 @dataclass(frozen=True)
@@ -119,13 +122,20 @@ class Settings:
 
     def as_options(self) -> list[str]:
         """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
-        log, scale = self.log, self.correction.scale
+        scale, options = self.correction.scale, self.log_options()
+        options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        options += ["--accept-rejected"] if self.correction.accept_rejected else []
+        options += ["--learned", str(self.correction.learned)] if self.correction.learned else []
+        options += ["--repeats", self.correction.repeats] if self.correction.repeats != "nothing" else []
+        return options
+
+    def log_options(self) -> list[str]:
+        """What any command needs to read the log as here, as words of the command line."""
+        log = self.log
         options = [word for first, last in log.tare for word in ("--tare", f"{first}:{last}")]
         options += ["--trust-tare"] if log.trust_tare else []
         options += ["--log-format", log.log_format] if log.log_format else []
         options += ["--spindle-rpm", f"{log.spindle_rpm:g}"] if log.spindle_rpm else []
-        options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
-        options += ["--accept-rejected"] if self.correction.accept_rejected else []
         return options
 
 

@@ -15,6 +15,7 @@ from compstiff.cli.options import (
     CORRECTION_OPTIONS,
     CUT_OPTIONS,
     FEED_OPTIONS,
+    LEARNED_OPTIONS,
     LOG_OPTIONS,
     OTHER_LOG,
     POSTING_OPTIONS,
@@ -39,7 +40,8 @@ if TYPE_CHECKING:
 @click.option("--forces", "forces_file", type=EXISTING,
               help="The force log of this program; of several the folder of their logs.  [default: beside each]")
 @click.option("-o", "--output", required=True, type=TEXT_PATH, help="The corrected program to write; of several a folder.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *CUT_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS, *FEED_OPTIONS,
+               *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")

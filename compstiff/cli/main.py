@@ -19,6 +19,7 @@ COMMANDS = {
     "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
     "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
     "identify": "Learn the joint stiffnesses from measured loads and deflections.",
+    "learn": "Learn from a measured part what the next program should know.",
     "post": "Post an APT or CSV toolpath as the planned RAPID program.",
     "predict": "Predict how far the tool is pushed off its path.",
     "push": "Send offsets to the cell over Modbus; a dry run unless --apply.",

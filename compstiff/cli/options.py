@@ -119,6 +119,14 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
     _correction("--accept-rejected", is_flag=True,
                 help="Use a stiffness file that its own measurements reject (identify says so); else it is refused, exit 3."),
 )
+# What a measured part taught: `predict` and `correct`.
+LEARNED_OPTIONS: tuple[Decorator, ...] = (
+    _correction("--learned", type=READABLE, help="What learn wrote of a measured part: its springs in motion and its smooth "
+                "remainder are used."),
+    _correction("--repeats", type=click.Choice(("nothing", "setup", "job")), default=DEFAULTS.correction.repeats,
+                show_default=True, help="With --learned: the measured part's set-up comes again, or its whole job with its "
+                "warming."),
+)
 # What a log is held against, for one program: `predict` and `correct`.
 OTHER_LOG: tuple[Decorator, ...] = (
     _log("--other-forces", type=READABLE, help="A log of another pass of this program: refused where the two contradict each "

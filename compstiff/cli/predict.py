@@ -12,6 +12,7 @@ from compstiff.cli.options import (
     CELL,
     CUT_OPTIONS,
     FORCES,
+    LEARNED_OPTIONS,
     LOG_OPTIONS,
     OTHER_LOG,
     POSTING_OPTIONS,
@@ -32,7 +33,7 @@ from compstiff.outcome import Outcome, Session, call
 @click.option("--budget", is_flag=True, help="Also say what a tolerance would be spent on after a correction.")
 @click.option("--tolerance-um", type=click.FloatRange(0, min_open=True),
               help="With --budget: the largest deviation that is accepted on the part.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CUT_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS)
 @REPORT
 def predict(
     session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,

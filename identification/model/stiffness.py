@@ -205,19 +205,29 @@ class IdentifiedModel:
 
         of_effects: of these rows, where they are rows of a longer history; else they are one visit.
         """
-        by_x = regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance
-        unknown = np.zeros((len(by_x), 2))
-        if self.robot.link_mass is None:
-            unknown += self.unknown_weight**2 * sizes(by_x.sum(axis=2))
-        if self.effects:
-            of_effects = of_effects or self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
-            slope = of_effects.slopes
-            by_x = np.concatenate([by_x + slope[:, :, SPRINGS], slope[:, :, EFFECTS]], axis=2)
+        if self.effects and of_effects is None:
+            of_effects = self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
+        by_x = self.deviation_slopes(theta, wrench, flange_from_tcp, of_effects)
+        elastic, unknown = by_x[:, :, SPRINGS].sum(axis=2), np.zeros((len(by_x), 2))
+        if of_effects is not None:
+            elastic = elastic - of_effects.slopes[:, :, SPRINGS].sum(axis=2)
             unknown += self.unknown_law**2 * of_effects.squares
+        if self.robot.link_mass is None:
+            unknown += self.unknown_weight**2 * sizes(elastic)
         covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
         axes = np.arange(6)
         covariance[:, axes, axes] += np.repeat(unknown / 3, 3, axis=1)
         return covariance
+
+    def deviation_slopes(
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None
+    ) -> Array:
+        """Derivative (N, 6, 6 + P) [m, rad] of the deviation by x; as in `deviation_covariance`."""
+        by_x = np.asarray(regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance)
+        if not self.effects:
+            return by_x
+        slope = (of_effects or self.of_effects(self.load_state(theta, wrench, flange_from_tcp))).slopes
+        return np.concatenate([by_x + slope[:, :, SPRINGS], slope[:, :, EFFECTS]], axis=2)
 
     def as_dict(self) -> dict[str, Any]:
         """The content of stiffness.json."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from tests.virtual_cell.astray import Astray
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.inverse import comfortable, inverse
 from tests.virtual_cell.laws import Row
@@ -127,8 +128,9 @@ def drive(plant: Plant, theta: np.ndarray, time_s: np.ndarray, force_of: ForceOf
 
 
 def mill(plant: Plant, part: Part, commands: Commands, cutter: EndMill, given_n: np.ndarray | None = None,
-         step_mm: float = 0.5) -> Pass:
-    """Mills the part with these commands, one a planned target. given_n (S, 3): forces that act whatever is cut."""
+         step_mm: float = 0.5, astray: Astray | None = None) -> Pass:
+    """Mills the part with these commands, one a planned target. given_n (S, 3): forces that act whatever is cut. astray: how
+    the tool stands off its command before it yields."""
     if len(commands.position_mm) != len(part.target_mm):
         raise ValueError(f"{len(commands.position_mm)} targets where the part has {len(part.target_mm)}")
     steps = steps_of(part, step_mm)
@@ -138,6 +140,8 @@ def mill(plant: Plant, part: Part, commands: Commands, cutter: EndMill, given_n:
     duration = steps.duration_s(cutter.feed_mm_s)
     time = np.cumsum(duration) - 0.5 * duration
     shift = commanded - plan
+    if astray is not None:
+        shift = shift + astray.displacement_mm(commanded, time)
 
     def force_of(i: int, moved: np.ndarray) -> np.ndarray:
         if given_n is not None:

@@ -1,0 +1,170 @@
+"""Does a second part get better by what was measured on the first? Milled, measured, learned and milled again in the virtual
+cell.
+
+    OMP_NUM_THREADS=1 python benchmarks/learning.py [ROBOTS] [FIRST_SEED] [--only parts|noise] [--workers N]
+
+The truth is tests/virtual_cell alone: springs that give way 1.2 times as much in motion as in the load test, a smooth kinematic
+error of up to 0.2 mm (a sum of plane waves of 0.3 to 1.5 m), and a spindle that grows by 40 um as it warms up; the model knows
+none of it. Each robot is load-tested with realistic noise and identified; the planned program is milled, logged and measured on
+a machine of 3 um. Mirroring, what shops do: the planned targets less the deviation measured there.
+
+Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Worse: robots whose RMS grew.
+noise: parts that are off by their deflection and white noise, or noise that neighbours share, alone: what is learned of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import defaultdict
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import compstiff
+from compensator.learning.chance import FALSE_RATE
+from tests.runs.milling.learning_job import Both, ErringJob, corrected, mirrored, off_um
+from tests.runs.milling.milling_job import Correction, rms, settings
+from tests.virtual_cell.milled_part import slot_and_pocket
+from tests.virtual_cell.milling import Commands
+
+PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 5.0}
+PROBE_UM = 3.0
+CUT = "cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
+NOISES_UM = (3.0, 10.0)
+DRAWS = 12
+
+
+def gone(job: ErringJob, commands: Commands | Correction) -> tuple[float, float, float]:
+    """RMS [um] off before and after, and the share that is gone [%]."""
+    part = commands.part if isinstance(commands, Correction) else job.part
+    given = commands.commands if isinstance(commands, Correction) else commands
+    first = job.first_with(part)
+    done = job.mill(given, part=part)
+    before, after = rms(off_um(done, first)), rms(off_um(first, done))
+    return before, after, 100 * (1 - after / before)
+
+
+def robot(seed: int) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
+    """One robot: every way to command the second part, and another part."""
+    with tempfile.TemporaryDirectory() as folder:
+        both = Both(Path(folder), seed, slot_and_pocket(**PART), slot_and_pocket(**OTHER))
+        job, other = both.first, both.other
+        stiffness = job.identify()
+        log, log_of_other = job.log(job.first, job.planned, "log.csv"), other.log(other.first, other.planned, "log.csv")
+        cut, cut_of_other = (CUT.format(depth=part.get("wall_depth_mm", 4.0)) for part in (PART, OTHER))
+        rows = {"first part again: not learned": gone(job, corrected(job, log, stiffness)),
+                "first part again: not learned, material stated": gone(job, corrected(job, log, stiffness, cut=cut)),
+                "mirrored, without noise": gone(job, mirrored(job, job.first, 0.0)),
+                f"mirrored, noise {PROBE_UM:g} um": gone(job, mirrored(job, job.first, PROBE_UM)),
+                "mirrored, noise 10 um": gone(job, mirrored(job, job.first, 10.0)),
+                "another part: not learned": gone(other, corrected(other, log_of_other, stiffness)),
+                "another part: not learned, material stated": gone(
+                    other, corrected(other, log_of_other, stiffness, cut=cut_of_other))}
+        said = []
+        try:
+            learning, learned = job.learn(stiffness, log, job.measure(job.first, "points.csv", PROBE_UM))
+        except compstiff.CompstiffError as stopped:
+            return rows, [f"{seed}: {stopped.findings[0].code} {stopped.findings[0].message}"]
+        figures = learning.as_dict()
+        remainder = figures["remainder"]
+        said.append(f"{seed}: factor {figures['motion']['scale']:.3f} ({figures['motion']['std']:.3f}), remainder "
+                    f"{figures['parts_um']['remainder']:.1f} um over {remainder['length_mm'] if remainder else 0:.0f} mm, left "
+                    f"{figures['parts_um']['left']:.1f} um, held out {figures['held_out']['known_um']:.1f} -> "
+                    f"{figures['held_out']['physical_um']:.1f} -> {figures['held_out']['learned_um']:.1f} um")
+        for repeats in ("nothing", "setup", "job"):
+            rows[f"first part again: learned, --repeats {repeats}"] = gone(
+                job, corrected(job, log, stiffness, learned, repeats))
+        for repeats in ("nothing", "setup"):
+            rows[f"another part: learned, --repeats {repeats}"] = gone(
+                other, corrected(other, log_of_other, stiffness, learned, repeats))
+        rows["first part again: learned, --repeats job, material stated"] = gone(
+            job, corrected(job, log, stiffness, learned, "job", cut))
+        rows["another part: learned, --repeats setup, material stated"] = gone(
+            other, corrected(other, log_of_other, stiffness, learned, "setup", cut_of_other))
+        normal = job.measure(job.first, "normals.csv", PROBE_UM, along_normal=True)
+        try:
+            _, learned = job.learn(stiffness, log, normal, radius=1e-3 * job.cutter.radius_mm, within=2e-3)
+            rows["first part again: learned along normals alone, --repeats job"] = gone(
+                job, corrected(job, log, stiffness, learned, "job"))
+        except compstiff.CompstiffError as stopped:
+            said.append(f"{seed}, normals: {stopped.findings[0].code} {stopped.findings[0].message}")
+        return rows, said
+
+
+def noise(arguments: tuple[int, float, bool]) -> tuple[int, int, list[float], int]:
+    """One robot, parts that are off by deflection and noise alone: of how many a remainder is learned, how many are refused,
+    what the prediction of the program changes by [um], and how often set-up or drift are seen."""
+    seed, std_um, shared = arguments
+    with tempfile.TemporaryDirectory() as folder:
+        job = ErringJob(Path(folder), seed, part=slot_and_pocket(**PART), motion=1.0)
+        stiffness = job.identify()
+        log = job.log(job.first, job.planned, "log.csv")
+        cell = compstiff.read_cell(job.cell)
+        program, model = compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell)
+        before = compstiff.predict(cell, program, model, log, settings()).prediction.position
+        found, refused, changed, of_job = 0, 0, [], 0
+        for draw in range(DRAWS):
+            rng = np.random.default_rng([seed, 93, draw])
+            off = job.first.off_um.copy()
+            if shared:
+                walk = rng.standard_normal(off.shape)
+                for step in range(1, len(walk)):        # over 3 mm
+                    walk[step] = 0.85 * walk[step - 1] + np.sqrt(1 - 0.85**2) * walk[step]
+                off = off + std_um * walk
+            try:
+                points = job.measure(job.first, "points.csv", std_um, seed=draw, values_um=off)
+                learning, learned = job.learn(stiffness, log, points)
+            except compstiff.CompstiffError:
+                refused += 1
+                continue
+            found += learning.as_dict()["remainder"] is not None
+            of_job += learning.setup_on or learning.drift_on
+            after = compstiff.predict(cell, program, model, log, settings(learned=learned)).prediction.position
+            changed.append(1e6 * rms(np.linalg.norm(after - before, axis=1)))
+        return found, refused, changed, of_job
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("robots", type=int, nargs="?", default=6)
+    parser.add_argument("first_seed", type=int, nargs="?", default=8100)
+    parser.add_argument("--only", choices=["parts", "noise"])
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    seeds = range(options.first_seed, options.first_seed + options.robots)
+    with ProcessPoolExecutor(options.workers) as pool:
+        if options.only in (None, "parts"):
+            table: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
+            for rows, said in pool.map(robot, seeds):
+                print(*said, sep="\n", flush=True)
+                for name, values in rows.items():
+                    table[name].append(values)
+            print(f"\n{len(seeds)} robots from seed {seeds[0]}. Mean (worst robot)")
+            print("| program | off before [um] RMS | after | gone | worse | robots |\n|---|---|---|---|---|---|")
+            for name, values in sorted(table.items()):
+                before, after, share = np.array(values).T
+                print(f"| {name} | {before.mean():.0f} | {after.mean():.1f} ({after.max():.1f}) | {share.mean():.1f} % "
+                      f"({share.min():.1f}) | {int((share < 0).sum())} | {len(values)} |")
+        if options.only in (None, "noise"):
+            print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: "
+                  f"{100 * FALSE_RATE:g} %")
+            print("| noise | remainder learned | set-up or drift seen | refused | prediction changed by [um] RMS, mean "
+                  "(largest) |\n|---|---|---|---|---|")
+            few = seeds[:(len(seeds) + 1) // 2]
+            for std_um in NOISES_UM:
+                for shared in (False, True):
+                    done = list(pool.map(noise, [(seed, std_um, shared) for seed in few]))
+                    number = DRAWS * len(few)
+                    changed = np.concatenate([each[2] for each in done])
+                    print(f"| {std_um:g} um{', shared over 3 mm besides' if shared else ''} | "
+                          f"{sum(each[0] for each in done)} of {number} | {sum(each[3] for each in done)} | "
+                          f"{sum(each[1] for each in done)} | {changed.mean():.2f} ({changed.max():.2f}) |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What a measured part taught: read from learned.json and carried to programs."""

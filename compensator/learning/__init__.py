@@ -1,0 +1,1 @@
+"""What to believe after a part was measured."""

@@ -1,0 +1,113 @@
+"""What is not believed of a measured part, and what its user should know."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compensator.learning.held_out import HeldOut
+from compensator.learning.learning import Learning
+from compensator.learning.sizes import Sizes, noise_covariance
+from compensator.learning.terms import Terms
+from identification.common.arrays import Array, rms
+from identification.common.findings import Finding, Refused
+
+# A factor on the predicted deflection outside of this is a mistake, not motion; so many standard errors make it sure.
+SANE, SURE = (0.5, 2.0), 3.0
+# A deflection under this [m] RMS says nothing of a factor.
+HARDLY = 3e-6
+# Chance of springs that differ so much from their load test.
+PULLED = 1e-3
+# By less than this on stretches left out nothing is lost: where there is nothing to learn, learning costs a little everywhere.
+WORSE = 1.1
+# A set-up that is off by more than this [m] deserves a word of its own.
+LARGE_SETUP = 0.2e-3
+
+
+def refuse_wrong_factor(terms: Terms, noise: Sizes, predicted: Array, source: str) -> None:
+    """Refused (CS5310) where the measured deviation is surely no sane multiple of the predicted (n,) [m] beside set-up and
+    drift: another sign, frame, unit, log or part."""
+    if rms(predicted) < HARDLY:
+        return
+    prior = terms.physical_prior
+    size = terms.by_x.shape[1]
+    job = terms.of_job @ prior[size:, size:] @ terms.of_job.T
+    whitened = np.linalg.solve(job + noise_covariance(terms, noise), np.column_stack([predicted, terms.residual]))
+    power = float(predicted @ whitened[:, 0])
+    factor, error = 1.0 + float(predicted @ whitened[:, 1]) / power, 1.0 / np.sqrt(power)
+    if SANE[0] <= factor + SURE * error and factor - SURE * error <= SANE[1]:
+        return
+    raise Refused(Finding(
+        "CS5310", "error", f"the measured deviation is {factor:.2f} times the predicted (standard error {error:.2f}), expected "
+        f"{SANE[0]:g} to {SANE[1]:g}: nothing is learned", file=source,
+        hint="sign: measured minus planned? frame: the work object? micrometres? the log of this very pass? force_log.sign; "
+        "--logged-with where the pass had offsets"))
+
+
+def refuse_worse(tried: HeldOut | None, source: str, findings: tuple[Finding, ...]) -> None:
+    """Refused (CS5312) where what was learned is surely worse than what was known, on stretches that it was not learned
+    from."""
+    if tried is not None and tried.better < -2.0 and tried.learned > WORSE * tried.known:
+        raise Refused(Finding(
+            "CS5312", "error", f"on stretches that were left out {1e6 * tried.learned:.1f} um are left, "
+            f"{1e6 * tried.known:.1f} um without learning: what one stretch teaches is wrong on the next", file=source,
+            hint="are the points those of this pass, and the log? measure more of the part"), *findings)
+
+
+def refuse_without_physics(learning: Learning, source: str, findings: tuple[Finding, ...]) -> None:
+    """Refused (CS5311) where the smooth remainder is larger than what physics explains: then a calibration is missing."""
+    parts = learning.parts
+    physical = rms(parts["predicted"] + parts["springs"] + parts["setup"] + parts["drift"])
+    remainder = rms(parts["remainder"])
+    if remainder <= physical or not len(learning.learned.remainder.places):
+        return
+    raise Refused(Finding(
+        "CS5311", "error", f"a remainder of {1e6 * remainder:.0f} um RMS that no term explains, while deflection, set-up and "
+        f"warming together explain {1e6 * physical:.0f} um: {_missing(learning)}", file=source,
+        hint="calibrate first, then mill, measure and learn again: a remainder that large is not carried to another program"),
+        *findings)
+
+
+def _missing(learning: Learning) -> str:
+    """Which calibration is missing, by what the remainder looks like: a stretch of the work space is a scale, all else is
+    not."""
+    rows, remainder = learning.terms.rows, learning.parts["remainder"]
+    centred = (rows.position - learning.learned.frame.centre)[rows.place] / learning.learned.frame.radius
+    linear = (rows.direction[:, :, None] * centred[:, None, :]).reshape(len(rows), 9)
+    fitted = linear @ np.linalg.lstsq(linear, remainder, rcond=None)[0]
+    share = float(np.sum(fitted**2) / max(np.sum(remainder**2), 1e-300))
+    if share > 0.7:
+        return (f"{100 * share:.0f} % of it grow with the distance, as link lengths, joint zeros or the part's temperature "
+                "make it: the kinematic calibration (absolute accuracy) of the robot is missing or off, or part and gauge "
+                "differ in temperature")
+    return ("it is bent within the part: the kinematic calibration (absolute accuracy), the tool's TCP, or the straightness of "
+            "the fixture is missing, or the points are of another part")
+
+
+def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
+    """Notes and warnings on what was learned."""
+    from scipy.special import chdtrc
+
+    findings, source = [], learning.predicted.forces.log.source
+    change = learning.learned.mean[:len(mean)] - mean
+    chi2 = float(change @ np.linalg.solve(before + 1e-18 * np.eye(len(before)), change))
+    if chdtrc(len(mean), chi2) < PULLED:
+        findings.append(Finding(
+            "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square "
+            f"{chi2:.0f} with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
+            "compstiff diagnose on the load tests, or --rows and diagnose on the rows of this part"))
+    size, frame = learning.learned.springs, learning.learned.frame
+    job = learning.learned.mean[size:size + 9]
+    if learning.setup_on:
+        shift = float(np.linalg.norm(job[:3]))
+        findings.append(Finding(
+            "CS5314", "warning" if shift > LARGE_SETUP else "note", f"the part stood {1e6 * shift:.0f} um and "
+            f"{1e3 * np.linalg.norm(job[3:6]) / frame.radius:.2f} mrad from its work object, as far as rigid: carried only "
+            "with --repeats setup or job", file=source, hint="probe the work object again" if shift > LARGE_SETUP else ""))
+    if learning.drift_on:
+        findings.append(Finding(
+            "CS5315", "note", f"a drift of {1e6 * np.linalg.norm(job[6:]):.0f} um over the {frame.duration:.0f} s of the job, "
+            "as warming makes it: carried only with --repeats job", file=source))
+    if learning.held_out is None:
+        findings.append(Finding("CS5316", "warning", "too few places to leave stretches out: nothing says how well this holds "
+                                "elsewhere", file=source, hint="measure more of the part"))
+    return findings

@@ -1,0 +1,106 @@
+"""The linear model of the rows: residual = H z + noise, z the parameters of the springs, of set-up, drift and remainder.
+
+The remainder's prior is taken on the condition that set-up and drift see nothing of it: G^T W Phi w = 0 with their columns G at
+the rows and the weights W = 1 / sigma^2 (Plumlee and Joseph, Statistica Sinica 28 (2018) 601, orthogonal Gaussian process
+models). What they can explain is theirs, and is not carried elsewhere in the remainder's name. The springs have a prior of
+their own, the load test's, and a column that follows the force: both are weighed against the remainder together. Made
+orthogonal to the springs too, what they could explain by chance would be theirs whatever the load test says; docs/benchmarks.md
+has both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.correction.predict import Predicted
+from compensator.correction.prediction import deviation_slopes, predict_path
+from compensator.learned.learned import DRIFT, SETUP, JobFrame
+from compensator.learned.remainder import Remainder, spread_out
+from compensator.learning.rows import Rows
+from identification.common.arrays import Array
+from identification.model.stiffness import IdentifiedModel
+
+# 1 sigma before anything was measured: shift [m] and turn [rad] of a work object that was probed, drift [m] of what warms up.
+# Engineering judgement, wide.
+SHIFT_STD, TURN_STD, DRIFT_STD = 1e-3, 2e-3, 0.2e-3
+# So many places carry the remainder.
+MOST_CARRIERS = 48
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """residual (n,) [m]: measured less what is known at the prior's mean, linearised where `mean` (S,) stands; by_x (n, S)
+    slopes by the model's parameters, of_job (n, 9) by set-up and drift; before (S, S): the prior's covariance of x; job (9, 9):
+    projector on what is in the model of set-up and drift, each in shares of its sigma before."""
+
+    rows: Rows
+    frame: JobFrame
+    residual: Array
+    by_x: Array
+    of_job: Array
+    before: Array
+    job: Array
+
+    @property
+    def physical(self) -> Array:
+        """H (n, S + 9) of the physical terms."""
+        return np.concatenate([self.by_x, self.of_job], axis=1)
+
+    @property
+    def of_job_std(self) -> Array:
+        """1 sigma (9,) [m] of set-up and drift before anything was measured."""
+        return np.repeat([SHIFT_STD, TURN_STD * self.frame.radius, DRIFT_STD], 3)
+
+    @property
+    def physical_prior(self) -> Array:
+        """Covariance (S + 9, S + 9) of their parameters; what the model does not have of the job has none."""
+        size = len(self.before)
+        prior = np.zeros((size + SETUP + DRIFT, size + SETUP + DRIFT))
+        prior[:size, :size] = self.before
+        prior[size:, size:] = self.of_job_std[:, None] * self.job * self.of_job_std
+        return prior
+
+    def select(self, chosen: NDArray[np.bool_]) -> Terms:
+        """These rows (n,) alone."""
+        return replace(self, rows=self.rows.select(chosen), residual=self.residual[chosen], by_x=self.by_x[chosen],
+                       of_job=self.of_job[chosen])
+
+    def remainder(self, length: float, amplitude: float = 1.0) -> tuple[Remainder, Array]:
+        """The remainder carried by places of these rows, and its slopes (n, 3 m) by its weights."""
+        rows = self.rows
+        used = np.unique(rows.place)
+        chosen = used[spread_out(rows.position[used], rows.posture[used], length, MOST_CARRIERS)]
+        remainder = Remainder(rows.position[chosen], rows.posture[chosen], length, amplitude)
+        return remainder, rows.spread(remainder.basis(rows.position, rows.posture))
+
+    def free(self, slopes: Array) -> Array:
+        """An orthonormal basis (3 m, r) of the weights that neither set-up nor drift sees at these rows, by the slopes (n, 3
+        m)."""
+        weight = 1.0 / self.rows.sigma**2
+        seen = self.of_job * self.of_job_std @ self.job
+        seen = seen / np.maximum(np.linalg.norm(seen, axis=0), 1e-300)
+        _, size, right = np.linalg.svd((seen * weight[:, None]).T @ slopes)
+        rank = int((size > 1e-9 * size.max(initial=0.0)).sum())
+        return np.asarray(right[rank:].T)
+
+
+def frame_of(rows: Rows, predicted: Predicted) -> JobFrame:
+    """What set-up and drift of this job are counted by."""
+    centre = rows.position.mean(axis=0)
+    radius = float(np.sqrt(np.mean(np.sum((rows.position - centre) ** 2, axis=1)))) or 1.0
+    first = predicted.path.base_from_object[int(predicted.targets[0])]
+    return JobFrame(first, centre, radius, float(rows.time.max()))
+
+
+def terms_of(rows: Rows, predicted: Predicted, offsets: Array, model: IdentifiedModel, mean: Array, before: Array,
+             frame: JobFrame, job: Array) -> Terms:
+    """Linearised at the parameters of `model`: rows less the offsets (M, 3) [m] that the pass had and the deviation there.
+    mean (S,), before (S, S): the prior of x."""
+    loaded = replace(predicted.loaded, model=model)
+    deviation, slopes = predict_path(loaded).position, deviation_slopes(loaded)[:, :3]
+    by_x = rows.seen(slopes)
+    residual = rows.value - rows.seen(offsets + deviation)[:, 0] + by_x @ (model.mean - mean)
+    return Terms(rows, frame, residual, by_x, rows.along(frame.columns(rows.position, rows.time)), before, job)

@@ -1,0 +1,68 @@
+"""What docs/formats.md promises of the table of measured points: what is read, and what is said of what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.learning.measured_points import read_points
+from identification.common.findings import CompstiffError
+from identification.model.cell import read_cell
+from tests.virtual_cell.cell import simulate
+
+GOOD = "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n10,20,-1,5,,-7,3\n11,20,-1,6,2,-8,4\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("points")
+    simulate(1).write(place)
+    return place
+
+
+def read(folder: Path, text: str):
+    file = folder / "points.csv"
+    file.write_text(text)
+    return read_points(file, read_cell(folder / "cell.yaml"))
+
+
+def test_components_and_their_sigma(folder: Path) -> None:
+    points = read(folder, GOOD)
+    assert len(points) == 2
+    assert points.point.tolist() == [0, 0, 1, 1, 1]
+    assert np.allclose(1e6 * points.value, [5, -7, 6, 2, -8])
+    assert np.allclose(1e6 * points.sigma, [3, 3, 4, 4, 4])
+    assert np.allclose(points.direction, np.eye(3)[[0, 2, 0, 1, 2]])
+    assert np.allclose(1e3 * points.position, [[10, 20, -1], [11, 20, -1]])
+
+
+@pytest.mark.parametrize("name", ["dn_um", "d_um"])
+def test_along_the_normal(folder: Path, name: str) -> None:
+    points = read(folder, f"x_mm,y_mm,z_mm,nx,ny,nz,{name},target\n10,20,-1,0,0.6,0.8,12,\n11,20,-1,0,0,1,-4,7\n")
+    assert np.allclose(1e6 * points.value, [12, -4])
+    assert np.allclose(points.direction, [[0, 0.6, 0.8], [0, 0, 1]])
+    assert points.target.tolist() == [-1, 7]
+    assert [finding.code for finding in points.findings] == ["CS5302"]
+
+
+@pytest.mark.parametrize(("text", "code", "line", "words"), [
+    ("x_mm,y_mm,z_mm\n1,2,3\n", "CS5300", 1, "neither"),
+    ("x_mm,y_mm,z_mm,dn_um\n1,2,3,4\n", "CS5300", 1, "no nx ny nz"),
+    ("x_mm,y_mm,z_mm,dx_um,nx,ny,nz,dn_um\n1,2,3,4,0,0,1,4\n", "CS5300", 1, "dn_um and dx_um"),
+    ("x_mm,y_mm,z_mm,dx_um\n1,2,3,\n", "CS5300", None, "no row"),
+    ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,0,0,1,4\n1,2,3,0,0,2,4\n", "CS0203", 3, "length 2"),
+    ("x_mm,y_mm,z_mm,nx,ny,nz,dn_um\n1,2,3,1e300,0,1e300,4\n", "CS0203", 2, ""),
+    ("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,4,0\n", "CS0203", 2, "larger than 0"),
+    ("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n1,2,3,30000\n", "CS5301", 3, "30 mm"),
+    ("x_mm,y_mm,z_mm,dx_um,target\n1,2,3,4,1.5\n", "CS3004", 2, "1.5"),
+    ("x_mm,y_mm,dx_um\n1,2,3\n", "CS0202", 1, "z_mm"),
+    ("x_mm,y_mm,z_mm,dx_um\n1,2,3,four\n", "CS0203", 2, "four"),
+])
+def test_what_is_wrong_is_said_where_it_is(folder: Path, text: str, code: str, line: int | None, words: str) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        read(folder, text)
+    finding = stopped.value.findings[0]
+    assert (finding.code, finding.line) == (code, line)
+    assert words in finding.message

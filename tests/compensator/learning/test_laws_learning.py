@@ -1,0 +1,213 @@
+"""The arithmetic of learning against formulas written here: the remainder's process, its orthogonality, posterior, evidence,
+chance. No robot: rows with made-up slopes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import sparse, special, stats
+
+from compensator.learned.learned import JobFrame
+from compensator.learned.remainder import POSTURE, Remainder, spread_out
+from compensator.learning.chance import FALSE_RATE, chance_of_remainder
+from compensator.learning.held_out import held_out
+from compensator.learning.posterior import posterior
+from compensator.learning.rows import Rows
+from compensator.learning.sizes import SHARED_LENGTH, Sizes, log_evidence, noise_covariance, with_remainder, without_remainder
+from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
+from identification.model.rotations import Frame
+
+SIGMA = 4e-6
+NOISE = Sizes(1.0, 2e-6, 0.0)
+
+
+def matern(first: np.ndarray, second: np.ndarray, nu: float = 2.5) -> np.ndarray:
+    """The Matern kernel by its Bessel function, at distances of places (n, d) and (m, d)."""
+    distance = np.sqrt(2 * nu) * np.linalg.norm(first[:, None] - second[None], axis=2)
+    safe = np.maximum(distance, 1e-12)
+    return np.where(distance < 1e-9, 1.0, 2 ** (1 - nu) / special.gamma(nu) * safe**nu * special.kv(nu, safe))
+
+
+def stretched(position: np.ndarray, theta: np.ndarray, length: float) -> np.ndarray:
+    return np.hstack([position / length, np.cos(theta) / POSTURE, np.sin(theta) / POSTURE])
+
+
+def path(places: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions round a pocket, joint angles that go with them, and path lengths."""
+    angle = np.linspace(0, 1.9 * np.pi, places)
+    position = np.column_stack([1.3 + 0.05 * np.cos(angle), 0.04 * np.sin(angle), np.full(places, 0.7)])
+    theta = 0.3 * np.column_stack([position[:, 0], position[:, 1], position[:, 0] * position[:, 1], *(0 * angle,) * 3])
+    return position, theta, 0.045 * angle
+
+
+def terms(rng: np.random.Generator, residual: np.ndarray | None = None, places: int = 40, springs: int = 6) -> Terms:
+    """Rows at these places along three axes, with slopes that go with the place as a force does."""
+    position, theta, length = path(places)
+    number = 3 * places
+    place, axis = np.arange(number) // 3, np.arange(number) % 3
+    along = length[place] / length[-1]
+    by_x = 60e-6 * np.column_stack([np.sin(2 * np.pi * (k + 1) * along + k + axis) for k in range(springs)])
+    rows = Rows(np.zeros(number), np.full(number, SIGMA), np.eye(3)[axis], place, position, theta, length, length / 0.03,
+                np.zeros(number), sparse.csr_array((number, 3)))
+    frame = JobFrame(Frame.identity(), position.mean(axis=0), 0.05, float(length[-1] / 0.03))
+    values = rng.standard_normal(number) * SIGMA if residual is None else residual
+    of_job = rows.along(frame.columns(position, rows.time))
+    return Terms(rows, frame, values, by_x, of_job, 0.02**2 * np.eye(springs), np.eye(9))
+
+
+def drawn(given: Terms, sizes: Sizes, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (n, count) of the model with these sizes, and the physical parameters behind them."""
+    root = np.linalg.cholesky(given.physical_prior)
+    z = root @ rng.standard_normal((len(root), count))
+    noise = np.linalg.cholesky(noise_covariance(given, sizes)) @ rng.standard_normal((len(given.rows), count))
+    return given.physical @ z + noise, z
+
+
+def test_the_carried_process_is_the_process_where_it_is_carried() -> None:
+    """Its covariance between new places is what the places carry of the process; with what is unseen it is the prior's own."""
+    position, theta, _ = path(30)
+    chosen = spread_out(position, theta, 0.1, 12)
+    remainder = Remainder(position[chosen], theta[chosen], 0.1, 20e-6)
+    new = position[:-1] + 0.4 * np.diff(position, axis=0)
+    new_theta = theta[:-1] + 0.4 * np.diff(theta, axis=0)
+    known, fresh = (stretched(p, q, 0.1) for p, q in ((position[chosen], theta[chosen]), (new, new_theta)))
+    k, across = matern(known, known) + 1e-6 * np.eye(12), matern(fresh, known)
+    carried = across @ np.linalg.solve(k, across.T)
+    basis = remainder.basis(new, new_theta)
+    assert np.allclose(basis @ basis.T, carried, atol=1e-7)
+    assert np.allclose(remainder.unseen(basis) / 20e-6**2, 1 - np.diag(carried), atol=1e-7)
+    assert 1e-4 < np.max(1 - np.diag(carried)) < 0.5
+
+
+def test_it_ends_where_nothing_was_measured() -> None:
+    position, theta, _ = path(20)
+    remainder = Remainder(position, theta, 0.1, 20e-6)
+    for far, posture in ((position + np.array([1.5, 0.0, 0.0]), theta), (position, theta + 1.5)):
+        basis = remainder.basis(far, posture)
+        assert np.abs(basis).max() < 1e-2
+        assert np.allclose(remainder.unseen(basis), 20e-6**2, rtol=1e-2)
+    assert remainder.unseen(remainder.basis(position, theta)).max() < 1e-4 * 20e-6**2
+    assert not remainder.basis(np.full((1, 3), np.nan), theta[:1]).any()
+
+
+def test_set_up_and_drift_see_nothing_of_the_remainder() -> None:
+    given = terms(np.random.default_rng(2))
+    _, slopes = given.remainder(0.1)
+    free = given.free(slopes)
+    seen = given.of_job.T @ (slopes @ free) / SIGMA**2
+    assert free.shape[1] == slopes.shape[1] - 9
+    assert np.abs(seen).max() < 1e-9 * np.abs(given.of_job.T @ slopes / SIGMA**2).max()
+
+
+def test_a_rigid_displacement_is_set_up() -> None:
+    """Columns are those of a small motion: points turned by a real rotation."""
+    frame = JobFrame(Frame.identity(), np.array([1.0, 2.0, 3.0]), 0.05, 10.0)
+    rng = np.random.default_rng(3)
+    position, turn = frame.centre + 0.1 * rng.standard_normal((50, 3)), 1e-6 * rng.standard_normal(3)
+    angle = np.linalg.norm(turn)
+    axis = np.cross(np.eye(3), turn / angle) * -1
+    rotation = np.eye(3) + np.sin(angle) * axis.T + (1 - np.cos(angle)) * axis.T @ axis.T
+    moved = (position - frame.centre) @ rotation.T + frame.centre - position
+    parameters = np.concatenate([np.zeros(3), 0.05 * turn, np.zeros(3)])
+    assert np.allclose(frame.columns(position, np.zeros(50)) @ parameters, moved, atol=1e-12)
+    drift = frame.columns(position, np.linspace(0, 20, 50)) @ np.array([0, 0, 0, 0, 0, 0, 0, 0, 1.0])
+    assert np.allclose(drift[:, 2], np.minimum(np.linspace(0, 2, 50), 1))
+
+
+def test_the_posterior_is_that_of_the_normal_equations() -> None:
+    rng = np.random.default_rng(4)
+    given = terms(rng)
+    sizes = Sizes(1.3, 5e-6, 0.0, 15e-6, 0.1)
+    given = replace(given, residual=drawn(given, sizes, rng, 1)[0][:, 0])
+    found = posterior(given, sizes)
+    remainder, slopes = given.remainder(0.1, 15e-6)
+    free = given.free(slopes)
+    alike = np.exp(-np.abs(given.rows.length[given.rows.place][:, None] - given.rows.length[given.rows.place]) / SHARED_LENGTH)
+    same = given.rows.direction @ given.rows.direction.T
+    noise = (1.3 * SIGMA) ** 2 * np.eye(len(given.rows)) + 5e-6**2 * alike * same
+    columns = np.hstack([given.by_x, given.of_job, slopes @ free])
+    prior = np.repeat([0.02**2, SHIFT_STD**2, (0.05 * TURN_STD) ** 2, DRIFT_STD**2, 15e-6**2], [6, 3, 3, 3, free.shape[1]])
+    information = columns.T @ np.linalg.solve(noise, columns) + np.diag(1 / prior)
+    mean = np.linalg.solve(information, columns.T @ np.linalg.solve(noise, given.residual))
+    covariance = np.linalg.inv(information)
+    assert np.allclose(found.mean[:15], mean[:15], rtol=1e-5, atol=1e-9)
+    assert np.allclose(found.mean[15:], free @ mean[15:], rtol=1e-4, atol=1e-9)
+    assert np.allclose(found.covariance[:6, :6], covariance[:6, :6], rtol=1e-4, atol=1e-12)
+    assert np.allclose(found.covariance[:6, 15:], covariance[:6, 15:] @ free.T, rtol=1e-3, atol=1e-10)
+    assert len(remainder.places) == 40
+
+
+def test_the_evidence_is_the_normal_density() -> None:
+    rng = np.random.default_rng(5)
+    given = terms(rng)
+    known = given.physical @ given.physical_prior @ given.physical.T
+    wanted = stats.multivariate_normal(np.zeros(len(given.rows)), known + noise_covariance(given, NOISE)).logpdf(given.residual)
+    assert np.isclose(log_evidence(given, known, NOISE), wanted)
+
+
+def test_what_is_stated_of_the_springs_holds() -> None:
+    """Over parts of the model itself, the error of all springs in the metric of their covariance is chi-square."""
+    rng = np.random.default_rng(6)
+    given = terms(rng)
+    residuals, truth = drawn(given, NOISE, rng, 200)
+    square = []
+    for residual, z in zip(residuals.T, truth.T, strict=True):
+        found = posterior(replace(given, residual=residual), NOISE)
+        error = found.mean[:6] - z[:6]
+        square.append(error @ np.linalg.solve(found.covariance[:6, :6], error))
+    assert stats.kstest(square, stats.chi2(6).cdf).pvalue > 1e-3
+
+
+def test_sizes_are_found_and_a_remainder_is_told_from_chance() -> None:
+    rng = np.random.default_rng(7)
+    given = terms(rng)
+    residual, _ = drawn(given, Sizes(2.0, 1e-7, 0.0), rng, 1)
+    plain = replace(given, residual=residual[:, 0])
+    alone = without_remainder(plain)
+    assert 1.6 < alone.noise < 2.4
+    assert chance_of_remainder(plain, alone)[0] > FALSE_RATE
+    position = given.rows.position[given.rows.place] - given.frame.centre
+    axis = np.argmax(given.rows.direction, axis=1)
+    smooth = 25e-6 * np.sin(position[:, 0] / 0.025 + axis) * np.cos(position[:, 1] / 0.03)
+    bent = replace(given, residual=residual[:, 0] + smooth)
+    alone = without_remainder(bent)
+    chance, length = chance_of_remainder(bent, alone)
+    assert chance <= FALSE_RATE
+    sizes = with_remainder(bent, alone, length)
+    tried = held_out(bent, sizes)
+    assert tried is not None
+    assert tried.gain > 0.5
+    assert tried.learned < 0.7 * tried.physical
+
+
+def test_chance_is_met_as_often_as_stated() -> None:
+    """Rows without a remainder, sizes estimated from each: one in a hundred is taken for one; of 60, at most four."""
+    rng = np.random.default_rng(8)
+    given = terms(rng, places=30)
+    residuals, _ = drawn(given, NOISE, rng, 60)
+    found = 0
+    for residual in residuals.T:
+        one = replace(given, residual=residual)
+        found += chance_of_remainder(one, without_remainder(one))[0] <= FALSE_RATE
+    assert found <= 4
+
+
+@pytest.mark.parametrize("wrong", [1.0, -1.0])
+def test_a_remainder_of_the_wrong_sign_is_seen_on_what_was_left_out(wrong: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the code took the remainder off the wrong way, the stretches left out would be worse."""
+    rng = np.random.default_rng(9)
+    given = terms(rng)
+    axis = np.argmax(given.rows.direction, axis=1)
+    position = given.rows.position[given.rows.place] - given.frame.centre
+    smooth = 25e-6 * np.sin(position[:, 0] / 0.025 + axis)
+    bent = replace(given, residual=smooth + SIGMA * rng.standard_normal(len(axis)))
+    from compensator.learning import held_out as tried
+
+    right = tried.expected
+    monkeypatch.setattr(tried, "expected", lambda *a, **k: wrong * right(*a, **k))
+    found = tried.held_out(bent, Sizes(1.0, 1e-6, 1e-4, 30e-6, 0.1))
+    assert found is not None
+    assert found.gain > 0.2 if wrong > 0 else found.gain < -0.5
+    assert (found.better < -2) == (wrong < 0)

@@ -1,0 +1,235 @@
+"""A second part gets better by the first: a cell with a kinematic error, warming and springs softer in motion, milled in the
+virtual cell, measured, learned by the command line, corrected with what was learned and milled again. benchmarks/learning.py
+has more."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import compstiff
+from compensator.correction.expected_left import CAUSES
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.learning_job import MOTION, Both, ErringJob, corrected, mirrored, off_um
+from tests.runs.milling.milling_job import Correction, rms, settings
+from tests.virtual_cell.milled_part import slot_and_pocket
+from tests.virtual_cell.milling import Commands
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Both:
+    return Both(tmp_path_factory.mktemp("learn") / "cell", 1, slot_and_pocket(),
+                slot_and_pocket(allowance_mm=0.7, wall_depth_mm=8.0))
+
+
+@pytest.fixture(scope="module")
+def job(both: Both) -> ErringJob:
+    return both.first
+
+
+@pytest.fixture(scope="module")
+def stiffness(job: ErringJob) -> Path:
+    return job.identify()
+
+
+@pytest.fixture(scope="module")
+def log(job: ErringJob) -> Path:
+    return job.log(job.first, job.planned, "pass1.csv")
+
+
+@pytest.fixture(scope="module")
+def learned(job: ErringJob, stiffness: Path, log: Path) -> Path:
+    """By the command line, with its report."""
+    output, points = job.folder / "part_learned.json", job.measure(job.first, "points.csv")
+    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o",
+                   output, "--report", job.folder / "learn.html")
+    assert done.code == 0, done
+    return output
+
+
+def figures(learned: Path) -> dict:
+    return json.loads(learned.read_text())["told"]["figures"]
+
+
+def left_um(job: ErringJob, given: Commands | Correction) -> tuple[float, float]:
+    """RMS off plan before and after [um]."""
+    part = given.part if isinstance(given, Correction) else job.part
+    first = job.first_with(part)
+    done = job.mill(given.commands if isinstance(given, Correction) else given, part=part)
+    return rms(off_um(done, first)), rms(off_um(first, done))
+
+
+def test_it_learns_the_truth(learned: Path) -> None:
+    """The springs in motion within three of the standard errors stated, and the stated noise of the machine."""
+    found = figures(learned)
+    motion = found["motion"]
+    assert abs(motion["scale"] - MOTION) < 3 * np.hypot(motion["std"], 0.01)
+    assert motion["std"] < 0.02
+    assert 0.7 < found["noise"]["factor"] < 1.5
+    assert found["remainder"] is not None
+    assert found["held_out"]["learned_um"] < 0.3 * found["held_out"]["known_um"]
+    gone = list(found["gone"].values())
+    assert gone[0] < 0.75
+    assert gone[-1] > 0.9
+
+
+def test_the_second_part_is_better_than_a_mirrored_one(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
+    before, unlearned = left_um(job, corrected(job, log, stiffness))
+    _, nothing = left_um(job, corrected(job, log, stiffness, learned))
+    _, setup = left_um(job, corrected(job, log, stiffness, learned, "setup"))
+    _, again = left_um(job, corrected(job, log, stiffness, learned, "job"))
+    _, mirror = left_um(job, mirrored(job, job.first, 3.0))
+    assert unlearned > 0.3 * before
+    assert again < setup < nothing < unlearned
+    assert again < 0.1 * before
+    assert again < mirror
+
+
+def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path) -> None:
+    other = both.other
+    log = other.log(other.first, other.planned, "pass1.csv")
+    _, unlearned = left_um(other, corrected(other, log, stiffness))
+    _, nothing = left_um(other, corrected(other, log, stiffness, learned))
+    _, setup = left_um(other, corrected(other, log, stiffness, learned, "setup"))
+    assert setup < 0.7 * unlearned
+    assert nothing < 0.97 * unlearned
+
+
+def test_the_other_sign_would_make_it_worse(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
+    """What is learned beside the springs, taken off the wrong way: so the test above can fail."""
+    content = json.loads(learned.read_text())
+    content["mean"][content["springs"]:] = [-value for value in content["mean"][content["springs"]:]]
+    wrong = job.folder / "wrong.json"
+    wrong.write_text(json.dumps(content))
+    _, unlearned = left_um(job, corrected(job, log, stiffness))
+    _, turned = left_um(job, corrected(job, log, stiffness, wrong, "job"))
+    assert turned > 1.3 * unlearned
+
+
+def test_what_is_stated_for_the_part_holds_there(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
+    found = corrected(job, log, stiffness, learned, "job")
+    first = job.first_with(found.part)
+    done = job.mill(found.commands, part=found.part)
+    cut = first.cutting
+    off, left = np.linalg.norm(done.off_um, axis=1)[cut], first.steps.between(found.left_um)[cut]
+    assert np.mean(off <= 2 * left) > 0.85
+    stated = found.job.as_dict()["expected_left_um"]
+    assert np.isclose(stated["rms"] ** 2, sum(stated[cause] ** 2 for cause in CAUSES))
+    assert stated["learned"] > 0
+    assert stated["sensor"] == stated["motion"] == 0
+
+
+def test_where_no_part_was_measured_nothing_is_added(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
+    """A learned file whose places stand a metre away: the springs hold, the remainder is nothing and its width stays."""
+    content = json.loads(learned.read_text())
+    content["remainder"]["places_mm"] = [[x - 1000, y, z] for x, y, z in content["remainder"]["places_mm"]]
+    away = job.folder / "away.json"
+    away.write_text(json.dumps(content))
+    found = corrected(job, log, stiffness, away)
+    width = content["remainder"]["amplitude_um"]
+    assert "CS5323" in [finding.code for finding in found.job.findings]
+    assert found.job.as_dict()["learned_um"]["largest"] < 0.01 * width
+    assert found.job.as_dict()["expected_left_um"]["learned"] > 1.7 * width
+
+
+def test_points_of_the_surface_along_their_normal(job: ErringJob, stiffness: Path, log: Path) -> None:
+    points = job.measure(job.first, "normals.csv", along_normal=True)
+    learning, output = job.learn(stiffness, log, points, radius=1e-3 * job.cutter.radius_mm, within=2e-3)
+    assert learning.as_dict()["points_used"] > 0.8 * learning.as_dict()["points"]
+    before, after = left_um(job, corrected(job, log, stiffness, output, "job"))
+    assert after < 0.45 * before
+
+
+@pytest.mark.parametrize("values", ["turned", "noise"])
+def test_a_deviation_that_does_not_follow_is_refused(job: ErringJob, stiffness: Path, log: Path, values: str) -> None:
+    off = job.first.off_um
+    wrong = -off if values == "turned" else 50 * np.random.default_rng(5).standard_normal(off.shape)
+    points, output = job.measure(job.first, f"{values}.csv", values_um=wrong), job.folder / f"{values}.json"
+    done = kit.run("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o",
+                   output)
+    assert done.code == 3
+    assert "CS5310" in done.err
+    assert not output.exists()
+
+
+def test_a_remainder_larger_than_physics_is_refused(job: ErringJob, stiffness: Path, log: Path) -> None:
+    """A bent part: 0.4 mm, over its length, of a second order that no set-up takes."""
+    first = job.first
+    place = first.steps.between(job.part.target_mm)
+    off = first.off_um.copy()
+    off[:, 2] += 400 * (np.cos(np.pi * place[:, 0] / 60) * np.cos(np.pi * place[:, 1] / 50))
+    points = job.measure(first, "bent.csv", values_um=off)
+    with pytest.raises(compstiff.CompstiffError) as stopped:
+        job.learn(stiffness, log, points)
+    assert stopped.value.findings[0].code == "CS5311"
+    assert "calibration" in stopped.value.findings[0].message
+
+
+def test_noise_alone_teaches_nothing(job: ErringJob, stiffness: Path, log: Path) -> None:
+    """A cell that is as its model says, measured with noise: no remainder, and the prediction stays within a micrometre."""
+    plain = ErringJob(job.folder.parent.parent / "plain", 1, motion=1.0)
+    model = plain.identify()
+    forces = plain.log(plain.first, plain.planned, "log.csv")
+    learning, output = plain.learn(model, forces, plain.measure(plain.first, "points.csv", 10.0))
+    assert learning.as_dict()["remainder"] is None
+    cell = compstiff.read_cell(plain.cell)
+    program, springs = compstiff.read_toolpath(plain.program, cell), compstiff.read_stiffness(model, cell)
+    one, two = (compstiff.predict(cell, program, springs, forces, settings(**chosen)).prediction.position
+                for chosen in ({}, {"learned": output}))
+    assert rms(1e6 * (one - two)) < 1.0
+
+
+def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Path, log: Path, learned: Path,
+                                                  tmp_path: Path) -> None:
+    def codes(*options: object, program: Path = job.program, model: Path = stiffness) -> tuple[int, str]:
+        done = kit.run("predict", job.cell, program, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
+                       tmp_path / "d.csv", "--force", *options)
+        return done.code, done.err
+
+    assert codes("--learned", learned)[0] == 0
+    for wanted, exit_code, options in (
+            ("CS5324", 1, ("--learned", learned, "--scale", "1.1")), ("CS5320", 1, ("--learned", stiffness))):
+        code, said = codes(*options)
+        assert (code, wanted in said) == (exit_code, True), said
+    other = job.springs("other.json", 0.5 * job.case.stiffness)
+    assert "CS5321" in codes("--learned", learned, model=other)[1]
+    moved = tmp_path / "moved.mod"
+    moved.write_text(job.program.read_text().replace("[[1350.0000,", "[[1352.0000,"))
+    assert moved.read_text() != job.program.read_text()
+    code, said = codes("--learned", learned, "--repeats", "setup", program=moved)
+    assert (code, "CS5322" in said) == (3, True), said
+    assert codes("--learned", learned, program=moved)[0] == 0
+
+
+@pytest.mark.parametrize("edit", [
+    lambda c: c.pop("mean"), lambda c: c["mean"].pop(), lambda c: c["covariance"].pop(), lambda c: c.update(version=2),
+    lambda c: c["covariance"][3].__setitem__(3, -1.0), lambda c: c["remainder"]["posture_deg"].pop(),
+    lambda c: c["covariance"][3].__setitem__(0, 1e3), lambda c: c.update(springs=7),
+    lambda c: c["job"].update(quaternion=[0] * 4)])
+def test_a_learned_file_that_is_not_whole_is_refused(job: ErringJob, learned: Path, tmp_path: Path, edit) -> None:
+    content = json.loads(learned.read_text())
+    edit(content)
+    file = tmp_path / "edited.json"
+    file.write_text(json.dumps(content))
+    with pytest.raises(compstiff.CompstiffError) as stopped:
+        compstiff.read_learned(file, compstiff.read_cell(job.cell))
+    assert stopped.value.findings[0].code == "CS5320"
+
+
+def test_the_record_and_the_report_name_it(job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path) -> None:
+    output = tmp_path / "out.mod"
+    done = kit.run("correct", job.cell, job.program, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "--learned",
+                   learned, "--repeats", "job", "-o", output, "--report", tmp_path / "correct.html", "--offsets",
+                   tmp_path / "o.csv")
+    assert done.code == 0, done
+    record = json.loads((tmp_path / "out.mod.json").read_text())
+    assert record["learned"]["file"] == learned.name
+    assert record["settings"]["repeats"] == "job"
+    made = json.loads(learned.read_text())["told"]["made_from"]
+    assert {"cell", "program", "stiffness", "forces", "points"} <= set(made)
+    page = (job.folder / "learn.html").read_text()
+    assert "smooth remainder" in page
+    assert "left out once" in page
