@@ -37,7 +37,7 @@ class CubicZone(SofterNearZero):
     parameters = (
         Parameter("share", "1", 0.45, 0.0, 1.0,
                   source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1: 0.4 to 0.5 less compliance under large torques",
-                  bounds_source="a spring that is all linear, to one that is all cubic"),
+                  bounds_source="engineering judgement: a spring that is all linear, to one that is all cubic"),
         Parameter("torque_nm", "N*m", 300.0, 10.0, 5000.0, grid=(40.0, 120.0, 360.0, 1000.0), shape=True,
                   source=f"{HARMONIC_DRIVE}, table 42: T2 is 108 to 843 N m for sizes 40 to 80",
                   bounds_source=f"{HARMONIC_DRIVE}, table 42: T2 up to 3040 N m; 10 to 5000 N m is engineering judgement"),
