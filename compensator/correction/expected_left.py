@@ -65,16 +65,16 @@ class ExpectedLeft:
     def line(self, depth: float | None) -> str:
         """The same for the terminal; depth [m]: the depth of cut that was taken, None where the cut's stiffness is known."""
         figures = self.as_dict()
-        parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items())
+        parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items() if figures[cause])
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
                 f"({parts}){self._remedy(depth)}")
 
     def sentence(self, depth: float | None) -> str:
         """The same for the report."""
         figures = self.as_dict()
+        causes = ", ".join(words for cause, words in CAUSES.items() if figures[cause])
         return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
-                "sigma): by the model's uncertainty, the force sensor's gain, the robot in motion, the force that follows "
-                f"the cut, what was learned where it is not sure, and between targets{self._remedy(depth)}.")
+                f"sigma), by these causes: {causes}{self._remedy(depth)}.")
 
     def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""

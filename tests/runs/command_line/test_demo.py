@@ -26,6 +26,22 @@ def test_demo(demo: tuple[Path, kit.Run]) -> None:
     assert list(folder.glob("*corrected*.mod")) or list(folder.glob("*.mod"))
 
 
+def test_the_demo_s_cell_states_its_spindle_and_its_cut(demo: tuple[Path, kit.Run]) -> None:
+    """What a cell.yaml should have: then targets are added where the force asks for them, and a few micrometres are expected
+    on the part."""
+    _, result = demo
+    said = result.out + result.err
+    assert "CS3067" not in said
+    assert "CS3093" not in said
+    added = re.search(r"intermediate targets added: (\d+)", said)
+    assert added
+    assert int(added.group(1)) > 100
+    expected = re.search(r"expected to be left on the part, 1 sigma: ([\d.]+) um RMS.*cut ([\d.]+),", said)
+    assert expected
+    assert float(expected.group(1)) < 10
+    assert float(expected.group(2)) < 3
+
+
 def test_demo_does_not_overwrite(demo: tuple[Path, kit.Run]) -> None:
     folder, _ = demo
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
