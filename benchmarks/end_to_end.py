@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
-from compensator.correction.settings import Settings
+from compensator.correction.settings import Estimate, Settings
 from identification.common.shipped import shipped
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -42,7 +42,8 @@ def sample(folder: Path) -> Corrected:
     stiffness = folder / "stiffness.json"
     stiffness.write_text(json.dumps(fit.model.as_dict()))
     inputs = Inputs(samples / "cell.yaml", samples / "insert.mod", stiffness, samples / "insert.forces.parquet")
-    return correct(predict_files(inputs, Settings.of(tare=((0, 2),))))
+    # The robots here mill with the force that was logged.
+    return correct(predict_files(inputs, Settings.of(tare=((0, 2),), cutting_stiffness=Estimate(0.0, 0.0))))
 
 
 def accuracy(job: Corrected) -> None:

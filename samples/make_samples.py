@@ -40,6 +40,8 @@ measurement:
 force_log:
   frame: tool                      # the sensor sits behind the spindle, its payload is compensated, its bias is not
   sign: on_tool
+  spindle_rpm: 9000
+cutting: {material: aluminium, tool_diameter_mm: 16, contact_mm: 1}    # roughing left 0.3 to 1.5 mm
 limits: {max_offset_mm: 2.0, max_tilt_deg: 0.5}
 """
 

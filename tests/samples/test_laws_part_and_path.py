@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -298,3 +300,10 @@ def test_the_sensor_is_deterministic_and_quantised():
 def test_a_process_needs_a_run_out_for_each_tooth():
     with pytest.raises(ValueError, match="one entry a tooth"):
         cutting.Process(teeth=2)
+
+
+def test_the_script_writes_the_cell_that_is_shipped() -> None:
+    text = (Path(__file__).parents[2] / "samples" / "make_samples.py").read_text()
+    written = re.search(r'CELL = """\\\n(.*?)"""', text, re.S)
+    assert written
+    assert written.group(1) == (Path(__file__).parents[2] / "samples" / "cell.yaml").read_text()
