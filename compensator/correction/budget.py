@@ -95,7 +95,8 @@ class Budget:
                 f"{two['largest']:.1f} um at most, and {figures['over']} are over it"]
         text += [f"  {CAUSES[cause]}: {100 * of['share_of_tolerance']:.1f} % of the tolerance (two sigma "
                  f"{of['two_sigma_um']['rms']:.1f} um RMS, {of['two_sigma_um']['largest']:.1f} um at most)"
-                 for cause, of in sorted(figures["causes"].items(), key=lambda item: -item[1]["share_of_tolerance"])]
+                 for cause, of in sorted(figures["causes"].items(), key=lambda item: -item[1]["share_of_tolerance"])
+                 if of["two_sigma_um"]["largest"]]
         text += [f"  may fail at {place.words()}" for place in self.places[:NAMED]]
         if len(self.places) > NAMED:
             text.append(f"  and at {counted(len(self.places) - NAMED, 'more place')} (--json, --report)")

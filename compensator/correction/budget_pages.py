@@ -12,7 +12,8 @@ from identification.common.report import Figure, ReportTable
 
 # So many places are listed; the JSON result holds all.
 SHOWN = 20
-COLOURS = {"model": "#3b6ea5", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f", "between": "#7d5ba6"}
+COLOURS = {"model": "#3b6ea5", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f", "learned": "#5a8f2a",
+           "between": "#7d5ba6"}
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -32,7 +33,7 @@ def budget_tables(budget: Budget) -> list[ReportTable]:
     figures = budget.as_dict()
     causes = [[CAUSES[cause], f"{of['two_sigma_um']['rms']:.1f}", f"{of['two_sigma_um']['largest']:.1f}",
                f"{100 * of['share_of_tolerance']:.1f} %", f"{100 * of['share_of_square']:.0f} %"]
-              for cause, of in figures["causes"].items()]
+              for cause, of in figures["causes"].items() if of["two_sigma_um"]["largest"]]
     two = figures["two_sigma_um"]
     causes.append(["all together", f"{two['rms']:.1f}", f"{two['largest']:.1f}",
                    f"{100 * two['rms'] / figures['tolerance_um']:.1f} %", "100 %"])
@@ -59,7 +60,8 @@ def budget_figure(budget: Budget) -> Figure:
     length = 1e3 * path.length[targets][shown]
     data: list[dict[str, Any]] = [
         {"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * SIGMAS * getattr(corrected.left, cause)[shown],
-         "name": words, "line": {"color": COLOURS[cause], "width": 1}} for cause, words in CAUSES.items()]
+         "name": words, "line": {"color": COLOURS[cause], "width": 1}}
+        for cause, words in CAUSES.items() if getattr(corrected.left, cause).any()]
     data.append({"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * budget.two_sigma[shown], "name": "all together",
                  "line": {"color": "#222", "width": 1.5}})
     ends = [float(np.nanmin(length)), float(np.nanmax(length))] if len(length) else [0.0, 1.0]

@@ -233,3 +233,22 @@ def test_the_record_and_the_report_name_it(job: ErringJob, stiffness: Path, log:
     page = (job.folder / "learn.html").read_text()
     assert "smooth remainder" in page
     assert "left out once" in page
+
+
+def test_the_error_budget_has_what_was_learned(
+    job: ErringJob, stiffness: Path, log: Path, learned: Path, tmp_path: Path
+) -> None:
+    """As a cause of its own in the result and on the page; without a learned file it is not mentioned."""
+    page = tmp_path / "budget.html"
+    arguments = ("predict", job.cell, job.program, "--stiffness", stiffness, "--forces", log, "--tare", "0:2", "-o",
+                 tmp_path / "deviation.csv", "--force", "--budget", "--tolerance-um", "30", "--report", page)
+    done = kit.run(*arguments, "--json", "--learned", learned)
+    assert done.code == 0, done
+    causes = done.json["result"]["budget"]["causes"]
+    assert causes["learned"]["two_sigma_um"]["rms"] > 1
+    assert causes["sensor"]["two_sigma_um"]["rms"] == causes["motion"]["two_sigma_um"]["rms"] == 0
+    assert "what was learned" in page.read_text()
+    without = kit.run(*arguments)
+    assert without.code == 0, without
+    assert "what was learned" not in page.read_text()
+    assert "what was learned" not in without.out + without.err
