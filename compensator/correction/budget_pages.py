@@ -12,8 +12,8 @@ from identification.common.report import Figure, ReportTable
 
 # So many places are listed; the JSON result holds all.
 SHOWN = 20
-COLOURS = {"model": "#3b6ea5", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f", "learned": "#5a8f2a",
-           "between": "#7d5ba6"}
+COLOURS = {"model": "#3b6ea5", "scatter": "#888888", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f",
+           "learned": "#5a8f2a", "between": "#7d5ba6"}
 
 
 def budget_sentence(budget: Budget) -> str:

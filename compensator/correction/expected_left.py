@@ -2,8 +2,9 @@
 
 The covariance of a prediction is that of the robot under the force as logged. On the part there is more:
 
-    model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known, the scatter of the
-              mean force; and what a correction that is held back leaves
+    model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known; and what a correction
+              that is held back leaves
+    scatter   of the mean force at a target, as the log shows it: large where the tool enters or leaves the cut
     sensor    the gain of the force sensor: so large a share of the deviation
     motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
               measured pass says how much (then its error is the model's)
@@ -32,8 +33,9 @@ from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
-CAUSES = {"model": "the model", "sensor": "gain of the force sensor", "motion": "the robot in motion",
-          "cut": "force that follows the cut", "learned": "what was learned", "between": "between targets"}
+CAUSES = {"model": "the model", "scatter": "scatter of the force", "sensor": "gain of the force sensor",
+          "motion": "the robot in motion", "cut": "force that follows the cut", "learned": "what was learned",
+          "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,7 @@ class ExpectedLeft:
     """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause."""
 
     model: Array
+    scatter: Array
     sensor: Array
     motion: Array
     cut: Array
@@ -93,13 +96,14 @@ def expected_left(
     size = np.linalg.norm(prediction.position, axis=1)
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
     of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
-    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model, 0.0))
+    of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
+    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter, 0.0))
     learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
     unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
     gain = 0.0 if learned else cell.force_log.form.gain_std
     return ExpectedLeft(
-        np.sqrt(np.maximum(of_model - of_learned, 0.0) + residual**2), gain * size, unknown * size, cut.left.copy(),
-        np.sqrt(of_learned), _between(predicted, kept, between)[targets])
+        np.sqrt(np.maximum(of_model - of_scatter - of_learned, 0.0) + residual**2), np.sqrt(of_scatter), gain * size,
+        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, between)[targets])
 
 
 def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:

@@ -30,7 +30,8 @@ class Prediction:
     position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
     the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
-    that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; unseen (M, 3, 3) [m^2]: the
+    that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
+    [m^2]: that of the mean force's scatter; unseen (M, 3, 3) [m^2]: the
     part of covariance of what no measured part shows there.
     """
 
@@ -42,6 +43,7 @@ class Prediction:
     findings: tuple[Finding, ...]
     learned: Array
     of_learned: Array
+    of_scatter: Array
     unseen: Array
 
     @property
@@ -70,13 +72,16 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
     learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
+    of_scatter = np.zeros(count)
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
         covariance[places] = model.deviation_covariance(
             theta[places], wrench[places], tool, None if of_effects is None else of_effects.of(places))[:, :3, :3]
         if scatter[places].any():
             carried = compliance_matrix(model.robot, theta[places], tool, model.compliance)[:, :3, :3]
-            covariance[places] += np.einsum("nij,nj,nkj->nik", carried, scatter[places], carried)
+            scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[places], carried)
+            covariance[places] += scattered
+            of_scatter[places] = np.trace(scattered, axis1=1, axis2=2)
     outside: list[Finding] = []
     if loaded.learned is not None and loaded.rest is not None:
         learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()
@@ -93,9 +98,9 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
     of_learned = np.trace(added, axis1=1, axis2=2)
-    read_only(position, rotation, covariance, notes, learned, of_learned, unseen)
+    read_only(position, rotation, covariance, notes, learned, of_learned, of_scatter, unseen)
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
-                      of_learned, unseen)
+                      of_learned, of_scatter, unseen)
 
 
 def deviation_slopes(loaded: LoadedPath) -> Array:

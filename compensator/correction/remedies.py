@@ -76,8 +76,9 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
                lambda: _known_gain(corrected))
     if matters(left.model):
         yield ("as many load tests again", "some hours at the robot", lambda: _more_tests(corrected))
-        if corrected.predicted.forces.log.revolution is None and corrected.predicted.forces.log.time is not None:
-            yield ("state the spindle's speed, --spindle-rpm (at most)", "an option", lambda: _no_scatter(corrected))
+    log = corrected.predicted.forces.log
+    if matters(left.scatter) and log.revolution is None and log.time is not None:
+        yield ("state the spindle's speed, --spindle-rpm (at most)", "an option", lambda: _no_scatter(corrected))
     if matters(left.between):
         tolerance = 0.5 * settings.correction.tolerance
         yield (f"--tolerance {1e6 * tolerance:g} --tighten-zones", "two options, and more targets",

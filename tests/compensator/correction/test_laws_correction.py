@@ -189,3 +189,23 @@ def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample:
     monkeypatch.setattr(correction, "joint_torque", lambda *arguments: 1.01 * joint_torque(*arguments))
     with pytest.raises(CompstiffError, match="CS4108.*did not converge"):
         correct_path(sample.predicted.loaded)
+
+
+def test_the_scatter_of_the_force_is_a_cause_of_its_own(sample: Corrected) -> None:
+    """Each component's standard error by what one newton of it moves, in squares; the model's part is the rest of the sigma."""
+    predicted, left = sample.predicted, sample.left
+    model, targets = predicted.model, predicted.targets
+    error = predicted.forces.standard_error[targets]
+    some = np.flatnonzero(np.linalg.norm(error, axis=1) > 0)[::400]
+    assert len(some) > 4
+    theta, wrench = predicted.path.theta[targets[some]], predicted.forces.wrench[targets[some]]
+    expected = np.zeros(len(some))
+    for axis in range(3):
+        more = wrench.copy()
+        more[:, axis] += 1.0
+        moved = [model.predict(theta[k:k + 1], load[k:k + 1])[0][0] for load in (wrench, more) for k in range(len(some))]
+        step = np.array(moved[len(some):]) - np.array(moved[:len(some)])
+        expected += (error[some, axis] * np.linalg.norm(step, axis=1)) ** 2
+    assert_allclose(left.scatter[some], np.sqrt(expected), rtol=0.01)
+    whole = np.trace(predicted.prediction.covariance, axis1=1, axis2=2)[some]
+    assert_allclose(left.model[some] ** 2 + left.scatter[some] ** 2, whole + sample.residual[some] ** 2, rtol=0.01)
