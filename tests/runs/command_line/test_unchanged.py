@@ -46,7 +46,7 @@ MODULE Fräsen(SYSMODULE)
     movel pHome , v1000, fine\\Inpos:=inpos20 ,tMill \\WObj := wPart ;
     SetDO doSpindle , 1 ;
     MOVEL\t{t[1]}, [50,500,5000,1000] \\V:=40, z1\\Z:=0.5, tMill\\WObj:=wPart ;  ! cut 1
-    MoveL\\Conc, pCut \\ID:=10, v50\\T:=2.5, z1, tMill, \\WObj:=wPart;
+    MoveL\\Conc, pCut, v50\\T:=2.5, z1, tMill, \\WObj:=wPart;
     IF n > 3 THEN
       MoveL {t[3].split("],[")[0]}],
         [{"],[".join(t[3].split("],[")[1:])},
