@@ -189,6 +189,12 @@ class Procedure:
             again = converged(found.fitted, self.catalogue, MOST_CAUSES)
             found = replace(again, lost=tuple(dict.fromkeys((*found.lost, *again.lost))))
             adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+        if adequacy.p_value <= INADEQUATE and found.best is not None and len(found.best.entries) > 1:
+            # What several together do not explain one alone may, with another noise.
+            alone = converged(usual, self.catalogue, 1)
+            enough_alone = goodness_of_fit(alone.fitted, self.catalogue, self.rng, self.replicates)
+            if enough_alone.p_value > self.alarm:
+                found, adequacy = alone, enough_alone
         seen, best, extended = found.seen, found.best, found.fitted
         scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
         extended = extended if best is None else without_slight(self.data, extended, self.rng)

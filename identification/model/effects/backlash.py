@@ -1,4 +1,4 @@
-"""Free play of a gear: crossed when the torque at the gear changes its sign against gravity's."""
+"""Free play of a gear: crossed when the torque on it changes its sign against gravity's; friction may hold it where it was."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter, saturated
+from identification.model.effects.base import Parameter, Signature, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
@@ -16,27 +16,75 @@ from identification.model.load_state import LoadState
 FRICTION_NM = 2.0
 # A force's direction is trusted to this angle [rad], engineering judgement: a smaller torque may have either sign.
 MISALIGNED = 0.03
+HALF_GAP = Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3,
+                     source=f"{NABTESCO}: 0.1 to 0.3 arcmin; half of 0.32",
+                     bounds_source="engineering judgement: none, to ten times the 1 arcmin that a new gear's hysteresis loss "
+                                   "stays under, a worn-out gear")
 
 
-class Backlash(GearTwist):
-    """`J_i b (s(g + tau) - s(g))`, s the sign, linear within a small friction threshold: a load whose sign the force error
-    decides tells nothing. On joints that gravity loads it shows only where the load beats gravity."""
+class Play(GearTwist):
+    """What both laws have in common."""
 
-    name = "backlash"
     of_gravity = True
-    formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
-                      "Signal Process. 11, 1997: the classical dead zone, solved for the twist")
-    parameters = (
-        Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3,
-                  source=f"{NABTESCO}: 0.1 to 0.3 arcmin; half of 0.32",
-                  bounds_source="engineering judgement: none, to ten times the 1 arcmin that a new gear's hysteresis loss "
-                                "stays under, a worn-out gear"),
-    )
     near_laws = ("soft_zone",)
     law_family = SOFTER_NEAR_ZERO
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
     turning = "crosses its gap"
     settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"
+
+    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
+        i = self.index(joint)
+        lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
+        doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))
+        return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
+
+
+class HeldPlay(Play):
+    """`J_i b (s - s(g))`: where the torque is under the friction threshold the teeth stay at a share of the way to the side
+    at which they were last pressed in the visit."""
+
+    name = "backlash"
+    law = "held"
+    formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
+                      "Signal Process. 11, 1997: the gap's position is a state of its own; held by friction: engineering "
+                      "judgement")
+    parameters = (
+        HALF_GAP,
+        Parameter("held", "1", 0.7, 0.0, 1.0, grid=(0.4, 0.8), shape=True,
+                  source="engineering judgement: friction stops the teeth anywhere in the gap, seldom in its middle",
+                  bounds_source="engineering judgement: back to the middle, to where they were pressed last"),
+    )
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        side = self._held(rows, i, values[1])
+        return np.asarray(values[0] * (side - _sign(rows.gravity[:, i])))
+
+    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return np.trunc(self._held(rows, self.index(joint), 1.0))
+
+    @staticmethod
+    def _held(rows: LoadState, i: int, held: float) -> Array:
+        """Where the teeth are (n,), -1 to 1."""
+        side = np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
+        number = np.arange(len(side))
+        first = np.maximum.accumulate(np.where(rows.starts, number, 0))
+        last = np.maximum.accumulate(np.where((side != 0) | rows.starts, number, 0))
+        return np.where(side != 0, side, held * side[np.maximum(last, first)])
+
+
+class Backlash(Play):
+    """`J_i b (s(g + tau) - s(g))`, s the sign, linear within a small friction threshold: a load whose sign the force error
+    decides tells nothing. On joints that gravity loads it shows only where the load beats gravity."""
+
+    name = "backlash"
+    other_laws = (HeldPlay(),)
+    formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
+                      "Signal Process. 11, 1997: the classical dead zone, solved for the twist")
+    parameters = (HALF_GAP,)
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        others = [signature for law in self.other_laws for signature in law.signatures(rows, joint)]
+        return [*super().signatures(rows, joint), *others]
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         gravity = rows.gravity[:, i]
@@ -45,12 +93,6 @@ class Backlash(GearTwist):
     def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
         return np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
-
-    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
-        i = self.index(joint)
-        lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
-        doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))
-        return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * _sign(log.torque))

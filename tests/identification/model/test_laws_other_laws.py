@@ -1,4 +1,5 @@
-"""Two laws against answers of their own: creep by superposed steps, a stiffening gear by the roots of its cubic."""
+"""Laws against answers of their own: creep by superposed steps, a stiffening gear by the roots of its cubic, play that friction
+holds by a walk through the loads."""
 
 from __future__ import annotations
 
@@ -78,6 +79,23 @@ def test_a_cubic_gear_is_the_root_of_its_cubic(joint: int) -> None:
         g, tau = rows.gravity[n, i], rows.torque[n, i]
         assert_allclose(moved[n], rows.jacobian[n, :, i] * (spring(g + tau) - spring(g) - c * tau), rtol=1e-7, atol=1e-15)
     assert_allclose(law.contribution(rows, joint, np.array([0.4, torque])), 0.4 * moved, rtol=1e-12)
+
+
+def test_held_play_stays_where_it_was_pressed() -> None:
+    """Walked through load by load: under 2 N m the teeth keep a share of their last side, from the middle at each visit."""
+    rows = cycle(0.0)
+    side, expected = 0.0, []
+    for n, torque in enumerate(rows.torque[:, 0]):
+        if n in (0, 5):
+            side = 0.0
+        side = float(np.sign(torque)) if abs(torque) > 2.0 else side
+        expected.append(3e-5 * (side if abs(torque) > 2.0 else 0.6 * side) * rows.jacobian[n, :, 0])
+    assert abs(rows.torque[:, 0]).max() > 50
+    law = known("backlash.held")
+    assert law is not None
+    assert_allclose(law.contribution(rows, 1, np.array([3e-5, 0.6])), expected, atol=1e-15)
+    plain = effects()["backlash"].contribution(rows, 1, np.array([3e-5]))
+    assert_allclose(law.contribution(rows, 1, np.array([3e-5, 0.0])), plain, atol=1e-15)
 
 
 def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
