@@ -35,6 +35,25 @@ def test_clear_causes_are_named_and_none_wrongly(found: list[tuple[Case, Diagnos
     assert sum(outcome in ("right", "ambiguous in") for outcome in outcomes) >= len(outcomes) - 1, outcomes
 
 
+@pytest.mark.parametrize(("seed", "joint", "factor"), [(96001, 6, 0.86), (96007, 1, 0.75)])
+def test_play_that_friction_holds_is_named(seed: int, joint: int, factor: float) -> None:
+    """The teeth stay where they were pressed last; in the second case creep and a soft zone together look likelier as long as
+    the noise is what the missing law makes of it."""
+    found = diagnosed(simulate(seed, "cycles", "near", (Hidden("backlash", joint, factor),), weight="known"))
+    assert [cause.label for cause in found.causes] == [f"backlash[{joint}]"]
+
+
+@pytest.mark.parametrize("seed", [96002, 96003])
+def test_a_gear_that_stiffens_under_the_arm_s_weight_is_no_compensator(seed: int) -> None:
+    found = diagnosed(simulate(seed, "cycles", "near", (Hidden("cubic_gear", 2, 1.0),), weight="known"))
+    assert [cause.label for cause in found.causes] == ["soft_zone[2]"]
+
+
+def test_creep_that_goes_back_is_named() -> None:
+    found = diagnosed(simulate(95001, "cycles", "near", (Hidden("creep", 0, 1.5),), weight="known"))
+    assert [cause.label for cause in found.causes] == ["creep"]
+
+
 def test_names_predict_fresh_poses(found: list[tuple[Case, Diagnosis]]) -> None:
     """The extended model is nearer to the true motion than the plain springs, over all cases with a name."""
     fresh = [at_fresh_poses(case, one) for case, one in found if one.judgement.verdict == "named"]

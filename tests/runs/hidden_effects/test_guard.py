@@ -66,7 +66,10 @@ def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.M
     shuffled = {}
     for old, new in zip(names, names[1:] + names[:1], strict=True):
         shuffled[new] = copy(effects()[old])
-        monkeypatch.setattr(shuffled[new], "name", new, raising=False)
+        laws = tuple(copy(law) for law in effects()[old].other_laws)
+        for one in (shuffled[new], *laws):
+            monkeypatch.setattr(one, "name", new, raising=False)
+        monkeypatch.setattr(shuffled[new], "other_laws", laws, raising=False)
     assert all(mutated(monkeypatch, effects=lambda: shuffled))
 
 
