@@ -27,6 +27,7 @@ class _Handler(ServerRequestHandler):
     """A connection that knows when something was last heard of it."""
 
     def __init__(self, owner: Any) -> None:
+        # pymodbus gives its handler's constructor no types.
         super().__init__(owner, owner.trace_packet, owner.trace_pdu, owner.trace_connect)  # type: ignore[no-untyped-call]
         self.spoke, self.heard = False, time.monotonic()
 

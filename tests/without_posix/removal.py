@@ -30,9 +30,9 @@ SIGNALS = {
     "setitimer", "siginterrupt", "sigpending", "sigtimedwait", "sigwait", "sigwaitinfo"}
 
 
-def is_open(path: object) -> bool:
+def is_open(path: str | os.PathLike[str]) -> bool:
     """Whether this process has the file open."""
-    there = os.path.realpath(path)      # type: ignore[call-overload]
+    there = os.path.realpath(path)
     for number in os.listdir("/proc/self/fd"):
         try:
             if os.readlink(f"/proc/self/fd/{number}") == there:
@@ -73,6 +73,7 @@ def take_away() -> None:
     if getattr(builtins, "_without_posix", False):
         return
     assert not any(name.partition(".")[0] in PACKAGES for name in sys.modules), "the packages are there already"
+    # On builtins, which is one in a process however often this module is imported.
     builtins._without_posix = True      # type: ignore[attr-defined]
     views = {"os": View(os, OS, name="nt", replace=renames("replace"), rename=renames("rename")),
              "signal": View(signal, SIGNALS)}
@@ -91,6 +92,7 @@ def take_away() -> None:
         if hasattr(os, name):
             delattr(os, name)
 
+    # What asyncio's loop does on Windows; replacing a method of a class is what mypy objects to.
     def no_handlers(*_: object) -> None:
         raise NotImplementedError
 

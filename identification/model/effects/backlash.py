@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter, Signature, saturated
+from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import NABTESCO
 from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
@@ -81,10 +81,6 @@ class Backlash(Play):
     formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
                       "Signal Process. 11, 1997: the classical dead zone, solved for the twist")
     parameters = (HALF_GAP,)
-
-    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        others = [signature for law in self.other_laws for signature in law.signatures(rows, joint)]
-        return [*super().signatures(rows, joint), *others]
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         gravity = rows.gravity[:, i]

@@ -140,7 +140,8 @@ class Effect(ABC):
         return None
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        """All signatures of the effect at one place: by differences of `contribution`, one for each value of the grids."""
+        """All signatures of the effect at one place, then those of its other laws: by differences of `contribution`, one for
+        each value of the grids."""
         grids = [parameter.grid or (None,) for parameter in self.parameters]
         linear = [k for k, parameter in enumerate(self.parameters) if not parameter.grid]
         scale = self.typical(rows, joint)[linear]
@@ -150,7 +151,7 @@ class Effect(ABC):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
             signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return signatures
+        return [*signatures, *(signature for law in self.other_laws for signature in law.signatures(rows, joint))]
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""

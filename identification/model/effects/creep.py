@@ -71,6 +71,6 @@ def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> 
         # The part of z that is not this row's own load: z = own + left.
         left = np.where(first, 0.0, stays)[:, None]
         own = load * (1 - stays)[:, None]
-        z = solve_banded((1, 0), bands, own + left * before * (1 - waits)[:, None])
+        z = solve_banded((1, 0), bands, own + left * before * (1 - waits)[:, None], check_finite=False)
         total += share * (z - own)
     return total

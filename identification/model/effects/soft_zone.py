@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Parameter, Signature, saturated
+from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import HARMONIC_DRIVE
 from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
 from identification.model.joint_log import JointLog
@@ -69,10 +69,6 @@ class SoftZone(SofterNearZero):
                   bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
                                 "m; 5 to 1500 N m of that is engineering judgement"),
     )
-
-    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        others = [signature for law in self.other_laws for signature in law.signatures(rows, joint)]
-        return [*super().signatures(rows, joint), *others]
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         extra, torque = values
