@@ -6,14 +6,21 @@ give, and their intervals are too narrow for it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from identification.common.arrays import Array
 from identification.fit.fitted_model import WIDE, Term
-from identification.model.law_of import LawOf, uncertain
+from identification.fit.noise import NoiseModel
+from identification.model.effects import Effect
+from identification.model.law_of import LawOf, stiffening_ways, uncertain
 from identification.model.load_state import LoadState
 
 # Another shape's coefficient, 1 sigma, as a share of the effect's own size: laws of real gears differ by some ten per cent.
 SHARE = 0.3
+# Each way in which a structure may stiffen, 1 sigma, as a share of what it does: about 28 % in all.
+STIFFENS = 0.15
 
 
 def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
@@ -23,8 +30,15 @@ def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
         if not uncertain(term.effect):
             continue
         law = LawOf(term.effect)
-        size = SHARE * abs(float(term.start[0] - term.neutral[0])) / float(term.effect.typical(rows, term.joint)[0])
-        zero = np.zeros(len(law.shapes))
-        free.append(Term(law, term.joint, scale=np.full(len(zero), max(size, 1e-6) / WIDE), start=zero,
-                         neutral=zero))
+        size = abs(float(term.start[0] - term.neutral[0])) / float(term.effect.typical(rows, term.joint)[0])
+        zero = np.zeros(len(law.parameters))
+        share = np.where(np.arange(len(zero)) < len(law.shapes), SHARE, STIFFENS)
+        free.append(Term(law, term.joint, scale=share * max(size, 1e-6) / WIDE, start=zero, neutral=zero))
     return tuple(free)
+
+
+def stiffening(rows: LoadState, noise: NoiseModel, terms: Iterable[tuple[Effect, Array]]) -> Array:
+    """Columns (n, 3, m) in the noise's coordinates, 1 sigma each: how structures may stiffen, for effects with the displacement
+    (n, 3) [m] of each."""
+    columns = [STIFFENS * stiffening_ways(rows, moved) for effect, moved in terms if effect.stiffens]
+    return np.asarray(noise.whitening @ np.concatenate([np.zeros((len(rows), 3, 0)), *columns], axis=2))

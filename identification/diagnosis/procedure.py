@@ -48,6 +48,8 @@ from identification.model.effects import Effect, effects
 # Family-wise false alarms of the detection, and of the test whether the extended model is enough.
 ALARM = 0.05
 INADEQUATE = 0.005
+# A name needs more than an alarm does: of data sets without any cause, one in a hundred shows as much.
+NAMING = 0.01
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
@@ -61,6 +63,7 @@ NEARLY_ALL = 0.97
 # How many of the nearest names go with an unknown cause.
 NEAREST = 5
 NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
+CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
 SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
@@ -238,6 +241,9 @@ class Procedure:
         if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
+        if max(NAMING, judgement.detection.resolution) < judgement.detection.p_value <= self.alarm:
+            chance = CHANCE_IN_WORDS.format(judgement.detection.p_value)
+            return self.unknown(judgement, seen, judgement.detection, {cause.label: chance for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
         if measured.support <= AGAINST and not only_local(seen, best):
             against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "

@@ -18,6 +18,12 @@ Array = NDArray[np.float64]
 PREFIX = "law_of_"
 # Coefficients are shares of the typical size; a law a hundred times that is none.
 BOUND = 100.0
+# How many ways there are in which a structure may stiffen (`stiffening_ways`).
+WAYS = 18
+
+
+# Load [N] at which a structure that stiffens with the load has changed by its whole coefficient.
+LOAD_N = 300.0
 
 
 class LawOf(Effect):
@@ -36,10 +42,10 @@ class LawOf(Effect):
         self.of_robot = of.of_robot
         self.joints = of.joints
         near = [effects()[name] for name in of.near_laws if name in effects()]
-        self.shapes = [(law, choice) for law in (of, *near)
+        self.shapes = [(law, choice) for law in (of, *near) if near or _shaped(law)
                        for choice in itertools.product(*(parameter.grid or (None,) for parameter in law.parameters))]
         self.parameters = tuple(
-            Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes)))
+            Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes) + of.stiffens * WAYS))
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return np.asarray(self.columns(rows, joint) @ values)
@@ -52,12 +58,33 @@ class LawOf(Effect):
             values = np.array([0.0 if value is None else value for value in choice])
             values[size] = law.typical(rows, joint)[size]
             moved.append(law.contribution(rows, joint, values))
-        return np.stack(moved, axis=2)
+        if not self.of.stiffens:
+            return np.stack(moved, axis=2)
+        linear = self.of.contribution(rows, joint, self.of.typical(rows, joint))
+        ways = np.zeros((len(rows), 6, WAYS))
+        ways[:, :3] = stiffening_ways(rows, linear[:, :3])
+        return np.concatenate([*(shape[:, :, None] for shape in moved), ways], axis=2)
+
+
+def stiffening_ways(rows: LoadState, moved: Array) -> Array:
+    """What a structure that moves the tool by `moved` (n, 3) [m] adds (n, 3, WAYS) [m] where it yields otherwise: more or less
+    along the arm, across it and upright, alike everywhere, with the angles of joints 2 and 3, which set the weight it carries,
+    and with the size of the load; each for a coefficient of 1. Rotations stay those of the linear law."""
+    q1, q2, q3 = rows.loaded[:, :3].T
+    zero, one = np.zeros_like(q1), np.ones_like(q1)
+    along = np.array([[np.cos(q1), np.sin(q1), zero], [-np.sin(q1), np.cos(q1), zero], [zero, zero, one]])     # (3, 3, n)
+    by = np.array([one, np.sin(q2), np.cos(q2), np.sin(q3), np.cos(q3), np.linalg.norm(rows.wrench[:, :3], axis=1) / LOAD_N])
+    share = np.einsum("kin,ni->kn", along, moved)
+    return np.asarray(np.einsum("kn,kin,fn->nikf", share, along, by).reshape(len(moved), 3, WAYS))
 
 
 def uncertain(effect: Effect) -> bool:
     """Whether an effect's law has a shape that real ones need not follow."""
-    return not effect.where and (bool(effect.near_laws) or any(parameter.grid for parameter in effect.parameters))
+    return (effect.stiffens or bool(effect.near_laws) or _shaped(effect)) and not effect.where
+
+
+def _shaped(effect: Effect) -> bool:
+    return any(parameter.grid for parameter in effect.parameters)
 
 
 def known(name: str) -> Effect | None:

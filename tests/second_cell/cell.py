@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -67,9 +68,12 @@ class Case:
         return 1e6 * _seen(self.world, self.plan.load)
 
     def fresh(self, count: int = 30) -> tuple[Plan, np.ndarray]:
-        """Poses and loads that were not measured, and how the robot really moves there (n, 3) [m] under these forces."""
+        """Poses and loads that were not measured, and how the robot really moves there (n, 3) [m] under these forces, which act
+        at the tool's point: where the calibration's cylinder touched is of no meaning there."""
         plan = fresh(self.robot, self.tool, np.random.default_rng([self.seed, 4]), count)
-        return plan, self.world.arm.displacement(plan, plan.load)
+        arm = copy(self.world.arm)
+        arm.load_point = np.zeros(3)
+        return plan, arm.displacement(plan, plan.load)
 
     def write(self, folder: Path) -> tuple[Path, Path]:
         """The files in the folder; returns cell.yaml and measurements.csv."""

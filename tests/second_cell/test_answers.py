@@ -94,3 +94,15 @@ def test_the_model_in_memory_is_the_one_of_the_file(tmp_path: Path) -> None:
     assert model.tool_centre is not None
     np.testing.assert_allclose(model.tool_centre, [0, 0, case.tool[2] / 2], atol=1e-6)
     np.testing.assert_array_equal(model.fall, read.fall)
+
+
+@pytest.mark.parametrize(("seed", "weight"), [(401003, "unknown"), (401005, "known")])
+def test_a_bearing_that_stiffens_halfway_down_the_column_is_one_cause(seed: int, weight: str) -> None:
+    """It sits where no frame does, and yields less the more of the arm it carries: nothing else is named for that, and the
+    model that carries its stiffening predicts fresh poses within what it states."""
+    case = simulate(seed, "cycles", "near", (Hidden("bearing_tilt", 1, 0.7),), weight=weight)
+    found = diagnosed(case)
+    assert [cause.label for cause in found.causes] == ["bearing_tilt[1]"]
+    fresh = at_fresh_poses(case, found)
+    assert fresh.named < 0.2 * fresh.plain
+    assert fresh.components[1] > 0.88

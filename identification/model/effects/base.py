@@ -65,13 +65,14 @@ class Signature:
 class Effect(ABC):
     """One physical effect. joints: the joints it may sit at (1-based), empty where it belongs to none.
 
-    of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of
-    the data. of_track: the track under the robot does it. gear_law: one of the laws by which a gear's twist may follow its
-    torque. near_laws: effects of the same joint whose shapes a real one of this kind may mix in. law_family: what laws of one
-    gear that imitate each other have in common, as a sentence; "" where there is no other. law: which law this is, where one
-    name has several ("" for the first); other_laws: the others, of the first, whose signatures have theirs too. sentence: the
-    cause as a shop-floor engineer says it ({joint} is filled in). settles: what would separate it from its look-alikes, and is
-    no load. formula_source: the document its law comes from, or "engineering judgement" with its reason.
+    of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of the
+    data. of_track: the track under the robot does it. stiffens: it is a structure, and real ones yield less the more they
+    carry. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint whose
+    shapes a real one of this kind may mix in. law_family: what laws of one gear that imitate each other have in common, as a
+    sentence; "" where there is no other. law: which law this is, where one name has several ("" for the first); other_laws:
+    the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor engineer says it ({joint}
+    is filled in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law
+    comes from, or "engineering judgement" with its reason.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Effect(ABC):
     of_tool: ClassVar[bool] = False
     of_gravity: ClassVar[bool] = False
     of_track: ClassVar[bool] = False
+    stiffens: ClassVar[bool] = False
     joints: tuple[int, ...] = ()
     parameters: tuple[Parameter, ...]
     gear_law: ClassVar[bool] = False
@@ -151,7 +153,8 @@ class Effect(ABC):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
             signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return [*signatures, *(signature for law in self.other_laws for signature in law.signatures(rows, joint))]
+        return [*signatures, *(signature for law in self.other_laws if joint in law.places
+                               for signature in law.signatures(rows, joint))]
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""

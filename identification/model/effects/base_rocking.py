@@ -15,6 +15,7 @@ class BaseRocking(Effect):
     name = "base_rocking"
     family = "base"
     of_robot = True
+    stiffens = True
     formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about base x and y"
     parameters = (
         Parameter("compliance_rad_per_nm", "rad/(N*m)", 5e-8, 0.0, 2e-6,

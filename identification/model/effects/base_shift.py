@@ -15,6 +15,7 @@ class BaseShift(Effect):
     name = "base_shift"
     family = "base"
     of_robot = True
+    stiffens = True
     formula_source = "engineering judgement: a linear spring along the floor, alike in all directions"
     parameters = (
         Parameter("compliance_m_per_n", "m/N", 5e-8, 0.0, 1e-6,

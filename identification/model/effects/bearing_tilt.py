@@ -1,4 +1,4 @@
-"""A joint's bearing tilts: the two axes across the joint yield too."""
+"""A joint's bearing tilts: the two axes across the joint yield too, about a pivot somewhere along its axis."""
 
 from __future__ import annotations
 
@@ -9,25 +9,54 @@ from identification.model.effects.base import Parameter
 from identification.model.effects.kinds import AtJoint
 from identification.model.load_state import LoadState
 
+COMPLIANCE = Parameter(
+    "compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6,
+    source="engineering judgement: 1.1e7 N m/rad, two to five times joints 1 to 3 about their own axes (the paper, Table 1)",
+    bounds_source="engineering judgement: rigid, to 5e5 N m/rad, softer than joints 1 to 3 about their own axes")
 
-class BearingTilt(AtJoint):
-    """Sum over both axes across joint i of `J_t (J_t^T w) c_t`, pivot at the origin of the joint's frame. Tilt 4 keeps only its
-    x axis, because its y axis is joint 5's own."""
+
+class Tilt(AtJoint):
+    """What both laws have in common."""
 
     name = "bearing_tilt"
     family = "structure"
-    joints = (1, 2, 3, 4, 5)
+    stiffens = True
     formula_source = ("the paper, sect. 1: models that take in the tilting rigidity too; its eq. 3 and 5 about the two axes "
                       "across the joint")
-    parameters = (
-        Parameter("compliance_rad_per_nm", "rad/(N*m)", 9.1e-8, 0.0, 2e-6,
-                  source="engineering judgement: 1.1e7 N m/rad, two to five times joints 1 to 3 about their own axes (the "
-                         "paper, Table 1)",
-                  bounds_source="engineering judgement: rigid, to 5e5 N m/rad, softer than joints 1 to 3 about their own "
-                                "axes"),
-    )
     sentence = "the bearing of joint {joint} tilts under load across its axis"
     settles = "a dial gauge across the bearing while the tool is loaded"
+
+
+class TiltAlong(Tilt):
+    """The bearing is not where the convention puts the joint's frame: its pivot lies a share s of the link back along the axis,
+    from the shoulder towards the floor (joint 1), from the wrist towards the elbow (joint 4)."""
+
+    law = "along"
+    joints = (1, 4)
+    parameters = (
+        COMPLIANCE,
+        Parameter("share", "1", 0.5, 0.1, 0.85, grid=(0.25, 0.5, 0.75), shape=True,
+                  source="engineering judgement: an axis has its bearing somewhere along its link",
+                  bounds_source="engineering judgement: nearer to the frame it is the first law; on the floor joint 1's is "
+                                "base_rocking"),
+    )
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        i = self.index(joint)
+        axis, origin = rows.axes[:, i], rows.origins[:, i]
+        link = origin - (rows.origins[:, i - 1] if i else 0.0)
+        pivot = origin - values[1] * axis * np.sum(axis * link, axis=1, keepdims=True)
+        moment = rows.moment_about(pivot)
+        return rows.turned(pivot, values[0] * (moment - axis * np.sum(axis * moment, axis=1, keepdims=True)))
+
+
+class BearingTilt(Tilt):
+    """Sum over both axes across joint i of `J_t (J_t^T w) c_t`, pivot at the origin of the joint's frame. Tilt 4 keeps only its
+    x axis, because its y axis is joint 5's own."""
+
+    joints = (1, 2, 3, 4, 5)
+    other_laws = (TiltAlong(),)
+    parameters = (COMPLIANCE,)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)

@@ -15,6 +15,7 @@ class ForceSensorCompliance(Effect):
     name = "force_sensor_compliance"
     family = "tool"
     of_robot = True
+    stiffens = True
     of_tool = True
     formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about flange x and y"
     parameters = (

@@ -17,6 +17,7 @@ class LinkBending(AtJoint):
 
     name = "link_bending"
     family = "structure"
+    stiffens = True
     joints = (2, 3)
     formula_source = ("Engineering Mechanics OER, StrengthBook, Appendix B.2 "
                       "(engineeringmechanicsoer.github.io/StrengthBook), cantilever beams: P L^3 / 3EI and P L^2 / 2EI, the "

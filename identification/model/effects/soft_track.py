@@ -17,6 +17,7 @@ class SoftTrack(Effect):
     name = "soft_track"
     family = "base"
     of_robot = True
+    stiffens = True
     of_track = True
     formula_source = "engineering judgement: a linear spring of the drive, and one of the guides about the travel"
     parameters = (

@@ -15,6 +15,7 @@ class SpindleCompliance(Effect):
     name = "spindle_compliance"
     family = "tool"
     of_robot = True
+    stiffens = True
     of_tool = True
     formula_source = ("Systematic analysis of geometric inaccuracy and its contributing factors in roboforming, Sci. Rep., "
                       "2024 (s41598-024-70746-3), Table 2: the radial terms of tool and holder")

@@ -190,10 +190,11 @@ def test_the_extended_model_carries_the_law(tmp_path: Path) -> None:
 
 
 def test_shapes_of_a_law_are_linear_and_whole() -> None:
-    """The law of free play has the shapes of soft zones too; a base's law has none to be uncertain of."""
+    """The law of free play has the shapes of soft zones too, a base's those in which it stiffens; a gain has none."""
     play = LawOf(effects()["backlash"])
     assert len(play.parameters) == 1 + len(effects()["soft_zone"].parameters[1].grid)
-    assert not uncertain(effects()["base_rocking"])
+    assert len(LawOf(effects()["base_rocking"]).parameters) == 18
+    assert not uncertain(effects()["force_gain"])
 
 
 def test_a_long_file_is_looked_at_in_part(tmp_path: Path) -> None:

@@ -111,3 +111,43 @@ def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
     expected = 0.05**2 * np.repeat((alone**2).reshape(5, 2, 3).sum(axis=2) / 3, 3, axis=1)
     assert_allclose(np.diagonal(covariance, axis1=1, axis2=2), expected, rtol=1e-9)
     assert not replace(model, unknown_law=0.0).predict(theta, wrench)[2].any()
+
+
+@pytest.mark.parametrize(("joint", "share"), [(1, 0.5), (4, 0.3)])
+def test_a_bearing_along_its_axis_turns_the_tool_about_where_it_is(joint: int, share: float) -> None:
+    """A point of the axis that far back from the frame stays, and the rotation is the moment about it, across the axis."""
+    arm, rng = robot(), np.random.default_rng(7)
+    wrench = np.concatenate([rng.uniform(-300, 300, (4, 3)), np.zeros((4, 3))], axis=1)
+    rows = load_state(arm, TOOL, random_poses(arm, 4, rng, 0.6), wrench, np.full(6, 1e-6))
+    law = known("bearing_tilt.along")
+    assert law is not None
+    moved = law.contribution(rows, joint, np.array([1e-7, share]))
+    axis, top = rows.axes[:, joint - 1], rows.origins[:, joint - 1]
+    # The column is as high as the shoulder; the forearm reaches along axis 4 from the elbow's height to the wrist.
+    length = top[:, 2] if joint == 1 else np.einsum("ni,ni->n", axis, top - rows.origins[:, 2])
+    assert length.min() > 0.3
+    pivot = top - share * length[:, None] * axis
+    moment = np.cross(rows.tcp - pivot, wrench[:, :3])
+    rotation = 1e-7 * np.cross(axis, np.cross(moment, axis))
+    assert_allclose(moved[:, 3:], rotation, atol=1e-15)
+    assert_allclose(moved[:, :3], np.cross(rotation, rows.tcp - pivot), atol=1e-15)
+
+
+def test_a_structure_stiffens_along_the_arm_across_it_and_upright() -> None:
+    """Alike everywhere and along: what of the linear law lies in the arm's plane, level; the three together are the law."""
+    arm, rng = robot(), np.random.default_rng(8)
+    theta = random_poses(arm, 6, rng, 0.6)
+    wrench = np.concatenate([rng.uniform(-300, 300, (6, 3)), np.zeros((6, 3))], axis=1)
+    rows = replace(load_state(arm, TOOL, theta, wrench, np.full(6, 1e-6)), at_load=True)
+    law, rocking = known("law_of_base_rocking"), effects()["base_rocking"]
+    assert law is not None
+    linear = rocking.contribution(rows, None, rocking.typical(rows, None))[:, :3]
+
+    def by(*places: int) -> np.ndarray:
+        return law.contribution(rows, None, np.isin(np.arange(18), places).astype(float))[:, :3]
+
+    plane = np.column_stack([np.cos(theta[:, 0]), np.sin(theta[:, 0]), np.zeros(6)])
+    assert_allclose(by(0), plane * np.sum(plane * linear, axis=1)[:, None], atol=1e-15)
+    assert_allclose(by(0, 6, 12), linear, atol=1e-15)
+    assert_allclose(by(1, 7, 13), linear * np.sin(theta[:, 1])[:, None], atol=1e-15)
+    assert_allclose(by(5, 11, 17), linear * np.linalg.norm(wrench[:, :3], axis=1)[:, None] / 300, atol=1e-15)

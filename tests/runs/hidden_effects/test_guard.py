@@ -82,6 +82,19 @@ def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.Mon
     assert all(mutated(monkeypatch, goodness_of_fit=blind, beyond_stated=lambda *_: {}))
 
 
+def test_what_chance_does_now_and_then_gets_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect that is there, with a misfit that one in fifty data sets of nothing would show."""
+    real = procedure.goodness_of_fit
+
+    def by_chance(fitted: Any, *arguments: Any) -> Any:
+        found = real(fitted, *arguments)
+        return found if fitted.terms else replace(found, p_value=0.02)
+
+    monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
+    found = kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer
+    assert (found.verdict, found.names) == ("unknown", frozenset())
+
+
 def test_the_suite_passes_the_same_places_unchanged() -> None:
     assert not any(complaints(run(where.seed, where.hidden)) for where in SHOWN)
 
