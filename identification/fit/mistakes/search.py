@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
+from identification.fit.fitted_model import WIDE, response
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.axes import axes_mistakes
@@ -33,6 +34,8 @@ MOST_BOUNDARIES = 24
 # one it may be.
 WORTH, WORTH_WITH_SIZE, BEHIND = 4.0, -8.0, 30.0
 MOST_FITTED = 5
+# ln of how much likelier than none one with a size must be near none to be fitted: a name needs 10 (judge.py).
+HOPELESS = -3.0
 # The size of a mistake is found in so many steps.
 SIZE_STEPS = 5
 # A mistake in a part of the rows is that much rarer (ln) than in all.
@@ -228,7 +231,7 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     data = plain.data
     try:
         if guess.size is not None:
-            return _with_size(plain, guess)
+            return _with_size(plain, guess) if _support_near_none(plain, guess) > HOPELESS else None
         if guess.split:
             assert guess.rows is not None
             models = tuple(posterior(data.with_rows(data.rows.select(part))) for part in (guess.rows, ~guess.rows))
@@ -244,6 +247,28 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     volume = float((~np.isnan(data.rows.deflection[mended]) * np.log(guess.mistake.scale)).sum())
     evidence = sum(log_evidence(model) for model in models) + volume
     return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale, {})
+
+
+def _support_near_none(plain: Posterior, guess: _Guess) -> float:
+    """ln of how much likelier than none a mistake with a size is, prior included, linearised at none under the fit's own noise:
+    the quick look knows nothing of what the readings of a visit share."""
+    assert guess.size is not None
+    assert guess.start is not None
+    term = guess.size.term(guess.joint, np.zeros(len(guess.start)))
+    at, wide = plain.at_map, WIDE * term.scale
+    _, slope = response(plain.data, np.concatenate([plain.map, term.start]), (*plain.terms, term))
+    columns = at.noise.whitening @ slope
+    columns[:, :, len(plain.map):] *= wide
+    residual = at.residual[:, :, None]
+    precision = plain.weights.inner(columns, columns)
+    precision[:len(plain.map), :len(plain.map)] += at.prior.precision(plain.map)
+    own = np.arange(len(plain.map), len(precision))
+    springs = np.linalg.slogdet(precision[:len(plain.map), :len(plain.map)])[1]
+    precision[own, own] += 1.0
+    pull = plain.weights.inner(columns, residual)[:, 0]
+    pull[:len(plain.map)] -= at.prior.gradient(plain.map)
+    gained = 0.5 * pull @ np.linalg.solve(precision, pull)
+    return float(gained - 0.5 * (np.linalg.slogdet(precision)[1] - springs) + guess.log_prior)
 
 
 def _with_size(plain: Posterior, guess: _Guess) -> Candidate:
