@@ -60,7 +60,7 @@ def test_a_gross_error_counts_little_and_is_named_and_nothing_else_is(tmp_path) 
 def test_coverage_with_noise_that_is_not_stated(tmp_path) -> None:
     """The fast guard of benchmarks/calibration.py: Student-4 sensor, 1 % force error, 4 um re-seating, none of it stated."""
     inside, distance = [], []
-    for seed in range(40):
+    for seed in range(24):
         rng = np.random.default_rng(300 + seed)
         _, rows = simulate(tmp_path, rng, poses=8)
         heavy = 2e-6 * (rng.standard_t(4, rows.deflection.shape) / np.sqrt(2))
@@ -70,8 +70,8 @@ def test_coverage_with_noise_that_is_not_stated(tmp_path) -> None:
         inside.append((low <= TRUE) & (high >= TRUE))
         off = model.mean + np.log(TRUE)
         distance.append(off @ np.linalg.solve(model.covariance, off))
-    assert 0.88 < np.mean(inside) < 0.995
-    assert np.mean(np.array(distance) <= chi2.ppf(0.95, 6)) > 0.84
+    assert 0.87 < np.mean(inside) < 0.995
+    assert np.mean(np.array(distance) <= chi2.ppf(0.95, 6)) > 0.82
 
 
 def test_a_subset_that_wants_other_stiffnesses_is_found(tmp_path) -> None:

@@ -18,7 +18,7 @@ from tests.runs.hidden_effects.judge import Answer, Targets, judge, permuted, tr
 from tests.runs.hidden_effects.places import GEARS, MEASUREMENT, STRUCTURE
 from tests.runs.hidden_effects.visible import visible
 
-SEEDS, NULL_SEEDS = range(16), range(6)
+SEEDS, NULL_SEEDS = range(10), range(4)
 TARGETS = Targets(right=0.7, wrong=0.0, alarms=0.35)
 Answering = Callable[[Answer], Answer]
 
