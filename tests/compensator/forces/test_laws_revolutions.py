@@ -188,6 +188,30 @@ def test_folded_lines_do_not_make_a_slow_spindle(tmp_path, rpm: float, rate: flo
     assert log.revolution == pytest.approx(60 / rpm, rel=1e-3)
 
 
+@pytest.mark.parametrize(("rpm", "rate"), [(2400, 2000.0), (3000, 1000.0), (4800, 2000.0)])
+def test_teeth_whose_rate_folds_onto_the_run_out_are_not_taken_for_the_spindle(tmp_path, rpm: float, rate: float) -> None:
+    """At 2 kHz multiples of 120 Hz, folded back, fall on every multiple of 40 Hz: three teeth look like a spindle of 7200 rpm.
+    Means over a revolution of the one are means over three of the other; those over a tooth would keep the run-out."""
+    count, teeth = 24_000, 3
+    force = milled(rpm, count, rate, teeth)
+    log = read_force_log(written(tmp_path / "a.parquet", force, rate))
+    assert log.revolution == pytest.approx(60 / rpm, rel=2e-3)
+    assert "CS3067" not in codes(log)
+    [said] = [finding for finding in log.findings if finding.code == "CS3242"]
+    assert f"{teeth * rpm}" in said.message
+    edge = int(rate * 60 / rpm)
+    assert (log.force - force.mean(axis=0))[edge:-edge].std(axis=0).max() < 0.1 * force.std(axis=0).max()
+
+
+@pytest.mark.parametrize("runout", [0.0, 0.012])
+def test_that_a_speed_found_may_be_that_of_the_teeth_is_said_unless_it_is_stated(tmp_path, runout: float) -> None:
+    path = written(tmp_path / "a.parquet", milled(9000, 24_000, 4000.0, 3, runout), 4000.0)
+    [said] = [finding for finding in read_force_log(path).findings if finding.code == "CS3242"]
+    assert said.level == "note"
+    assert "--spindle-rpm" in said.hint
+    assert "CS3242" not in codes(read_force_log(path, spindle_rpm=9000))
+
+
 def test_a_stated_speed_without_a_rate_is_not_used_and_said(tmp_path) -> None:
     (tmp_path / "a.csv").write_text("target,fx_n,fy_n,fz_n\n0,1,2,3\n0,2,3,4\n")
     log = read_force_log(tmp_path / "a.csv", spindle_rpm=9000)
