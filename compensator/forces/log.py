@@ -184,11 +184,11 @@ def _turn_or_tooth(spindle: revolutions.Spindle, name: str) -> Finding:
     """CS3242: what was found may be the rate of the teeth, and why the means are right all the same."""
     rpm = 60 * spindle.frequency
     if spindle.faster is None:
-        said = (f"{rpm:.0f} rpm may be the rate of the teeth that pass, the spindle's then a half, a third ... of it. The spectrum "
-                "shows no line of such a slower turn, so that a mean over this period is right for both")
+        said = (f"{rpm:.0f} rpm may be the rate of the teeth that pass, the spindle's then a half, a third ... of it. The "
+                "spectrum shows no line of such a slower turn, so that a mean over this period is right for both")
     else:
-        said = (f"a spindle of {60 * spindle.faster:.0f} rpm would make the same lines, some of them folded back. {rpm:.0f} rpm is "
-                "taken: a mean over this period is one over whole periods of both")
+        said = (f"a spindle of {60 * spindle.faster:.0f} rpm would make the same lines, some of them folded back. {rpm:.0f} "
+                "rpm is taken: a mean over this period is one over whole periods of both")
     return Finding("CS3242", "note", f"nothing states the spindle's speed: {said}", file=name,
                    hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")
 

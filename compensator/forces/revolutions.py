@@ -150,9 +150,9 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
     stated [Hz]: looked for near it alone. Of all combs that hold nearly as much as the best the widest is taken: whatever
     repeats faster than the spindle without run-out repeats each tooth, and then a tooth is a period too. Lines above half the
     rate of the log show folded back below it, so that another speed may make the same lines: a rival. Where the strongest line
-    is not folded, lines below the widest comb's own frequency are its own only if they are; where a whole fraction of it holds them as they stand, they are
-    run-out's, and the widest comb that of the teeth that pass. The fraction is taken: a mean over the longer period is one over
-    whole periods of both.
+    is not folded, lines below the widest comb's own frequency are its own only if they are; where a whole fraction of it holds
+    them as they stand, they are run-out's, and the widest comb that of the teeth that pass. The fraction is taken: a mean over
+    the longer period is one over whole periods of both.
     """
     step, rate = frequency[1], 2 * frequency[-1]
     lines, height, over = _lines(power)
