@@ -11,7 +11,7 @@ import pytest
 from compensator.correction.expected_left import _bent
 from tests.runs.milling.milling_job import MillingJob, settings
 from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.milled_part import slot_and_pocket
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 
 
 def bent(position: np.ndarray, deviation: np.ndarray) -> np.ndarray:
@@ -67,6 +67,21 @@ def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Pa
     assert found.followed
     assert abs(found.value - truth) < found.std
     assert found.std < 0.35 * found.value
+
+
+def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
+    """What the growing force really leaves in the slot, the force of the first pass held against it, and what is stated."""
+    job = MillingJob(tmp_path, 4)
+    stiffness = job.identify()
+    made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1.5e-3))
+    first = job.first_with(made.part)
+    follows, held = job.mill(made.commands, part=made.part), job.mill(made.commands, first.force_n, part=made.part)
+    slot = first.steps.place == PLACES.index("slot")
+    real = np.linalg.norm(follows.off_um - held.off_um, axis=1)[slot]
+    stated = np.zeros(len(made.part.target_mm))
+    stated[made.job.correction.targets] = 1e6 * made.job.left.cut
+    ratio = np.median(first.steps.between(stated)[slot]) / np.median(real)
+    assert 0.5 < ratio < 2.5
 
 
 def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
