@@ -29,12 +29,12 @@ import compstiff
 from compensator.learning.chance import FALSE_RATE
 from tests.runs.milling.learning_job import Both, ErringJob, corrected, mirrored, off_um
 from tests.runs.milling.milling_job import Correction, rms, settings
-from tests.virtual_cell.milled_part import slot_and_pocket
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 from tests.virtual_cell.milling import Commands
 
 PART, OTHER = {}, {"allowance_mm": 0.7, "wall_depth_mm": 5.0}
 PROBE_UM = 3.0
-CUT = "cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
+CUT = "  spindle_rpm: 9000\ncutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
 NOISES_UM = (3.0, 10.0)
 DRAWS = 12
 
@@ -47,6 +47,28 @@ def gone(job: ErringJob, commands: Commands | Correction) -> tuple[float, float,
     done = job.mill(given, part=part)
     before, after = rms(off_um(done, first)), rms(off_um(first, done))
     return before, after, 100 * (1 - after / before)
+
+
+def at_corners(job: ErringJob, made: Correction) -> float:
+    """Share of the mean square [%] that the rolled and the sharp corner have of what is left."""
+    first, done = job.first_with(made.part), job.mill(made.commands, part=made.part)
+    square = np.where(first.cutting | done.cutting, np.sum(done.off_um**2, axis=1), 0.0)
+    corner = np.isin(first.steps.place, [PLACES.index(name) for name in ("rolled corner", "sharp corner")])
+    return 100 * float(square[corner].sum() / square.sum())
+
+
+def second_measured(job: ErringJob, log: Path, stiffness: Path) -> dict[str, tuple[float, float, float]]:
+    """The part measured is the one corrected already: its offsets are named, and the third is milled with what it taught."""
+    found = corrected(job, log, stiffness)
+    second, offsets = job.mill(found.commands, part=found.part), job.offsets(found, "offsets1.csv")
+    pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
+    points, cell = job.measure(second, "points2.csv", PROBE_UM, part=found.part), compstiff.read_cell(job.cell)
+    program, model = compstiff.read_toolpath(job.program, cell), compstiff.read_stiffness(stiffness, cell)
+    learning = compstiff.learn(cell, program, model, pass2, points, settings(logged_with=offsets))
+    learned = job.folder / "learned2.json"
+    compstiff.write({learned: learning.content()}, overwrite=True)
+    made = job.correct(pass2, stiffness, settings(logged_with=offsets, learned=learned, repeats="job"))
+    return {"first part a third time: learned from the second, --logged-with, --repeats job": gone(job, made)}
 
 
 def robot(seed: int) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
@@ -84,6 +106,12 @@ def robot(seed: int) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
                 other, corrected(other, log_of_other, stiffness, learned, repeats))
         rows["first part again: learned, --repeats job, material stated"] = gone(
             job, corrected(job, log, stiffness, learned, "job", cut))
+        tightened = job.correct(log, stiffness, settings(learned=learned, repeats="job", tighten_zones=True),
+                                job.cell_with("cell_cut.yaml", cut))
+        rows["first part again: learned, --repeats job, material stated, --tighten-zones"] = gone(job, tightened)
+        for words, made in (("not learned", corrected(job, log, stiffness, cut=cut)), ("learned, --tighten-zones", tightened)):
+            said.append(f"{seed}: share of the square that is left at the corners, {words}: {at_corners(job, made):.0f} %")
+        rows |= second_measured(job, log, stiffness)
         rows["another part: learned, --repeats setup, material stated"] = gone(
             other, corrected(other, log_of_other, stiffness, learned, "setup", cut_of_other))
         normal = job.measure(job.first, "normals.csv", PROBE_UM, along_normal=True)

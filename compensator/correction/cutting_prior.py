@@ -6,8 +6,13 @@ the contact b along the tool's axis, the depth a across the feed, the feed v_f a
     K = DIRECTION k_c(h) b v_f / (pi D n),    k_c(h) = k_c1.1 h^-m_c    (Kienzle; h [mm]),
 
 DIRECTION the part of that force's growth which stands across the feed, and the chip's mean thickness h = v_f / (z n) sqrt(a/D)
-with TEETH z and ENGAGED a/D as usual: h enters by its fourth root only. Without contact or diameter there is the force alone:
-half of F_n grows in proportion to the depth a, K = F_n / 2 a (`of_force`).
+with TEETH z and ENGAGED a/D as usual: h enters by its fourth root only. Where contact, diameter or
+material are not known there are the force and the depth: K = GROWS F_n / a (`of_force`).
+
+GROWS = d ln F_n / d ln a. By the linear-edge coefficients of aluminium, steel and titanium (Altintas, Manufacturing Automation,
+ch. 2), climb milling with cutters of 10 to 25 mm, feeds of 0.04 to 0.15 mm a tooth and depths of 0.2 mm up to half the
+diameter: 0.56 to 0.99, 0.75 in the middle, standard deviation of its logarithm 0.16; the edges' part does not grow, and the
+push across grows faster than the force as the engagement opens.
 
 k_c1.1 and m_c: ISCAR, Turning Tools catalogue 2017, p. 558, and Boring Systems 2022, p. 111, material groups by DIN/ISO 513
 and VDI 3323; the middle of a group's values in logarithms (the two differ for titanium alone). WIDTH and DIRECTION are
@@ -45,9 +50,10 @@ MATERIALS = {
 DIRECTION, WIDTH = 0.8, 0.4
 # Of the mean chip thickness alone: teeth, and depth by diameter.
 TEETH, ENGAGED = 3, 0.1
-# So large a share of the force grows with the depth, that of the edges does not; and 1 sigma of ln K where nothing but the
-# force and a guess of the depth is known. Engineering judgement.
-GROWS, FORCE_WIDTH = 0.5, 0.8
+# So large a share of the push across grows with the depth. And 1 sigma of ln K: where the depth was stated (cutters differ by
+# 0.16 as above, the stock that is there from the stock that was planned by 0.25), and where it is but a guess. Engineering
+# judgement.
+GROWS, DEPTH_WIDTH, FORCE_WIDTH = 0.75, 0.3, 0.8
 
 
 def of_material(cutting: CuttingFile, feed: float | None, revolution: float | None) -> Estimate | None:
@@ -62,9 +68,9 @@ def of_material(cutting: CuttingFile, feed: float | None, revolution: float | No
     return _log_normal(1e3 * float(per_mm), WIDTH)
 
 
-def of_force(across: float, depth: float) -> Estimate:
-    """K [N/m] of a cut whose force across the feed is `across` [N] at a depth [m] that is all but guessed."""
-    return _log_normal(GROWS * across / depth, FORCE_WIDTH)
+def of_force(across: float, depth: float, width: float = FORCE_WIDTH) -> Estimate:
+    """K [N/m] of a cut whose force across the feed is `across` [N] at a depth [m]; width: 1 sigma of ln K."""
+    return _log_normal(GROWS * across / depth, width)
 
 
 def _log_normal(median: float, width: float) -> Estimate:

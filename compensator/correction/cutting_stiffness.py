@@ -25,7 +25,7 @@ from compensator.correction.settings import Estimate
 from identification.common.arrays import Array
 from identification.common.autocorrelation import autocorrelation_time
 
-Origin = Literal["stated", "cell.yaml", "material", "passes"]
+Origin = Literal["stated", "cell.yaml", "material", "depth", "passes"]
 # Sensor zeros after a tare: their drift in the minutes between tare and cut [N]; engineering judgement.
 ZERO = 2.0
 # No mean force is known better [N].

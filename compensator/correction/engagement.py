@@ -28,6 +28,7 @@ from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
+from compensator.correction.settings import DEPTH
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, Refused, counted
@@ -114,14 +115,16 @@ def _here(predicted: Predicted, stiffness: CuttingStiffness | None) -> tuple[Arr
     """K (N,) [N/m] that the correction follows at each target, and the size (N,) of what it leaves out: its error, or all."""
     count = len(predicted.path.toolpath)
     force = predicted.forces.wrench[:, :3]
+    in_a_slot = 1 - (1 - IN_A_SLOT) * slot_share(predicted.path, force)
     if stiffness is None:
         _, across = across_feed(predicted.path, force)
-        grows = GROWS * (1 - (1 - IN_A_SLOT) * slot_share(predicted.path, force))
-        return np.zeros(count), grows * across / predicted.settings.correction.depth_of_cut
+        return np.zeros(count), GROWS * in_a_slot * across / DEPTH
     share = np.zeros(count)
     if stiffness.followed:
         share = climb_share(predicted.path, force) if stiffness.climb_only else np.ones(count)
-    return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * stiffness.size)
+    # That of climb milling, where it is a slot.
+    size = stiffness.size * (in_a_slot if stiffness.climb_only else 1.0)
+    return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * size)
 
 
 def _check_gain(predicted: Predicted, stiffness: Array) -> float:

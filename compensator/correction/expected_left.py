@@ -12,7 +12,8 @@ The covariance of a prediction is that of the robot under the force as logged. O
               cutting stiffness as is not known (engagement.py)
     learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
               was measured. The springs learned have the motion and the sensor's gain in them: `sensor` and `motion` are nothing
-    between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing, evenly
+    between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing by how
+              much the deviation bends from target to target, and how much it turns with the path at one, at most evenly
               distributed up to half the tolerance
 
 Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming.
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 from compensator.correction.between_targets import BetweenTargets
 from compensator.correction.engagement import CorrectedPass
 from compensator.correction.predict import Predicted
+from compensator.correction.prediction import Prediction
 from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
@@ -103,19 +105,45 @@ def expected_left(
     gain = 0.0 if learned else cell.force_log.form.gain_std
     return ExpectedLeft(
         np.sqrt(np.maximum(of_model - of_scatter - of_learned, 0.0) + residual**2), np.sqrt(of_scatter), gain * size,
-        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, between)[targets])
+        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, cut.prediction, between)[targets])
 
 
-def _between(predicted: Predicted, kept: Indices, between: BetweenTargets | None) -> Array:
+def _between(predicted: Predicted, kept: Indices, prediction: Prediction, between: BetweenTargets | None) -> Array:
     """What is left beside each target (N + added,) [m], root mean square over the moves to and from it."""
     count = len(predicted.path.toolpath)
+    # The move as given that each target of the program ends, or lies in.
+    owner = np.minimum(np.searchsorted(kept, np.arange(count)), len(kept) - 1)
+    behind = np.minimum(owner + (kept[owner] == np.arange(count)), len(kept) - 1)
     nothing = 0.5 * predicted.settings.correction.tolerance / np.sqrt(3.0)
-    of_move = np.full(len(kept), nothing**2)
+    of_piece = np.minimum(_bent(predicted, prediction), nothing) ** 2
+    of_move = np.bincount(owner, of_piece, minlength=len(kept)) / np.maximum(np.bincount(owner, minlength=len(kept)), 1)
     if between is not None and len(between.left):
         weight = np.bincount(between.owner, minlength=len(kept))
         squares = np.bincount(between.owner, between.left**2, minlength=len(kept))
         of_move = np.where(weight > 0, squares / np.maximum(weight, 1), of_move)
-    # The move as given that each target of the program ends, or lies in.
-    owner = np.minimum(np.searchsorted(kept, np.arange(count)), len(kept) - 1)
-    behind = np.minimum(owner + (kept[owner] == np.arange(count)), len(kept) - 1)
     return np.asarray(np.sqrt(0.5 * (of_move[owner] + of_move[behind])))
+
+
+def _bent(predicted: Predicted, prediction: Prediction) -> Array:
+    """How far a straight line from the target before to each (N + added,) is off the deviation [m], root mean square along the
+    move. Of one that bends by as much as its neighbours say c h^2 / sqrt(120), a parabola of second derivative c, the larger
+    one of both ends, over the length h. And where straight moves turn by an angle a at a target the force turns there, and the
+    deviation d steps by a |d|: a saw-tooth of a |d| / sqrt(12). inf where a neighbour has no deviation: where the force begins
+    and ends."""
+    path, count = predicted.path, len(predicted.path.toolpath)
+    deviation = np.full((count, 3), np.nan)
+    deviation[prediction.targets] = path.axes.turned_to_rest(prediction.position, prediction.targets)
+    if count < 3:
+        return np.full(count, np.inf)
+    with np.errstate(invalid="ignore", over="ignore"):
+        step = np.maximum(np.diff(path.length), 1e-9)
+        slope = np.diff(deviation, axis=0) / step[:, None]
+        bend = np.linalg.norm(np.diff(slope, axis=0), axis=1) / (0.5 * (step[1:] + step[:-1]))
+        at_target = np.concatenate([[np.nan], bend, [np.nan]])
+        bent = np.maximum(at_target[:-1], at_target[1:]) * step**2 / np.sqrt(120.0)
+        along = np.diff(path.rest_from_tcp.position, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
+        turn = np.concatenate([[0.0], np.linalg.norm(np.diff(along, axis=0), axis=1), [0.0]])
+        turn *= np.linalg.norm(deviation, axis=1)
+        bent = np.hypot(bent, np.maximum(turn[:-1], turn[1:]) / np.sqrt(12.0))
+    return np.asarray(np.nan_to_num(np.concatenate([[np.inf], bent]), nan=np.inf, posinf=np.inf))

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.cut_kind import climb_share
-from compensator.correction.cutting_prior import of_force, of_material
+from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.engagement import LoggedPass, across_feed, standing
 from compensator.correction.predict import Predicted, under_forces
-from compensator.correction.settings import Estimate
+from compensator.correction.settings import DEPTH, Estimate
 from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Refused, counted, error
@@ -26,6 +26,8 @@ FEWEST_TARGETS = 40
 # by 0.7 of the push across over the depth, that is 0.1 of the force a millimetre. In conventional milling the push across may
 # fall by less (cut_kind.py); engineering judgement.
 FALLS = 50.0
+# No cut is taken for less deep than this share of the stated depth, however far the tool stood aside.
+SHALLOWEST = 0.25
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -37,7 +39,7 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     depth."""
     settings = predicted.settings.correction
     offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
-    prior, findings = known_before(predicted)
+    prior, findings = known_before(predicted, offsets)
     if settings.first_forces is None or offsets is None:
         return LoggedPass(offsets, prior, findings)
     first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
@@ -47,9 +49,11 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     return LoggedPass(offsets, stiffness, (*findings, *agreed, *told))
 
 
-def known_before(predicted: Predicted) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
-    """The cutting stiffness by --cutting-stiffness, else by cell.yaml, else by its material; None: nothing is known but the
-    force."""
+def known_before(
+    predicted: Predicted, offsets: Array | None = None
+) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
+    """The cutting stiffness by --cutting-stiffness, else by cell.yaml, else by its material, else by the depth; None: nothing
+    is known but the force."""
     stated, cutting = predicted.settings.correction.cutting_stiffness, predicted.cell.cutting
     if stated is not None:
         return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), ()
@@ -57,7 +61,7 @@ def known_before(predicted: Predicted) -> tuple[CuttingStiffness | None, tuple[F
         value, std = 1e3 * cutting.stiffness_n_per_mm, 1e3 * (cutting.std_n_per_mm or 0.0)
         return CuttingStiffness(value, std, "cell.yaml", mean_std=std), ()
     if cutting.material is None:
-        return None, ()
+        return known_by_depth(predicted, offsets)
     feed = predicted.path.toolpath.feed[predicted.targets]
     feed = feed[np.isfinite(feed)]
     # Stated: of a speed that was found in a log's spectrum it may be the teeth that pass.
@@ -70,9 +74,34 @@ def known_before(predicted: Predicted) -> tuple[CuttingStiffness | None, tuple[F
     missing = [name for name, there in (("cutting.tool_diameter_mm", cutting.tool_diameter_mm),
                                         ("cutting.contact_mm", cutting.contact_mm), ("a programmed feed", len(feed)),
                                         ("the spindle's speed (--spindle-rpm)", rpm)) if not there]
-    return None, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
-                          f"without {' and '.join(missing)}", file=str(predicted.cell.source),
-                          hint="state it, or the depth across the feed (--depth-of-cut)"),)
+    by_depth, findings = known_by_depth(predicted, offsets)
+    return by_depth, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
+                              f"without {' and '.join(missing)}", file=str(predicted.cell.source),
+                              hint="state it, or the depth across the feed (--depth-of-cut)"), *findings)
+
+
+def known_by_depth(
+    predicted: Predicted, offsets: Array | None = None
+) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
+    """The cutting stiffness by --depth-of-cut and the push across the feed where the cut climbs; None: no depth is stated, or
+    too few targets climb to tell the push at that depth. offsets (N, 3) [m], base frame, of the logged pass."""
+    depth, force = predicted.settings.correction.depth_of_cut, predicted.forces.wrench[:, :3]
+    if depth is None:
+        return None, ()
+    _, across = across_feed(predicted.path, force)
+    climbs = predicted.targets[climb_share(predicted.path, force)[predicted.targets] > 0.5]
+    if len(climbs) < FEWEST_TARGETS:
+        return None, (Finding(
+            "CS3241", "note", f"only {counted(len(climbs), 'target')} of {len(predicted.targets)} climb: the stated depth does "
+            "not tell how stiff the cut is", file=predicted.path.toolpath.source, hint="state it with --cutting-stiffness"),)
+    # While the log was taken the tool stood aside, and less deep by that.
+    direction, _ = across_feed(predicted.path, force)
+    aside = np.einsum("ni,ni->n", standing(predicted, offsets), direction)[climbs]
+    push = across[climbs] / np.clip(depth - aside, SHALLOWEST * depth, None)
+    known = of_force(float(np.median(push)), 1.0, DEPTH_WIDTH)
+    found = CuttingStiffness(known.value, known.std, "depth", mean_std=known.std, climb_only=True)
+    return found, (Finding("CS3240", "note", f"cutting stiffness by a depth of {1e3 * depth:g} mm: {found.words()}",
+                           file=predicted.path.toolpath.source),)
 
 
 def of_passes(
@@ -85,7 +114,7 @@ def of_passes(
         return prior, ()            # stated as exact
     if prior is None:
         _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-        before = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.depth_of_cut)
+        before = of_force(float(np.median(across[predicted.targets])), DEPTH)
     else:
         before = Estimate(prior.value, prior.std)
     falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)

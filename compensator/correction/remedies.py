@@ -14,11 +14,12 @@ from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
 from compensator.correction.expected_left import expected_left
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.logged_pass import known_by_depth
 from compensator.correction.other_stance import best_shift, shifted, turned
 from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import predict_path
-from compensator.correction.settings import EXACTLY_ONE, Estimate
+from compensator.correction.settings import DEPTH, EXACTLY_ONE, Estimate
 from identification.common.findings import CompstiffError
 
 Array = NDArray[np.float64]
@@ -66,9 +67,8 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
             yield ("state the cut in cell.yaml: material, tool_diameter_mm, contact_mm, and the spindle's speed",
                    "four lines in cell.yaml",
                    lambda: _known_cut(corrected))
-            depth = settings.correction.depth_of_cut
-            yield (f"state --depth-of-cut, if it is {2e3 * depth:g} mm and not {1e3 * depth:g}", "an option",
-                   lambda: _deeper_cut(corrected, 2 * depth))
+            yield (f"state the depth across the feed, --depth-of-cut (taken as {1e3 * DEPTH:g} mm)", "an option",
+                   lambda: _stated_depth(corrected))
     if matters(left.motion) and settings.correction.scale == EXACTLY_ONE:
         yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))
     if matters(left.sensor) and corrected.predicted.cell.force_log.form.gain_std > GAIN_STD:
@@ -119,16 +119,18 @@ def _next_pass(corrected: Corrected) -> Array:
 def _known_cut(corrected: Corrected) -> Array:
     predicted = corrected.predicted
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    value = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.depth_of_cut).value
+    value = of_force(float(np.median(across[predicted.targets])), DEPTH).value
     std = value * float(np.sqrt(np.expm1(WIDTH**2)))
     stated = CuttingStiffness(value, std, "material", mean_std=std, climb_only=True)
     return _again(corrected, predicted, replace(corrected.logged, stiffness=stated))
 
 
-def _deeper_cut(corrected: Corrected, depth: float) -> Array:
-    predicted = corrected.predicted
-    settings = replace(predicted.settings, correction=replace(predicted.settings.correction, depth_of_cut=depth))
-    return _again(corrected, replace(predicted, settings=settings))
+def _stated_depth(corrected: Corrected) -> Array | None:
+    planned = corrected.planned
+    settings = replace(planned.settings, correction=replace(planned.settings.correction, depth_of_cut=DEPTH))
+    stiffness, _ = known_by_depth(replace(planned, settings=settings), corrected.logged.offsets)
+    logged = replace(corrected.logged, stiffness=stiffness)
+    return None if stiffness is None else _again(corrected, corrected.predicted, logged)
 
 
 def _scaled(corrected: Corrected) -> Array:

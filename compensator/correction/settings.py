@@ -33,9 +33,9 @@ CLOSEST = Spacing(0.25e-3, 6e-3)
 SLOPE = 1.0
 
 
-# Depth of cut across the feed [m] where nothing is known of it: finishing takes 0.2 to 1 mm, roughing several. Engineering
-# judgement, on the safe side.
-DEPTH = 0.5e-3
+# Depth of cut across the feed [m] that is taken where none is stated: finishing takes 0.2 to 1 mm, roughing several.
+# Engineering judgement.
+DEPTH = 0.75e-3
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class CorrectionSettings:
     """confidence: probability with which a correction must make its point better; at 0.69 those larger than their own standard
     deviation are made in full, those below half of it left out. slope [m/m]: the steepest change of the offset along the
     path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
-    cutting_stiffness [N/m]: how the force grows with the depth of cut. depth_of_cut [m]: across the feed, for what is expected
-    on the part where no cutting stiffness is known. logged_with: the offsets.csv that the program had
+    cutting_stiffness [N/m]: how the force grows with the depth of cut. depth_of_cut [m]: across the feed, which tells it where
+    nothing tells more; None: not stated. logged_with: the offsets.csv that the program had
     while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
     compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how far the
     correction along a move may be from what its place asks for; min_spacing: how near to each other intermediate targets may
@@ -56,7 +56,7 @@ class CorrectionSettings:
     confidence: float = 0.69
     slope: float | None = None
     cutting_stiffness: Estimate | None = None
-    depth_of_cut: float = DEPTH
+    depth_of_cut: float | None = None
     logged_with: Path | None = None
     first_forces: Path | None = None
     scale: Estimate = EXACTLY_ONE

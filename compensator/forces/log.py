@@ -159,7 +159,7 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
             return None, spindle.left, [_ambiguous(spindle, rate, name)]
         return spindle.frequency, 0.0, [_averaged(
             spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
-            f"at {spindle.strongest:.1f} Hz", name)]
+            f"at {spindle.strongest:.1f} Hz", name), _turn_or_tooth(spindle, name)]
     if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
         return spindle.frequency, 0.0, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
     other = None if seen is None else revolutions.find_spindle(*seen)
@@ -178,6 +178,19 @@ def _ambiguous(spindle: revolutions.Spindle, rate: float, name: str) -> Finding:
         "fractions of them, make the same lines. Plain means were taken: a mean over "
         f"{A_STRETCH:g} s keeps up to {spindle.left / A_STRETCH:.1f} N of the lines", file=name,
         hint="state the speed: --spindle-rpm, or force_log.spindle_rpm in cell.yaml; or log at some thousand samples a second")
+
+
+def _turn_or_tooth(spindle: revolutions.Spindle, name: str) -> Finding:
+    """CS3242: what was found may be the rate of the teeth, and why the means are right all the same."""
+    rpm = 60 * spindle.frequency
+    if spindle.faster is None:
+        said = (f"{rpm:.0f} rpm may be the rate of the teeth that pass, the spindle's then a half, a third ... of it. The "
+                "spectrum shows no line of such a slower turn, so that a mean over this period is right for both")
+    else:
+        said = (f"a spindle of {60 * spindle.faster:.0f} rpm would make the same lines, some of them folded back. {rpm:.0f} "
+                "rpm is taken: a mean over this period is one over whole periods of both")
+    return Finding("CS3242", "note", f"nothing states the spindle's speed: {said}", file=name,
+                   hint="state it: --spindle-rpm, or force_log.spindle_rpm in cell.yaml")
 
 
 def _averaged(frequency: float, how: str, name: str) -> Finding:

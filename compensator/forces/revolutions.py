@@ -104,7 +104,8 @@ class Spindle:
     """frequency [Hz] of the spindle, or of what repeats most slowly. share: of the lines' amplitude at its multiples, chance
     taken off. strongest [Hz]: the strongest line; over_floor: its power over the noise about it. left [N s]: what all lines
     leave in a plain mean, at most and as a root of squares, times the time that is averaged. rivals [Hz]: other speeds that
-    fit the lines as well, none a multiple or a fraction of it."""
+    fit the lines as well, none a multiple or a fraction of it. faster [Hz]: a whole multiple that would hold the lines as well,
+    those below it folded back at half the rate; None: there is none."""
 
     frequency: float
     share: float
@@ -112,6 +113,7 @@ class Spindle:
     over_floor: float
     left: float
     rivals: tuple[float, ...] = ()
+    faster: float | None = None
 
 
 def spectrum(
@@ -147,7 +149,10 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
 
     stated [Hz]: looked for near it alone. Of all combs that hold nearly as much as the best the widest is taken: whatever
     repeats faster than the spindle without run-out repeats each tooth, and then a tooth is a period too. Lines above half the
-    rate of the log show folded back below it, so that another speed may make the same lines: a rival.
+    rate of the log show folded back below it, so that another speed may make the same lines: a rival. Where the strongest line
+    is not folded, lines below the widest comb's own frequency are its own only if they are; where a whole fraction of it holds
+    them as they stand, they are run-out's, and the widest comb that of the teeth that pass. The fraction is taken: a mean over
+    the longer period is one over whole periods of both.
     """
     step, rate = frequency[1], 2 * frequency[-1]
     lines, height, over = _lines(power)
@@ -177,13 +182,26 @@ def find_spindle(frequency: Array, power: Array, stated: float | None = None) ->
     if not combs:
         return None
     best = max(comb.share for comb in combs) - NEARLY
-    found = next(comb for comb in combs if comb.share >= best)
+    widest = next(comb for comb in combs if comb.share >= best)
+    slow = lines < widest.frequency - 1.5 * step
+    found = widest
+    if (_held(widest.frequency, lines[[strongest]], np.ones(1), step)
+            and np.sqrt(height[slow]).sum() > NEARLY * np.sqrt(height).sum()):
+        found = next((comb for comb in combs if comb.share >= best and _divides(comb.frequency, widest.frequency, step)
+                      and _held(comb.frequency, lines[slow], np.sqrt(height[slow]), step) >= CLEAR), widest)
     rivals: list[float] = []
     for comb in combs:
         alike = comb.share >= best or comb.evidence > found.evidence
-        if alike and not any(_divides(comb.frequency, other, step) for other in (found.frequency, *rivals)):
+        if alike and not any(_divides(comb.frequency, other, step) for other in (found.frequency, widest.frequency, *rivals)):
             rivals.append(comb.frequency)
-    return Spindle(found.frequency, found.share, top, float(over[strongest]), left, tuple(rivals))
+    return Spindle(found.frequency, found.share, top, float(over[strongest]), left, tuple(rivals),
+                   None if found is widest else widest.frequency)
+
+
+def _held(first: float, lines: Array, amplitude: Array, step: float) -> float:
+    """The share of the amplitude of lines [Hz] that stand at multiples of `first` [Hz]."""
+    off = np.abs(lines - first * np.round(lines / first))
+    return float(amplitude[off <= 1.5 * step].sum() / amplitude.sum())
 
 
 def _divides(one: float, other: float, step: float) -> bool:

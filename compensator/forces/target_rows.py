@@ -12,6 +12,8 @@ from identification.common.arrays import Array
 
 Indices = NDArray[np.intp]
 BATCHES = 8
+# Of so many batches and more the straight line through them is taken off.
+STRAIGHT = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +57,9 @@ class TargetRows:
         means over `window` samples already (0: they are not).
 
         Samples that follow each other are not independent (tooth passing, the sensor's own filter): the scatter is that of up
-        to 8 consecutive batches a target. Of means over a revolution no batch is shorter than one where there are two, and the
-        scatter is put up by what white noise loses to that mean.
+        to 8 consecutive batches a target. From STRAIGHT of them on it is that about the straight line through them: a force
+        that grows along a stretch is no error of its mean. Of means over a revolution no batch is shorter than one where there
+        are two, and the scatter is put up by what white noise loses to that mean.
         """
         order = np.argsort(self.target, kind="stable")
         rank = np.empty(len(self.target), dtype=np.intp)
@@ -67,26 +70,38 @@ class TargetRows:
         batch = self.target * BATCHES + rank * batches[self.target] // self.rows[self.target]
         size = np.bincount(batch, self.weight, minlength=self.count * BATCHES).reshape(self.count, BATCHES)
         errors = np.full((self.count, 3), np.nan)
+        rise = _rise(batches)
+        by_scatter = _mean_by_scatter(self.samples, batches, window, rise)
         enough = self.rows >= 2
         for axis in range(3):
             total = np.bincount(batch, self.weight * force[:, axis], minlength=self.count * BATCHES).reshape(
                 self.count, BATCHES)
             spread = np.where(size > 0, total / np.maximum(size, 1) - mean[:, axis, None], 0.0)
-            variance = (spread**2).sum(axis=1) / np.maximum(batches - 1, 1) / np.maximum(batches, 1)
-            if window:
-                variance *= _lost_to_mean(self.samples, batches, window)
+            with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers
+                straight = (spread * rise).sum(axis=1)
+                variance = np.maximum((spread**2).sum(axis=1) - straight**2, 0.0) * by_scatter
             errors[enough, axis] = np.sqrt(variance[enough])
         return errors
 
 
-def _lost_to_mean(samples: Array, batches: Indices, window: float) -> Array:
-    """Variance (N,) of the mean of so many samples of white noise after a moving mean over `window`, in units of what batch
-    means make of it: those overlap, and so scatter too little."""
+def _rise(batches: Indices) -> Array:
+    """Unit vectors (N, BATCHES) of what grows evenly over the batches of each target; zeros under STRAIGHT of them."""
+    place = np.arange(BATCHES) - 0.5 * (batches[:, None] - 1)
+    place = np.where((np.arange(BATCHES) < batches[:, None]) & (batches[:, None] >= STRAIGHT), place, 0.0)
+    return np.asarray(place / np.maximum(np.linalg.norm(place, axis=1), 1e-300)[:, None])
+
+
+def _mean_by_scatter(samples: Array, batches: Indices, window: float, rise: Array) -> Array:
+    """Variance (N,) of the mean of so many samples of white noise after a moving mean over `window` (0: none), by the sum of
+    squares of its batch means about their mean, or their line: those overlap, and so scatter too little."""
 
     def variance(length: Array) -> Array:
         longer, shorter = np.maximum(length, window), np.minimum(length, window)
         return np.asarray((1 - shorter / (3 * longer)) / longer)
 
-    several = np.maximum(batches, 2)
+    several, straight = np.maximum(batches, 2), batches >= STRAIGHT
     whole, part = variance(np.maximum(samples, 1)), variance(np.maximum(samples, 1) / several)
-    return np.asarray(whole * (several - 1) / (part - whole))
+    # Neighbours alone overlap where there are more than two batches: what they have in common, part of it along the line.
+    common = np.where(straight, several * (several * whole - part) / (2.0 * (several - 1)), 0.0)
+    along = part + 2.0 * common * (rise[:, 1:] * rise[:, :-1]).sum(axis=1)
+    return np.asarray(whole / (several * (part - whole) - np.where(straight, along, 0.0)))

@@ -94,7 +94,7 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
         findings.append(Finding(
             "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square "
             f"{chi2:.0f} with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
-            "compstiff diagnose on the load tests, or --rows and diagnose on the rows of this part"))
+            "compstiff diagnose on the load tests, and learn again with its --extended file"))
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
     if learning.setup_on:

@@ -171,9 +171,8 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
 # How the force follows the cut: `correct`, and the error budget of `predict`.
 CUT_OPTIONS: tuple[Decorator, ...] = (
     _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
-    _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01), default=1e3 * DEFAULTS.correction.depth_of_cut,
-                show_default=True, help="Across the feed [mm]; where no cutting stiffness is known it says what is expected "
-                "on the part."),
+    _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01), help="Across the feed [mm]; where nothing says more of the "
+                "cut it tells how the force grows."),
     _correction("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     _correction("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
                 "give the cutting stiffness."),

@@ -147,4 +147,4 @@ def test_what_a_prior_needs() -> None:
         "aluminium", "cast_iron", "steel", "superalloy", "hardened_steel")]
     assert order == sorted(order)
     assert all(600 < material.specific < 5000 and 0.19 < material.exponent < 0.31 for material in MATERIALS.values())
-    assert of_force(100.0, 1e-3).value == pytest.approx(50e3 * np.exp(0.32))
+    assert of_force(100.0, 1e-3).value == pytest.approx(75e3 * np.exp(0.32))

@@ -188,6 +188,30 @@ def test_folded_lines_do_not_make_a_slow_spindle(tmp_path, rpm: float, rate: flo
     assert log.revolution == pytest.approx(60 / rpm, rel=1e-3)
 
 
+@pytest.mark.parametrize(("rpm", "rate"), [(2400, 2000.0), (3000, 1000.0), (4800, 2000.0)])
+def test_teeth_whose_rate_folds_onto_the_run_out_are_not_taken_for_the_spindle(tmp_path, rpm: float, rate: float) -> None:
+    """At 2 kHz multiples of 120 Hz, folded back, fall on every multiple of 40 Hz: three teeth look like a spindle of 7200 rpm.
+    Means over a revolution of the one are means over three of the other; those over a tooth would keep the run-out."""
+    count, teeth = 24_000, 3
+    force = milled(rpm, count, rate, teeth)
+    log = read_force_log(written(tmp_path / "a.parquet", force, rate))
+    assert log.revolution == pytest.approx(60 / rpm, rel=2e-3)
+    assert "CS3067" not in codes(log)
+    [said] = [finding for finding in log.findings if finding.code == "CS3242"]
+    assert f"{teeth * rpm}" in said.message
+    edge = int(rate * 60 / rpm)
+    assert (log.force - force.mean(axis=0))[edge:-edge].std(axis=0).max() < 0.1 * force.std(axis=0).max()
+
+
+@pytest.mark.parametrize("runout", [0.0, 0.012])
+def test_that_a_speed_found_may_be_that_of_the_teeth_is_said_unless_it_is_stated(tmp_path, runout: float) -> None:
+    path = written(tmp_path / "a.parquet", milled(9000, 24_000, 4000.0, 3, runout), 4000.0)
+    [said] = [finding for finding in read_force_log(path).findings if finding.code == "CS3242"]
+    assert said.level == "note"
+    assert "--spindle-rpm" in said.hint
+    assert "CS3242" not in codes(read_force_log(path, spindle_rpm=9000))
+
+
 def test_a_stated_speed_without_a_rate_is_not_used_and_said(tmp_path) -> None:
     (tmp_path / "a.csv").write_text("target,fx_n,fy_n,fz_n\n0,1,2,3\n0,2,3,4\n")
     log = read_force_log(tmp_path / "a.csv", spindle_rpm=9000)
@@ -222,9 +246,10 @@ def test_a_long_log_kept_as_means_gives_the_same_means(tmp_path, monkeypatch, ke
     assert_allclose(means, [force[target == k].mean(axis=0) for k in range(40)], atol=1e-9)
 
 
-@pytest.mark.parametrize("turns", [0.6, 1.5, 3.0, 12.0])
-def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: float) -> None:
-    """Steady force and white noise, averaged over revolutions of 40 samples: over 150 targets the means scatter as stated."""
+@pytest.mark.parametrize(("turns", "slope"), [(0.6, 0.0), (1.5, 0.0), (3.0, 0.0), (12.0, 0.0), (4.5, 1.0), (12.0, 1.0)])
+def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: float, slope: float) -> None:
+    """White noise about a force that is steady, or grows by 200 N in five targets, averaged over revolutions of 40 samples:
+    over 150 targets the means scatter as stated."""
     from compensator.forces.placement import place_forces
     from tests.compensator.forces.test_contract_placement import plan
 
@@ -233,12 +258,14 @@ def test_the_stated_error_of_a_mean_is_that_of_white_noise(tmp_path, turns: floa
     for _ in range(30):
         count = int(5 * turns * 40)
         path = tmp_path / "forces.csv"
-        rows = np.column_stack([np.arange(count) * 5 // count, 200 + rng.normal(0, 8, (count, 3))])
+        grows = slope * 200 * (np.arange(count) / count - 0.5)[:, None]
+        target = np.arange(count) * 5 // count
+        rows = np.column_stack([target, 200 + grows + rng.normal(0, 8, (count, 3))])
         path.write_text("target,fx_n,fy_n,fz_n\n" + "\n".join(",".join(f"{x:.6g}" for x in row) for row in rows))
         forces = place_forces(read_force_log(path, ForceLogFile(rate_hz=4000), spindle_rpm=6000), here,
                               here.cell)
         assert forces.samples.sum() == count
-        scatter.append(forces.wrench[1:4, :3] - 200)
+        scatter.append(forces.wrench[1:4, :3] - 200 - np.array([[grows[target == k].mean()] for k in (1, 2, 3)]))
         stated.append(forces.standard_error[1:4])
     ratio = np.sqrt(np.mean(np.square(scatter)) / np.mean(np.square(stated)))
     assert 0.8 < ratio < 1.25

@@ -98,6 +98,35 @@ def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path
     assert nothing < 0.97 * unlearned
 
 
+def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
+    job: ErringJob, stiffness: Path, log: Path, tmp_path: Path
+) -> None:
+    """The second part, milled with the correction of the first log, measured and learned from: the same truth, and a third part
+    that is better still. Without its offsets the part seems to have yielded a fifth of what the log says, and is refused."""
+    found = corrected(job, log, stiffness)
+    second = job.mill(found.commands, part=found.part)
+    offsets = job.offsets(found, "offsets1.csv")
+    pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
+    points = job.measure(second, "points2.csv", part=found.part)
+    words = ("learn", job.cell, job.program, points, "--stiffness", stiffness, "--forces", pass2, "--tare", "0:2", "-o",
+             tmp_path / "learned2.json")
+    done = kit.run(*words, "--logged-with", offsets)
+    assert done.code == 0, done
+    told = figures(tmp_path / "learned2.json")
+    assert abs(told["motion"]["scale"] - MOTION) < 3 * np.hypot(told["motion"]["std"], 0.01)
+    assert told["parts_um"]["left"] < 5.0
+    again = job.correct(pass2, stiffness, settings(logged_with=offsets, learned=tmp_path / "learned2.json", repeats="job"))
+    before, left = left_um(job, again)
+    _, left_by_two = left_um(job, found)
+    assert left < 0.1 * before
+    assert left < 0.25 * left_by_two
+    forgotten = kit.run(*words, "--force")
+    assert (forgotten.code, "CS5310" in forgotten.err, "--logged-with" in forgotten.err) == (3, True, True)
+    (tmp_path / "of_another.csv").write_text("target,ox_mm,oy_mm,oz_mm\n0,0,0,0\n")
+    other = kit.run(*words, "--force", "--logged-with", tmp_path / "of_another.csv")
+    assert (other.code, "CS4121" in other.err) == (1, True)
+
+
 def test_the_other_sign_would_make_it_worse(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
     """What is learned beside the springs, taken off the wrong way: so the test above can fail."""
     content = json.loads(learned.read_text())

@@ -1,0 +1,92 @@
+"""What is expected on the part: the cut by a stated depth, and what is left between targets, against independent figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from compensator.correction.expected_left import _bent
+from tests.runs.milling.milling_job import MillingJob, settings
+from tests.virtual_cell.endmill import EndMill
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
+
+
+def bent(position: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """By the planned positions (N, 3) [m] and the deviations (N, 3) [m] there."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    path = SimpleNamespace(toolpath=position, length=length, rest_from_tcp=SimpleNamespace(position=position),
+                           axes=SimpleNamespace(turned_to_rest=lambda vectors, rows: vectors))
+    return _bent(SimpleNamespace(path=path), SimpleNamespace(targets=np.arange(len(position)), position=deviation))
+
+
+@pytest.mark.parametrize("spacing", [0.4e-3, 1.1e-3])
+def test_a_smooth_deviation_leaves_what_straight_lines_leave_of_it(spacing: float) -> None:
+    place = np.arange(0.0, 40e-3, spacing)
+    wave = np.column_stack([80e-6 * np.sin(place / 4e-3), 0 * place, 30e-6 * np.cos(place / 3e-3)])
+    found = bent(np.column_stack([place, 0 * place, 0 * place]), wave)
+    fine = np.linspace(place[1], place[-2], 20001)
+    true = np.column_stack([80e-6 * np.sin(fine / 4e-3), 0 * fine, 30e-6 * np.cos(fine / 3e-3)])
+    line = np.column_stack([np.interp(fine, place, axis) for axis in wave.T])
+    left = np.sqrt(np.mean(np.sum((true - line) ** 2, axis=1)))
+    assert np.sqrt(np.mean(found[2:-2] ** 2)) == pytest.approx(left, rel=0.15)
+    assert np.isinf(found[[0, 1, -1]]).all(), "where the force begins and ends nothing is said"
+
+
+def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None:
+    """A circle of 60 chords; on each the push is square to it, at a target the mean of both sides."""
+    angle = 2 * np.pi * np.arange(61) / 60
+    ring = 10e-3 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    middle = angle[:-1] + np.pi / 60
+    push = 100e-6 * np.column_stack([np.cos(middle), np.sin(middle), 0 * middle])
+    at_target = 0.5 * (push[:-1] + push[1:])
+    found = bent(ring[1:-1], at_target)
+    share = np.linspace(0, 1, 201)[:, None]
+    left = [np.sqrt(np.mean(np.sum((push[k] - (1 - share) * at_target[k - 1] - share * at_target[k]) ** 2, axis=1)))
+            for k in range(1, 59)]
+    assert found[2:-2] == pytest.approx(np.mean(left), rel=0.1)
+
+
+@pytest.mark.parametrize("allowance", [0.8, 1.5])
+def test_a_stated_depth_tells_the_cutting_stiffness_of_the_end_mill(tmp_path: Path, allowance: float) -> None:
+    """How the push across of the virtual cell's own end mill grows at the wall; the tool that was logged stood aside."""
+    job = MillingJob(tmp_path, 4, part=slot_and_pocket(spacing_mm=1.5, allowance_mm=allowance))
+    stiffness = job.identify()
+    made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1e-3 * allowance))
+    found = made.job.stiffness
+    mill = EndMill()
+
+    def push(depth: float) -> float:
+        return float(mill.mean_force(mill.coverage(-mill.rim_mm[:, 1] - (mill.radius_mm - depth)), 4.0)[1])
+
+    truth = 1e3 * (push(allowance + 0.05) - push(allowance - 0.05)) / 0.1
+    assert found.origin == "depth"
+    assert found.climb_only
+    assert found.followed
+    assert abs(found.value - truth) < found.std
+    assert found.std < 0.35 * found.value
+
+
+def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
+    """What the growing force really leaves in the slot, the force of the first pass held against it, and what is stated."""
+    job = MillingJob(tmp_path, 4)
+    stiffness = job.identify()
+    made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1.5e-3))
+    first = job.first_with(made.part)
+    follows, held = job.mill(made.commands, part=made.part), job.mill(made.commands, first.force_n, part=made.part)
+    slot = first.steps.place == PLACES.index("slot")
+    real = np.linalg.norm(follows.off_um - held.off_um, axis=1)[slot]
+    stated = np.zeros(len(made.part.target_mm))
+    stated[made.job.correction.targets] = 1e6 * made.job.left.cut
+    ratio = np.median(first.steps.between(stated)[slot]) / np.median(real)
+    assert 0.5 < ratio < 2.5
+
+
+def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
+    job = MillingJob(tmp_path, 4, part=slot_and_pocket(pocket=False))
+    stiffness = job.identify()
+    made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1.5e-3))
+    assert made.job.stiffness is None
+    assert "CS3241" in [finding.code for finding in made.job.findings]
