@@ -124,8 +124,9 @@ def correct(planned: Predicted) -> Corrected:
     """The corrected program: zones, intermediate targets, the forces that the corrected pass meets, the correction under them,
     the text, and what it commands.
 
-    Raises CompstiffError (CS0060) where the robot's controller does not run RAPID, and what `logged_pass`, `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise;
-    Refused (CS3086) where nothing was corrected: nobody may take the planned text for a corrected one.
+    Raises CompstiffError (CS0060) where the robot's controller does not run RAPID, and what `logged_pass`,
+    `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise; Refused (CS3086) where
+    nothing was corrected: nobody may take the planned text for a corrected one.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)

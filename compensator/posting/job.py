@@ -48,7 +48,8 @@ def post_files(
     """Posts an APT or CSV toolpath; nothing is written. The record stands beside output.
 
     Raises CompstiffError: CS4201 (a format that is not posted), CS0003 (a file is there already, and not `overwrite`), CS0006
-    (an output is an input), CS0060 (another maker's robot), and what `read_cell`, `read_cam_path`, `post` and `split_files` raise.
+    (an output is an input), CS0060 (another maker's robot), and what `read_cell`, `read_cam_path`, `post` and `split_files`
+    raise.
 
     >>> from pathlib import Path
     >>> posted = compstiff.post_files(Path("post.yaml"), Path("part.apt"), Path("part.mod"), compstiff.Settings().posting)

@@ -38,7 +38,8 @@ class PlannedProgram:
 def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_POSTED) -> PlannedProgram:
     """Reads a toolpath by its suffix; APT and CSV are posted first (post.py).
 
-    Raises CompstiffError: CS4201 for formats that are not read, CS0060 for RAPID and a robot of another maker, and what the readers and `post` raise.
+    Raises CompstiffError: CS4201 for formats that are not read, CS0060 for RAPID and a robot of another maker, and what the
+    readers and `post` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program = compstiff.read_toolpath("insert.mod", cell)

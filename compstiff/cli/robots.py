@@ -16,8 +16,8 @@ from compstiff.outcome import DONE, REFUSED, Outcome, Session, call
 def robots(session: Session, file: Path | None) -> Outcome:
     """List the built-in robots, or check a robot file.
 
-    --check looks at units, axes, limits, the inverse kinematics, the reach and the poses that the data sheet states, and at what
-    names no source. Exit code 3 where something in the file is wrong.
+    --check looks at units, axes, limits, the inverse kinematics, the reach and the poses that the data sheet states, and at
+    what names no source. Exit code 3 where something in the file is wrong.
     """
     return _listed() if file is None else _checked(session, file)
 

@@ -9,7 +9,7 @@ RAPID_MAKERS = ("", "ABB")          # "": a robot file that names no maker is ta
 
 
 def check_rapid(robot: RobotModel, doing: str, file: str | None = None) -> None:
-    """Raises CompstiffError (CS0060) where the robot's controller does not run RAPID. doing: what wanted it; file: which it is."""
+    """Raises CompstiffError (CS0060) where the robot's controller does not run RAPID. doing: what wants it; file: where."""
     if robot.manufacturer.strip().upper() not in RAPID_MAKERS:
         raise error("CS0060", f"{doing}: RAPID runs on ABB controllers, the cell's robot {robot.name} is made by "
                     f"{robot.manufacturer}", file=file or str(robot.source),

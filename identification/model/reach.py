@@ -11,8 +11,8 @@ from identification.model.kinematics import chain
 from identification.model.robot import RobotModel
 
 Array = NDArray[np.float64]
-# Places of joint 2 and of joint 3 on the grid, how often the surroundings of the best are looked at anew, and how many steps of the
-# grid to either side of it.
+# Places of joint 2 and of joint 3 on the grid, how often the surroundings of the best are looked at anew, and how many steps of
+# the grid to either side of it.
 PLACES, CLOSER, AROUND = 73, 7, 4
 
 

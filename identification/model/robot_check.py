@@ -105,13 +105,14 @@ def _units(robot: RobotModel) -> Checked:
     size = float(np.sum(np.abs(robot.a) + np.abs(robot.d)))
     if not SMALLEST_M <= size <= LARGEST_M:
         found.append(_finding(robot, "CS0062", f"all lengths together are {1e3 * size:.6g} mm; of a milling arm "
-                              f"{1e3 * SMALLEST_M:g} to {1e3 * LARGEST_M:g} mm are expected", "a_mm and d_mm are in millimetres"))
+                              f"{1e3 * SMALLEST_M:g} to {1e3 * LARGEST_M:g} mm are expected",
+                              "a_mm and d_mm are in millimetres"))
     turns = {"limits_deg": np.abs(robot.limits), "speed_deg_s": robot.speed}
     for key, values in turns.items():
         largest = float(np.degrees(values.max()))
         if largest < RADIANS:
-            found.append(_finding(robot, "CS0062", f"the largest {key} of all joints is {largest:.4g}; more than {RADIANS:g} is "
-                                  "expected", "it seems to be in radians: multiply by 57.2958"))
+            found.append(_finding(robot, "CS0062", f"the largest {key} of all joints is {largest:.4g}; more than {RADIANS:g} "
+                                  "is expected", "it seems to be in radians: multiply by 57.2958"))
     fastest = float(np.degrees(robot.speed.max()))
     if fastest > FASTEST:
         found.append(_finding(robot, "CS0062", f"the largest speed_deg_s is {fastest:.4g}; at most {FASTEST:g} is expected",
@@ -131,7 +132,7 @@ def _units(robot: RobotModel) -> Checked:
 def poses_inside(robot: RobotModel, count: int, seed: int = 0) -> Array:
     """Random joint angles (at most count, 6) [rad] inside the limits and the window; fewer where the window leaves few."""
     tried = np.random.default_rng(seed).uniform(robot.limits[:, 0], robot.limits[:, 1], (20 * count, 6))
-    return tried[(robot.limit_excess(tried) == 0).all(axis=1)][:count]
+    return np.asarray(tried[(robot.limit_excess(tried) == 0).all(axis=1)][:count])
 
 
 def _limits(robot: RobotModel) -> Checked:
@@ -172,7 +173,7 @@ def _geometry(robot: RobotModel) -> Iterator[Checked]:
     turned = np.linalg.norm(rotation_vector(np.swapaxes(flange.rotation, 1, 2) @ again.rotation), axis=1)
     lost = int(np.sum(~((off < CLOSES) & (turned < CLOSES))))
     found = () if not lost else (_finding(
-        robot, "CS0061", f"at {lost} of {len(theta)} poses inside the limits the inverse kinematics does not give the pose back",
+        robot, "CS0061", f"at {lost} of {len(theta)} poses inside the limits the inverse kinematics gives another pose",
         "please report this file: the structure was taken for one with a closed inverse"),)
     yield Checked("inverse", f"{len(theta)} random poses inside the limits, given back to {np.nanmax(off):.1g} m, "
                   f"{np.nanmax(turned):.1g} rad", found)
@@ -196,7 +197,8 @@ def _reach(robot: RobotModel, described: RobotFile) -> Checked:
     words = f"{found:.1f} mm from {sheet.reach_from}: the wrist centre's largest distance inside the limits"
     if sheet.reach_mm is None:
         return Checked("reach", words, (_finding(
-            robot, "CS0066", "no reach of the data sheet to hold the geometry against", "state data_sheet.reach_mm", "warning"),))
+            robot, "CS0066", "no reach of the data sheet to hold the lengths against", "state data_sheet.reach_mm",
+            "warning"),))
     off = found - sheet.reach_mm
     words += f"; stated {sheet.reach_mm:g} mm, {off:+.1f}"
     if abs(off) <= sheet.reach_tolerance_mm:
@@ -213,7 +215,7 @@ def _reach(robot: RobotModel, described: RobotFile) -> Checked:
 def _poses(robot: RobotModel, described: RobotFile) -> Iterator[Checked]:
     if not described.poses:
         yield Checked("poses", "none stated", (_finding(
-            robot, "CS0066", "no example pose to hold the forward kinematics against: signs and zeros of the joints are unproved",
+            robot, "CS0066", "no pose to hold the forward kinematics against: signs and zeros of the joints are unproved",
             "copy one or two poses of the data sheet, or read them on the pendant, into poses:", "warning"),))
     for number, pose in enumerate(described.poses, 1):
         yield _pose(robot, number, pose)
@@ -223,9 +225,10 @@ def _pose(robot: RobotModel, number: int, pose: PoseFile) -> Checked:
     theta = np.radians([pose.joints_deg])
     frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T))
     findings, words = [], []
-    for key, stated, at in (("flange", pose.flange_mm, frames.origins[5, :, 0]), ("wrist", pose.wrist_mm, frames.origins[4, :, 0])):
+    for key, stated, origin in (("flange", pose.flange_mm, 5), ("wrist", pose.wrist_mm, 4)):
         if stated is None:
             continue
+        at = frames.origins[origin, :, 0]
         off = float(np.linalg.norm(1e3 * at - np.array(stated)))
         words.append(f"{key} off by {off:.3f} mm")
         if off > pose.tolerance_mm:
@@ -245,7 +248,7 @@ def _pose(robot: RobotModel, number: int, pose: PoseFile) -> Checked:
     outside = robot.limit_excess(theta)[0]
     if (outside > 1e-9).any():
         joints = [str(j + 1) if j < 6 else "window" for j in np.flatnonzero(outside > 1e-9)]
-        findings.append(_finding(robot, "CS0067", f"pose {number} lies outside the limits of the file: joint {', '.join(joints)}",
+        findings.append(_finding(robot, "CS0067", f"pose {number} is outside the limits of the file: joint {', '.join(joints)}",
                                  "the limits or the pose are of another variant, or counted otherwise", "warning"))
     if pose.source is None:
         findings.append(_unsourced(robot, f"poses[{number - 1}].source"))

@@ -135,5 +135,5 @@ class RobotFile(Strict):
         if self.joints is None and (self.coupling is not None or self.links is not None or self.poses):
             raise ValueError("coupling, links and poses need joints; received none")
         if self.coupling is not None and not self.coupling.rod and self.load_path == "drive":
-            raise ValueError("load_path must be serial where only the controller couples the angles (rod: false); received drive")
+            raise ValueError("load_path must be serial where the controller alone couples (rod: false); received drive")
         return self

@@ -67,8 +67,7 @@ BROKEN = [
     ("speeds a minute", KUKA, scaled("speed_deg_s", 60), "CS0062", "not a minute"),
     ("twists in radians", KUKA, scaled("alpha_deg", np.pi / 180), "CS0062", "1.5708 is 90"),
     ("prior in N m/arcmin", KUKA, scaled("stiffness_nm_per_rad", 1 / 3437.75), "CS0062", "3437.75"),
-    ("an offset wrist", KUKA, swap("a_mm: 0,    d_mm: 0,    offset_deg: 0,   sense: 1,  limits_deg: [-125",
-                                   "a_mm: 40,  d_mm: 0,    offset_deg: 0,   sense: 1,  limits_deg: [-125"), "CS0061", "a of joints 1, 5"),
+    ("an offset wrist", KUKA, swap("alpha_deg: 90,  a_mm: 0, ", "alpha_deg: 90,  a_mm: 40,"), "CS0061", "a of joints 1, 5"),
     ("an offset shoulder", KUKA, swap("a_mm: 350,  d_mm: 0", "a_mm: 350,  d_mm: 50"), "CS0061", "d of joints 2, 3 and 5"),
     ("axis 3 across", KUKA, swap("alpha_deg: 0,   a_mm: 1150", "alpha_deg: 90,  a_mm: 1150"), "CS0061", "0 or 180"),
     ("a wrong lower arm", KUKA, swap("a_mm: 1150", "a_mm: 1250"), "CS0063", "2700 mm"),
@@ -87,7 +86,8 @@ BROKEN = [
     ("coupling the other way", "m710ic-50", swap("ratio: -1", "ratio: 1"), "CS0064", "coupling"),
     ("a wrong wrist", "irb6620-150-2.20", swap("wrist_mm: [1207", "wrist_mm: [1209"), "CS0064", "wrist_mm"),
     ("a pose of another variant", KUKA, swap("joints_deg: [20, -80", "joints_deg: [20, -3"), "CS0067", "joint 2"),
-    ("a window that leaves nothing", "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [170, 175]"), "CS0068", "leaves"),
+    ("a window that leaves nothing", "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [170, 175]"), "CS0068",
+     "leaves"),
     ("no source of the limits", KUKA, without("limits"), "CS0065", "sources.limits"),
     ("no source of the coupling", "m710ic-50", without("coupling"), "CS0065", "sources.coupling"),
     ("no source of the data sheet", KUKA, without("data_sheet"), "CS0065", "sources.data_sheet"),
@@ -117,7 +117,8 @@ def test_each_break_is_found(name: str, change: Callable[[str], str], code: str,
     ("flange_mm: [", "flange_m: [", "flange_m"),
     ("reach_from: axis 1", "reach_from: axis 3", "axis 1"),
     ("load_path: serial", "load_path: serial\ncoupling: {joint: 3, driven_by: 3, ratio: 1}", "driven by itself"),
-    ("load_path: serial", "load_path: drive\ncoupling: {joint: 3, driven_by: 2, ratio: -1, rod: false}", "load_path must be serial"),
+    ("load_path: serial", "load_path: drive\ncoupling: {joint: 3, driven_by: 2, ratio: -1, rod: false}",
+     "load_path must be serial"),
     ("geometry: \"", "geometri: \"", "geometri"),
 ])
 def test_what_is_no_robot_file_is_refused_with_its_place(old: str, new: str, words: str, tmp_path: Path) -> None:
@@ -153,7 +154,8 @@ def planar_reach(name: str, steps: int = 2001) -> float:
         best = 0.0
         for second in q2:
             # the forearm's slope against the horizontal is J3 itself, positive upwards
-            best = max(best, float(np.abs(origins[1][0] + lower[2] * np.sin(second) + elbow[0] * np.cos(q3) - elbow[2] * np.sin(q3)).max()))
+            away = origins[1][0] + lower[2] * np.sin(second) + elbow[0] * np.cos(q3) - elbow[2] * np.sin(q3)
+            best = max(best, float(np.abs(away).max()))
         return best
     at = origins[0][0] + origins[1][0] + lower[0] * np.cos(q2) + lower[2] * np.sin(q2)
     both = q2[:, None] + q3

@@ -1,7 +1,7 @@
 """Arms as public URDF files state them: the origin and the axis of each joint, chained by plain rotations.
 
-Shares nothing with the packages: no Denavit-Hartenberg frames, none of their code, none of their robot files. Numbers are those of
-the files named, in metres; each joint's frame is parallel to its parent's at zero, as in all of these files.
+Shares nothing with the packages: no Denavit-Hartenberg frames, none of their code, none of their robot files. Numbers are those
+of the files named, in metres; each joint's frame is parallel to its parent's at zero, as in all of these files.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ ARMS = {
     "irb4600-40-2.55": _abb("abb_irb4600_support/urdf/irb4600_40_255_macro.xacro", 0.495, 0.175, 1.095, 0.175, 1.270, 0.135),
     "irb4600-60-2.05": _abb("abb_irb4600_support/urdf/irb4600_60_205_macro.xacro", 0.495, 0.175, 0.9, 0.175, 0.960, 0.135),
     "irb6640-185-2.80": _abb("abb_irb6640_support/urdf/irb6640_185_280_macro.xacro", 0.780, 0.320, 1.075, 0.2, 1.392, 0.2),
-    "irb6650s-125-3.50": _abb("abb_irb6650s_support/urdf/irb6650s_125_350_macro.xacro", 0.630, 0.600, 1.280, 0.200, 1.592, 0.200),
+    "irb6650s-125-3.50": _abb("abb_irb6650s_support/urdf/irb6650s_125_350_macro.xacro", 0.630, 0.600, 1.280, 0.2, 1.592, 0.2),
     "irb6650s-90-3.90": _abb("abb_irb6650s_support/urdf/irb6650s_90_390_macro.xacro", 0.630, 0.600, 1.280, 0.200, 2.042, 0.200),
     "irb6700-200-2.60": _abb("abb_irb6700_support/urdf/irb6700_200_260_macro.xacro", 0.78, 0.32, 1.125, 0.2, 1.1425, 0.2),
     "irb6700-235-2.65": _abb("abb_irb6700_support/urdf/irb6700_235_265_macro.xacro", 0.78, 0.32, 1.135, 0.2, 1.1825, 0.2),

@@ -17,15 +17,15 @@ from tests.support import compstiff
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/robots.md").read_text()
-KUKA = "robot: {}\ntool: {{position_mm: [100, 0, 200]}}\n"
+CELL = "robot: {}\ntool: {{position_mm: [100, 0, 200]}}\n"
 TOOL = np.array([0.1, 0, 0.2])
 STIFFNESS = np.array([1.6e6, 3.1e6, 2.4e6, 0.6e6, 0.4e6, 0.12e6])
 # Poses in front of the arm, as pendants show them [deg].
 POSES = {
-    "kr210-r2700-extra": ([0, -75, 100, 20, 60, 30], [35, -95, 115, -40, -50, -60], [-50, -60, 90, 60, 70, 10], [15, -110, 130, 10, -70, 90],
-                          [-20, -85, 80, -30, 45, -120], [60, -70, 120, 80, -60, 45]),
-    "r2000ic-210f": ([0, -10, -20, 20, 60, 30], [35, 20, -45, -40, -50, -60], [-50, 40, -10, 60, 70, 10], [15, -20, 5, 10, -70, 90],
-                     [-20, 5, -50, -30, 45, -120], [60, 30, -30, 80, -60, 45]),
+    "kr210-r2700-extra": ([0, -75, 100, 20, 60, 30], [35, -95, 115, -40, -50, -60], [-50, -60, 90, 60, 70, 10],
+                          [15, -110, 130, 10, -70, 90], [-20, -85, 80, -30, 45, -120], [60, -70, 120, 80, -60, 45]),
+    "r2000ic-210f": ([0, -10, -20, 20, 60, 30], [35, 20, -45, -40, -50, -60], [-50, 40, -10, 60, 70, 10],
+                     [15, -20, 5, 10, -70, 90], [-20, 5, -50, -30, 45, -120], [60, 30, -30, 80, -60, 45]),
 }
 
 
@@ -57,8 +57,8 @@ def test_another_makers_robot_is_identified_from_its_own_angles(name: str, tmp_p
         for force in 300 * np.vstack([np.eye(3), -np.eye(3)]):
             shift = 1e6 * deflection(name, np.array(pose, dtype=float), force) + rng.normal(0, 1.0, 3)
             rows.append(",".join(f"{x:.4f}" for x in (*pose, *force, *shift)) + f",{number}")
-    (tmp_path / "cell.yaml").write_text(KUKA.format(name) + "measurement: {deflection_std_um: [1, 1, 1], force_std_n: [0.1, 0.1, 0.1],\n"
-                                        "  pose_offset_std_um: [1, 1, 1]}\n")
+    stated = "measurement: {deflection_std_um: [1, 1, 1], force_std_n: [0.1, 0.1, 0.1], pose_offset_std_um: [1, 1, 1]}\n"
+    (tmp_path / "cell.yaml").write_text(CELL.format(name) + stated)
     (tmp_path / "m.csv").write_text("\n".join(rows) + "\n")
     done = compstiff("identify", "cell.yaml", "m.csv", "-o", "stiffness.json", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -71,26 +71,25 @@ def test_another_makers_robot_is_identified_from_its_own_angles(name: str, tmp_p
 
 
 def cell_and_files(folder: Path, robot: str) -> None:
-    (folder / "cell.yaml").write_text(KUKA.format(robot) + "workobject: {position_mm: [1500, 0, 900], quaternion: [1, 0, 0, 0]}\n")
+    (folder / "cell.yaml").write_text(
+        CELL.format(robot) + "workobject: {position_mm: [1500, 0, 900], quaternion: [1, 0, 0, 0]}\n")
     rows = [f"{x},{0},{0},0,0,1,0,20,0" for x in range(0, 100, 10)]
     (folder / "path.csv").write_text("x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s,rapid\n" + "\n".join(rows) + "\n")
     (folder / "path.forces.csv").write_text("target,fx_n,fy_n,fz_n\n" + "\n".join(f"{n},60,90,-120" for n in range(10)) + "\n")
     (folder / "part.mod").write_bytes((ROOT / "samples/insert.mod").read_bytes())
-    parameters = [{"name": f"k{j + 1}", "unit": "N*m/rad", "estimate": float(k), "std": 0.02 * float(k), "interval_95": [0.9 * k, 1.1 * k],
-                   "grade": "reliable"} for j, k in enumerate(STIFFNESS)]
+    parameters = [{"name": f"k{j + 1}", "unit": "N*m/rad", "estimate": float(k), "std": 0.02 * float(k),
+                   "interval_95": [0.9 * k, 1.1 * k], "grade": "reliable"} for j, k in enumerate(STIFFNESS)]
     covariance = np.diag((0.02 * STIFFNESS) ** 2).tolist()
     (folder / "stiffness.json").write_text(json.dumps({
         "format": "compstiff-stiffness", "version": 1, "robot": robot, "load_path": "serial", "parameters": parameters,
         "covariance": covariance}))
 
 
+MODEL = ["--stiffness", "stiffness.json", "--forces", "path.forces.csv"]
 RAPID = {
-    "predict of a RAPID program": ["predict", "cell.yaml", "part.mod", "--stiffness", "stiffness.json", "--forces", "path.forces.csv",
-                                   "-o", "out.csv"],
-    "correct of a RAPID program": ["correct", "cell.yaml", "part.mod", "--stiffness", "stiffness.json", "--forces", "path.forces.csv",
-                                   "-o", "out.mod"],
-    "correct of a table": ["correct", "cell.yaml", "path.csv", "--stiffness", "stiffness.json", "--forces", "path.forces.csv",
-                           "--tare", "0:1", "--trust-tare", "-o", "out.mod"],
+    "predict of a RAPID program": ["predict", "cell.yaml", "part.mod", *MODEL, "-o", "out.csv"],
+    "correct of a RAPID program": ["correct", "cell.yaml", "part.mod", *MODEL, "-o", "out.mod"],
+    "correct of a table": ["correct", "cell.yaml", "path.csv", *MODEL, "--tare", "0:1", "--trust-tare", "-o", "out.mod"],
     "post": ["post", "cell.yaml", "path.csv", "-o", "out.mod"],
     "design --rapid": ["design", "cell.yaml", "-o", "plan.csv", "--measurements", "2", "--quick", "--rapid", "out.mod"],
 }
@@ -113,15 +112,15 @@ def test_rapid_is_refused_for_another_makers_robot(call: list[str], robot: str, 
 def test_a_table_is_predicted_for_another_makers_robot(name: str, tmp_path: Path) -> None:
     """The deviation is the one that the URDF's own chain has under the same force, at the pendant's angles in the table."""
     cell_and_files(tmp_path, name)
-    force, poses = np.array([60.0, 90, -120]), np.array(POSES[name][0]) + np.outer(np.arange(10), [0.4, 0.2, -0.3, 0.5, 0.3, 0.4])
+    force = np.array([60.0, 90, -120])
+    poses = np.array(POSES[name][0]) + np.outer(np.arange(10), [0.4, 0.2, -0.3, 0.5, 0.3, 0.4])
     rows = ["x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s," + ",".join(f"q{j}_deg" for j in range(1, 7))]
     for pose in poses:
         place = 1e3 * tcp(name, pose) - [1500, 0, 900]
         x, y, z, w = Rotation.from_matrix(ARMS[name].flange(pose)[1]).as_quat()
         rows.append(",".join(f"{value:.9g}" for value in (*place, w, x, y, z, 20, *pose)))
     (tmp_path / "path.csv").write_text("\n".join(rows) + "\n")
-    done = compstiff("predict", "cell.yaml", "path.csv", "--stiffness", "stiffness.json", "--forces", "path.forces.csv",
-                     "-o", "out.csv", "--json", cwd=tmp_path)
+    done = compstiff("predict", "cell.yaml", "path.csv", *MODEL, "-o", "out.csv", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout
     found = np.array([[float(row[key]) for key in ("dx_um", "dy_um", "dz_um")] for row in kit.table(tmp_path / "out.csv")])
     wanted = 1e6 * np.array([deflection(name, pose, force) for pose in poses])
