@@ -34,7 +34,8 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, d
     for name, units in UNITS.items():
         folder = tmp_path_factory.mktemp(name)
         cell = write_cell(folder, CELL + units)
-        found[name] = folder, run(cell, "-o", folder / "plan.csv", "--measurements", 2, "--quick", "--rapid", folder / "plan.mod")
+        found[name] = folder, run(cell, "-o", folder / "plan.csv", "--measurements", 2, "--quick",
+                                  "--rapid", folder / "plan.mod")
     return found
 
 
