@@ -194,6 +194,8 @@ def _reach(robot: RobotModel, described: RobotFile) -> Checked:
     sheet = described.data_sheet
     axis: Any = 1 if sheet.reach_from == "axis 1" else 2
     found = 1e3 * reach(robot, axis)
+    if not np.isfinite(found):
+        return Checked("reach", "no angle of joints 2 and 3 lies inside the limits and the window")
     words = f"{found:.1f} mm from {sheet.reach_from}: the wrist centre's largest distance inside the limits"
     if sheet.reach_mm is None:
         return Checked("reach", words, (_finding(

@@ -130,6 +130,12 @@ def test_what_is_no_robot_file_is_refused_with_its_place(old: str, new: str, wor
     assert any(finding.line for finding in refused.value.findings)
 
 
+def test_a_window_that_no_angle_meets_is_said_once(tmp_path: Path) -> None:
+    check = checked(tmp_path, "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [300, 310]"))
+    assert [finding.code for finding in check.findings if finding.level == "error"] == ["CS0068"]
+    assert "nan" not in " ".join(check.lines())
+
+
 def test_a_pose_that_says_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CompstiffError, match="must say flange_mm, wrist_mm or quaternion"):
         checked(tmp_path, KUKA, lambda t: t.partition("poses:")[0] + "poses: [{joints_deg: [0, 0, 0, 0, 0, 0], source: x}]\n")

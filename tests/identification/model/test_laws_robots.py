@@ -8,8 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identification.model.compliance import equilibrium
+from identification.model.effects import effects
 from identification.model.inverse import inverse
 from identification.model.kinematics import forward, jacobian
+from identification.model.load_state import load_state
 from identification.model.robot import RobotModel, built_in_robots, read_robot
 from identification.model.robot_check import check_robot
 from identification.model.rotations import Frame
@@ -144,3 +146,27 @@ def test_how_angles_are_counted_changes_nothing_physical(name: str, load_path: s
     columns = jacobian(plain, theta, TOOL), jacobian(other, theta * senses, TOOL)
     assert_allclose(*(np.einsum("nij,j,nkj->nik", each, compliance, each) for each in columns), atol=1e-15)
     assert np.abs(columns[0]).max() > 0.5
+
+
+def test_a_controller_s_coupling_is_no_parallel_rod(tmp_path: Path) -> None:
+    """FANUC's pendant couples J2 and J3, its arm does not: no effect takes it for a rod, and none depends on how J3 is counted."""
+    text = built_in_robots()["m710ic-50"].read_text().partition("data_sheet:")[0]
+    plain = re.sub(r"coupling: .*\n", "", text)
+    assert plain != text
+    (tmp_path / "one.yaml").write_text(text)
+    (tmp_path / "two.yaml").write_text(plain)
+    pendant, serial = read_robot(tmp_path / "one.yaml"), read_robot(tmp_path / "two.yaml")
+    theta = random_poses(pendant, 40, np.random.default_rng(16))
+    counted = theta.copy()
+    counted[:, 2] += counted[:, 1]                      # against the lower arm
+    wrench = np.random.default_rng(17).normal(0, 300, (40, 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
+    rows = [load_state(model, TOOL, angles, wrench, 1 / model.prior.stiffness)
+            for model, angles in ((pendant, theta), (serial, counted))]
+    assert effects()["parallelogram"].missing(rows[0])
+    rod = robot("irb6660-205-1.90")
+    poses = random_poses(rod, 40, np.random.default_rng(18))
+    assert not effects()["parallelogram"].missing(load_state(rod, TOOL, poses, wrench, 1 / rod.prior.stiffness))
+    bending = effects()["link_bending"]
+    bent = [bending.contribution(each, 2, np.array([1e-7])) for each in rows]
+    assert np.abs(bent[0]).max() > 1e-6
+    assert_allclose(bent[0], bent[1], atol=1e-15)

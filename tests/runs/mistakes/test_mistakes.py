@@ -105,6 +105,19 @@ def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
     assert "robot: irb7600-150-3.50" in (tmp_path / "mended.yaml").read_text()
 
 
+def test_angles_from_ros_on_a_fanuc_are_named(tmp_path: Path) -> None:
+    """There J3 is counted against the lower arm, not against the horizontal as on the pendant."""
+    pendant = right(13, "m710ic-50")
+    theta = pendant.theta.copy()
+    theta[:, 2] += theta[:, 1]
+    cell, table = replace(pendant, theta=theta).write(tmp_path)
+    found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
+    assert found["verdict"] == "mistake"
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["joint_coupling"]
+    mended = read_measurements(tmp_path / "mended.csv", read_cell(cell).robot)
+    np.testing.assert_allclose(np.degrees(mended.theta), pendant.theta, atol=1e-6)
+
+
 @pytest.mark.parametrize(("robot", "maker"), [("kr210-r2700-extra", "KUKA"), ("irb6700-235-2.65", "ABB")])
 def test_rows_are_held_against_robots_of_the_same_maker(tmp_path: Path, robot: str, maker: str) -> None:
     case = right(12, robot)
