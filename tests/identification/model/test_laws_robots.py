@@ -151,14 +151,15 @@ def test_how_angles_are_counted_changes_nothing_physical(name: str, load_path: s
 def test_a_controller_s_coupling_is_no_parallel_rod(tmp_path: Path) -> None:
     """FANUC's pendant couples J2 and J3, its arm does not: no effect takes it for a rod, and none depends on how J3 is counted."""
     text = built_in_robots()["m710ic-50"].read_text().partition("data_sheet:")[0]
-    plain = re.sub(r"coupling: .*\n", "", text)
+    plain = re.sub(r"coupling: .*\n|sense: -?1, *", "", text)
     assert plain != text
     (tmp_path / "one.yaml").write_text(text)
     (tmp_path / "two.yaml").write_text(plain)
     pendant, serial = read_robot(tmp_path / "one.yaml"), read_robot(tmp_path / "two.yaml")
     theta = random_poses(pendant, 40, np.random.default_rng(16))
-    counted = theta.copy()
-    counted[:, 2] += counted[:, 1]                      # against the lower arm
+    counted = theta * [1, 1, -1, -1, -1, -1]           # by the frames' own axes, the forearm against the lower arm
+    counted[:, 2] -= theta[:, 1]
+    assert np.array_equal(serial.coupling, np.eye(6))
     wrench = np.random.default_rng(17).normal(0, 300, (40, 6)) * [1, 1, 1, 0.1, 0.1, 0.1]
     rows = [load_state(model, TOOL, angles, wrench, 1 / model.prior.stiffness)
             for model, angles in ((pendant, theta), (serial, counted))]
