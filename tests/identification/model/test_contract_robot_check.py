@@ -174,7 +174,7 @@ def test_reach_is_the_brute_force_one(name: str) -> None:
 
 
 def test_reach_obeys_the_rod(tmp_path: Path) -> None:
-    """Where the rod's window is narrow the arm does not stretch: the forearm stays within 50 degrees of square to the lower arm."""
+    """Where the rod's window is narrow the arm does not stretch: the forearm stays near square to the lower arm."""
     path = tmp_path / "narrow.yaml"
     path.write_text(swap("window_deg: [-70, 70]", "window_deg: [-50, 50]")(built_in_robots()["irb6660-205-1.90"].read_text()))
     model = read_robot(path)

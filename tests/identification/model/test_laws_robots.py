@@ -149,7 +149,7 @@ def test_how_angles_are_counted_changes_nothing_physical(name: str, load_path: s
 
 
 def test_a_controller_s_coupling_is_no_parallel_rod(tmp_path: Path) -> None:
-    """FANUC's pendant couples J2 and J3, its arm does not: no effect takes it for a rod, and none depends on how J3 is counted."""
+    """FANUC's pendant couples J2 and J3, its arm does not: no effect takes it for a rod."""
     text = built_in_robots()["m710ic-50"].read_text().partition("data_sheet:")[0]
     plain = re.sub(r"coupling: .*\n|sense: -?1, *", "", text)
     assert plain != text
