@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from identification.measurements import read_measurements
     from identification.model.cell import read_cell
     from identification.model.robot import built_in_robots
+    from identification.model.robot_check import check_robot
     from identification.model.stiffness_file import read_stiffness
     from identification.motion.diagnosis import diagnose_joint_logs
     from identification.motion.fit import fit_joint_logs
@@ -93,6 +94,7 @@ _FILES = {
     "identification.measurements": ("read_measurements",),
     "identification.model.cell": ("read_cell",),
     "identification.model.robot": ("built_in_robots",),
+    "identification.model.robot_check": ("check_robot",),
     "identification.model.stiffness_file": ("read_stiffness",),
     "identification.motion.diagnosis": ("diagnose_joint_logs",),
     "identification.motion.fit": ("fit_joint_logs",),
@@ -101,11 +103,11 @@ _FILES = {
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
     "Address", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
-    "built_in_robots", "convert_log", "correct", "correct_files", "correct_programs", "design_plan", "deviation_csv",
-    "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "learn",
-    "milling_poses", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_learned",
-    "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload",
-    "upload", "verify", "watch_folder", "write",
+    "built_in_robots", "check_robot", "convert_log", "correct", "correct_files", "correct_programs", "design_plan",
+    "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness",
+    "judge_plan", "learn", "milling_poses", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell",
+    "read_force_log", "read_learned", "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath",
+    "report", "still_payload", "upload", "verify", "watch_folder", "write",
 ]
 
 

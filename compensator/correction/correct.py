@@ -24,6 +24,7 @@ from compensator.correction.settings import DEPTH
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
+from identification.model.controller import check_rapid
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -124,8 +125,9 @@ def correct(planned: Predicted) -> Corrected:
     """The corrected program: zones, intermediate targets, the forces that the corrected pass meets, the correction under them,
     the text, and what it commands.
 
-    Raises what `logged_pass`, `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise;
-    Refused (CS3086) where nothing was corrected: nobody may take the planned text for a corrected one.
+    Raises CompstiffError (CS0060) where the robot's controller does not run RAPID, and what `logged_pass`,
+    `with_intermediate_targets`, `correct_path`, `read_back` and, if asked for, `check_feed` raise; Refused (CS3086) where
+    nothing was corrected: nobody may take the planned text for a corrected one.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -134,6 +136,7 @@ def correct(planned: Predicted) -> Corrected:
     >>> corrected.as_dict()["corrected"], f"{1e3 * abs(corrected.correction.offset).max():.3f} mm"
     (3105, '0.325 mm')
     """
+    check_rapid(planned.path.cell.robot, "correct writes RAPID", str(planned.program.source or planned.path.cell.source))
     settings, feed_settings = planned.settings.correction, planned.settings.feed
     logged = logged_pass(planned)
     cornered, of_corners = with_zones(planned)

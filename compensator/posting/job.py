@@ -17,6 +17,7 @@ from compensator.rapid import with_marks
 from identification.common.files import check_distinct, check_writable, json_bytes, sha256
 from identification.common.findings import Finding, error, fold
 from identification.model.cell import read_cell
+from identification.model.controller import check_rapid
 
 RECORD = "compstiff-post"
 
@@ -47,7 +48,8 @@ def post_files(
     """Posts an APT or CSV toolpath; nothing is written. The record stands beside output.
 
     Raises CompstiffError: CS4201 (a format that is not posted), CS0003 (a file is there already, and not `overwrite`), CS0006
-    (an output is an input), and what `read_cell`, `read_cam_path`, `post` and `split_files` raise.
+    (an output is an input), CS0060 (another maker's robot), and what `read_cell`, `read_cam_path`, `post` and `split_files`
+    raise.
 
     >>> from pathlib import Path
     >>> posted = compstiff.post_files(Path("post.yaml"), Path("part.apt"), Path("part.mod"), compstiff.Settings().posting)
@@ -63,6 +65,7 @@ def post_files(
                     f"{', '.join(posted_suffixes)}", file=str(toolpath_file),
                     hint="a RAPID program is planned already: give it to predict and correct as it is")
     cell = read_cell(cell_file)
+    check_rapid(cell.robot, "post writes RAPID")
     posted = post(read_cam_path(toolpath_file, settings), cell, settings, str(output))
     content, of_marks = with_marks(posted.program, settings.mark) if settings.mark else (posted.content, ())
     files, parts, of_splitting = split_files(content, posted.rapid, settings, output, overwrite=overwrite)

@@ -15,6 +15,7 @@ from compensator.rapid import RapidProgram, read_rapid, with_marks
 from compensator.toolpath import Toolpath
 from identification.common.findings import error
 from identification.model.cell import Cell
+from identification.model.controller import check_rapid
 
 AS_POSTED = PostingSettings()
 
@@ -37,7 +38,8 @@ class PlannedProgram:
 def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_POSTED) -> PlannedProgram:
     """Reads a toolpath by its suffix; APT and CSV are posted first (post.py).
 
-    Raises CompstiffError: CS4201 for formats that are not read, and what the readers and `post` raise.
+    Raises CompstiffError: CS4201 for formats that are not read, CS0060 for RAPID and a robot of another maker, and what the
+    readers and `post` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program = compstiff.read_toolpath("insert.mod", cell)
@@ -58,6 +60,7 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
         raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "
                     f"{', '.join((*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLE_SUFFIXES))}",
                     file=str(file), hint="write the toolpath as RAPID, as an APT cutter location file, or as a table")
+    check_rapid(cell.robot, "this is a RAPID program", str(file))
     try:
         text = read_rapid(file.read_bytes(), str(file))
     except OSError as reason:

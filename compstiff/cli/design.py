@@ -86,11 +86,14 @@ def design(
     from compstiff import Request, design_plan, milling_poses, read_cell, read_measurements
     from identification.common.files import check_writable, json_bytes, write_whole
     from identification.design.discrimination import read_diagnosis
+    from identification.model.controller import check_rapid
 
     more, measured_file = add or (measurements, None)
     session.inputs += [file for file in (cell_file, toolpath, forces_file, measured_file, diagnosis) if file]
     check_writable([file for file in (output, rapid, report) if file], overwrite=session.overwrite)
     cell = read_cell(cell_file)
+    if rapid:
+        check_rapid(cell.robot, "--rapid writes RAPID")     # before the search, which takes its time
     milling = milling_poses(cell, toolpath, forces_file) if toolpath else None
     plan = design_plan(cell, Request(
         measurements=more, criterion=criterion, protocol=protocol, axes=axes, every_axis=every_axis, free=direction == "free",

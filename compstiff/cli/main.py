@@ -23,7 +23,7 @@ COMMANDS = {
     "post": "Post an APT or CSV toolpath as the planned RAPID program.",
     "predict": "Predict how far the tool is pushed off its path.",
     "push": "Send offsets to the cell over Modbus; a dry run unless --apply.",
-    "robots": "List the built-in robots.",
+    "robots": "List the built-in robots, or check a robot file.",
     "tare": "Find what hangs on the force sensor, and its bias, from still readings.",
     "upload": "Put a RAPID module onto the controller over Robot Web Services; a dry run unless --apply.",
     "verify": "Compare the deviation measured before and after a correction.",

@@ -16,6 +16,7 @@ from identification.design.request import Prepared
 from identification.design.search import Design
 from identification.design.sheet import Sheet, sheet_text
 from identification.design.unseen import Sideways
+from identification.model.controller import check_rapid
 
 CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mean variance of ln k",
             "A in raw k": "the mean variance of k, as published", "E": "the longest axis of the confidence ellipsoid of ln k",
@@ -116,7 +117,9 @@ class DesignPlan:
         return sheet_text(self.sheet, self._head()).encode()
 
     def rapid(self, name: str) -> RapidProgram:
-        """The program that drives through the visits; name: of its module, made an identifier."""
+        """The program that drives through the visits; name: of its module, made an identifier. Raises CS0060 where the robot's
+        controller does not run RAPID."""
+        check_rapid(self.prepared.task.domain.rig.cell.robot, "--rapid writes RAPID")
         return rapid_program(self.prepared.task.domain, self.sheet, name, self._head())
 
     def _head(self) -> list[str]:

@@ -20,6 +20,8 @@ from identification.model.rotations import Frame, matrix_to_quaternion
 
 Array = NDArray[np.float64]
 TEMPLATE = "design_program.mod.j2"
+# External axes that the controller does not have, or that are not active (RAPID manual, extjoint).
+UNUSED = "[9E9,9E9,9E9,9E9,9E9,9E9]"
 # Where the robot comes from and leaves to: the TCP this far outwards and up; the first that the arm reaches.
 RETREATS_M = ((0.0, 0.15), (-0.1, 0.1), (-0.15, 0.0), (0.0, 0.05), (-0.05, 0.0))
 # Characters that the pendant shows.
@@ -74,7 +76,13 @@ def rapid_program(domain: Domain, sheet: Sheet, name: str, comments: list[str]) 
         findings.append(Finding(
             "CS1604", "warning", f"no retreat within the joint limits for {', '.join(lost)}: the robot drives there and away "
             "by a direct joint move", hint="check the way in manual mode"))
+    holds = any(unit.carries != "nothing" for unit in cell.units or ())
+    if holds:
+        findings.append(Finding(
+            "CS4600", "note", "the external axes stay where they stand when the program starts; poses and loads are in the "
+            "robot's base, wherever its track stands", file=str(cell.source), hint="park them before the start"))
     text = environment.get_template(TEMPLATE).render(
+        holds=holds, units="jStart.extax" if holds else UNUSED,
         module=_identifier(name), header=True, comments=[_ascii(line) for line in comments], tool=tool, fast="v200", slow="v20",
         visits=[_visit(sheet, number, behind[number]) for number in range(len(sheet.label))])
     return RapidProgram(text.encode("ascii"), tuple(findings))

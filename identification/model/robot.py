@@ -1,4 +1,4 @@
-"""RobotModel: modified Denavit-Hartenberg geometry, joint limits, coupling and prior; read from robots/*.yaml."""
+"""RobotModel: modified Denavit-Hartenberg geometry, joint limits, coupling and prior; read from a robot file."""
 
 from __future__ import annotations
 
@@ -7,82 +7,17 @@ import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from identification.common.files import sha256
 from identification.common.findings import error
-from identification.common.yaml_source import EachJoint, NotNegative, Number, Positive, Stiffness, Strict, Triple, read_yaml
+from identification.common.yaml_source import read_yaml
+from identification.model.robot_file import JointFile, LoadPath, RobotFile
 
 Array = NDArray[np.float64]
-LoadPath = Literal["drive", "serial"]
 BUILT_IN = Path(__file__).parent / "robots"
-
-
-class _Joint(Strict):
-    alpha_deg: Number
-    a_mm: Number
-    d_mm: Number
-    offset_deg: Number = 0.0
-    limits_deg: tuple[Number, Number]
-    speed_deg_s: Positive
-    acceleration_deg_s2: Positive
-
-    @model_validator(mode="after")
-    def _ascending(self) -> _Joint:
-        if self.limits_deg[0] >= self.limits_deg[1]:
-            raise ValueError(f"limits_deg must be an ascending pair; received {list(self.limits_deg)}")
-        return self
-
-
-class _Coupling(Strict):
-    joint: Annotated[int, Field(ge=1, le=6)]
-    driven_by: Annotated[int, Field(ge=1, le=6)]
-    ratio: Number
-    window_deg: tuple[Number, Number] | None = None
-
-    @model_validator(mode="after")
-    def _ascending(self) -> _Coupling:
-        if self.window_deg is not None and self.window_deg[0] >= self.window_deg[1]:
-            raise ValueError(f"window_deg must be an ascending pair; received {list(self.window_deg)}")
-        if self.joint == self.driven_by:
-            raise ValueError(f"joint {self.joint} is driven by itself")
-        return self
-
-
-class PriorFile(Strict):
-    """The `prior` block of a robot file and of cell.yaml."""
-
-    stiffness_nm_per_rad: tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness, Stiffness]
-    relative_std: EachJoint = (2.0,) * 6
-
-
-class _Link(Strict):
-    mass_kg: NotNegative
-    centre_of_mass_mm: Triple
-
-
-class RobotFile(Strict):
-    """robot.yaml (docs/formats.md#robotyaml)."""
-
-    name: str
-    manufacturer: str = ""
-    load_path: LoadPath | None = None
-    joints: Annotated[list[_Joint], Field(min_length=6, max_length=6)] | None = None
-    coupling: _Coupling | None = None
-    prior: PriorFile
-    links: Annotated[list[_Link], Field(min_length=6, max_length=6)] | None = None
-
-    @model_validator(mode="after")
-    def _whole(self) -> RobotFile:
-        if self.joints is not None and self.load_path is None:
-            raise ValueError("load_path must be drive or serial where joints are given; received none")
-        if self.joints is None and (self.coupling is not None or self.links is not None):
-            raise ValueError("coupling and links need joints; received none")
-        return self
 
 
 @dataclass(frozen=True)
@@ -104,8 +39,9 @@ class RobotModel:
 
     alpha, a, d, offset (6,) [rad, m, m, rad]: `T_i = RotX(alpha_i) TransX(a_i) RotZ(theta~_i) TransZ(d_i)`.
     limits (6, 2) [rad], speed (6,) [rad/s], acceleration (6,) [rad/s^2] of the controller's joint angles.
-    coupling (6, 6): `theta~ = coupling @ theta + offset`. window: (coupled joint's index, its row's [low, high] rad)
-    bounds `(coupling @ theta)` of the parallel rod, None for a serial robot.
+    coupling (6, 6): `theta~ = coupling @ theta + offset`; -1 on its diagonal where the controller counts against the z axis.
+    rod: (index of the axis that a parallel rod drives, index of the axis that drives it), None for a serial arm.
+    window: (coupled joint's index, its row's [low, high] rad) bounds `(coupling @ theta)`, None where nothing does.
     load_path: "drive" (springs at the drives) or "serial" (springs at the serial axes, as published).
     link_mass (6,) [kg] and link_centre (6, 3) [m] in the link's joint frame, None where the file has none.
     track (3,): the direction in which the cell's track carries the base, base frame; None where it stands on no single one.
@@ -123,6 +59,7 @@ class RobotModel:
     speed: Array
     acceleration: Array
     coupling: Array
+    rod: tuple[int, int] | None
     window: tuple[int, float, float] | None
     prior: Prior
     link_mass: Array | None
@@ -144,6 +81,11 @@ class RobotModel:
     def uncoupling(self) -> Array:
         """Inverse of the coupling matrix (6, 6)."""
         return np.asarray(np.linalg.inv(self.coupling), dtype=float)
+
+    @property
+    def sense(self) -> Array:
+        """+1 or -1 a joint (6,): whether the controller counts its angle along the z axis of its frame, or against it."""
+        return np.asarray(np.diag(self.coupling))
 
     @cached_property
     def geometry_sha256(self) -> str:
@@ -174,8 +116,9 @@ class RobotModel:
 def built_in_robots() -> dict[str, Path]:
     """Names of the robots that come with the program, and their files.
 
-    >>> list(compstiff.built_in_robots())
-    ['irb4400-60', 'irb6640-235-2.55', 'irb6660-205-1.90', 'irb6700-200-2.60']
+    >>> robots = compstiff.built_in_robots()
+    >>> len(robots), list(robots)[:3]
+    (18, ['irb4400-60', 'irb4600-40-2.55', 'irb4600-60-2.05'])
     """
     return {path.stem: path for path in sorted(BUILT_IN.glob("*.yaml"))}
 
@@ -187,17 +130,18 @@ def read_robot(file: str | Path, *, geometry: bool = True) -> RobotModel:
     if geometry and described.joints is None:
         raise error("CS0105", "has no joints; only joint deflection logs can be judged without the arm's geometry",
                     file=str(file), hint="add joints (modified Denavit-Hartenberg), one a joint, as in docs/formats.md")
-    coupling = np.eye(6)
-    window = None
+    joints = described.joints or [JointFile(alpha_deg=0, a_mm=0, d_mm=0, limits_deg=(-360, 360), speed_deg_s=1,
+                                            acceleration_deg_s2=1)] * 6
+    coupling = np.diag([float(joint.sense) for joint in joints])
+    rod, window = None, None
     if described.coupling is not None:
-        row = described.coupling.joint - 1
-        coupling[row, described.coupling.driven_by - 1] = described.coupling.ratio
+        row, driver = described.coupling.joint - 1, described.coupling.driven_by - 1
+        coupling[row, driver] = described.coupling.ratio
+        rod = (row, driver) if described.coupling.rod else None
         if described.coupling.window_deg is not None:
             low, high = np.radians(described.coupling.window_deg)
             window = (row, float(low), float(high))
     links = described.links
-    joints = described.joints or [_Joint(alpha_deg=0, a_mm=0, d_mm=0, limits_deg=(-360, 360), speed_deg_s=1,
-                                    acceleration_deg_s2=1)] * 6
     return RobotModel(
         name=described.name,
         manufacturer=described.manufacturer,
@@ -210,6 +154,7 @@ def read_robot(file: str | Path, *, geometry: bool = True) -> RobotModel:
         speed=np.radians([joint.speed_deg_s for joint in joints]),
         acceleration=np.radians([joint.acceleration_deg_s2 for joint in joints]),
         coupling=coupling,
+        rod=rod,
         window=window,
         prior=Prior(np.array(described.prior.stiffness_nm_per_rad), np.array(described.prior.relative_std)),
         link_mass=None if links is None else np.array([link.mass_kg for link in links]),

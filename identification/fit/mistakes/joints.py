@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -63,17 +64,18 @@ def _from(joint: int, by: float) -> Callable[[Array], Array]:
 
 def _coupled(robot: RobotModel) -> list[Mistake]:
     """The angle of the driven joint given against its neighbour instead of the controller's, or the other way round."""
-    if np.array_equal(robot.coupling, np.eye(6)):
+    if np.array_equal(robot.coupling, np.diag(robot.sense)):
         return []
-    words = "the angle of the joint with the parallel rod seems to be counted the other way (against its neighbour) in {rows}"
-    return [_angles("joint_coupling", words, lambda theta: theta @ robot.uncoupling.T)]
+    named = "the joint with the parallel rod" if robot.rod else "the coupled joint"
+    words = f"the angle of {named} seems to be counted the other way (against its neighbour) in {{rows}}"
+    return [_angles("joint_coupling", words, lambda theta: (theta * robot.sense) @ robot.uncoupling.T)]
 
 
 def _robots(data: LoadTest) -> list[Mistake]:
-    """The rows of another robot that comes with the program."""
+    """The rows of another robot of the same maker that comes with the program. Makers count angles in ways so different that
+    nobody takes one's table for another's; a file that names no maker is held against ABB's."""
     found = []
-    for name, file in built_in_robots().items():
-        other = read_robot(file)
+    for name, other in _family(data.cell.robot.manufacturer.strip().upper() or "ABB"):
         if other.geometry_sha256 == data.cell.robot.geometry_sha256:
             continue
         mistake = Mistake(f"robot[{name}]", f"{{rows}} seem to be of another robot: {name}, not {data.cell.robot.name}",
@@ -81,6 +83,13 @@ def _robots(data: LoadTest) -> list[Mistake]:
         if _possible(data, mistake):
             found.append(mistake)
     return found
+
+
+@cache
+def _family(maker: str) -> tuple[tuple[str, RobotModel], ...]:
+    """The built-in robots of a maker, by name."""
+    robots = [(name, read_robot(file)) for name, file in built_in_robots().items()]
+    return tuple((name, robot) for name, robot in robots if robot.manufacturer.upper() == maker)
 
 
 def _of_robot(other: RobotModel) -> Callable[[LoadTest], LoadTest]:

@@ -33,7 +33,7 @@ class LinkBending(AtJoint):
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         z2 = rows.axes[:, 1]
-        rod = joint == 2 and bool(np.any(rows.robot.coupling != np.eye(6)))
+        rod = joint == 2 and rows.robot.rod is not None
         if joint == 2:
             start, end = rows.origins[:, 1], rows.origins[:, 2]
         else:

@@ -11,7 +11,7 @@ from identification.model.load_state import LoadState
 
 class Parallelogram(Effect):
     """Gear 2 moves the TCP by `J~_2 - ratio J~_3` and carries `tau~_2 - ratio tau~_3` (serial Jacobian and torques): ratio 1 is
-    an ideal rod (`load_path: drive`), 0 none (`serial`). Only for robots with a coupling."""
+    an ideal rod (`load_path: drive`), 0 none (`serial`). Only for robots with a rod."""
 
     name = "parallelogram"
     family = "gear"
@@ -28,10 +28,10 @@ class Parallelogram(Effect):
     settles = "ask the maker where gear 3 sits, or load the forearm at two angles of joint 2"
 
     def missing(self, rows: LoadState) -> str:
-        return "" if _coupled(rows) is not None else "the robot has no parallel rod"
+        return "" if rows.robot.rod is not None else "the robot has no parallel rod"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        driven, driver = _coupled(rows) or (2, 1)
+        driven, driver = rows.robot.rod or (2, 1)
         torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
 
         def moved(ratio: float) -> Array:
@@ -51,12 +51,6 @@ class Parallelogram(Effect):
             there = self.contribution(rows, joint, np.array([assumed + share * (other - assumed)]))[:, :3, None]
             signatures.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
         return signatures
-
-
-def _coupled(rows: LoadState) -> tuple[int, int] | None:
-    """Index of the driven axis and of the axis that drives it."""
-    pairs = np.argwhere(rows.robot.coupling - np.eye(6) != 0)
-    return None if len(pairs) == 0 else (int(pairs[0, 0]), int(pairs[0, 1]))
 
 
 def _assumed(rows: LoadState) -> float:

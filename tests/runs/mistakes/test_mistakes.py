@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from compstiff.cli.main import compstiff
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.joints import joint_mistakes
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from identification.model.robot import built_in_robots, read_robot
 from tests.runs.mistakes.planted import MISTAKES, VIRTUAL, right, two_robots
 
 FEW = ["--replicates", "39", "--force"]
@@ -87,3 +93,38 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
     assert over.exit_code == 1
     assert "CS0006" in over.stderr
     assert table.read_bytes() == before
+
+
+def test_another_robot_of_the_same_maker_is_named(tmp_path: Path) -> None:
+    """Rows of an IRB 7600 in a cell file that names an IRB 6640: among all of ABB's the right one."""
+    case = replace(right(11, "irb7600-150-3.50"), robot="irb6640-235-2.55")
+    cell, table = case.write(tmp_path)
+    found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
+    assert found["verdict"] == "mistake"
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["robot[irb7600-150-3.50]"]
+    assert "robot: irb7600-150-3.50" in (tmp_path / "mended.yaml").read_text()
+
+
+def test_angles_from_ros_on_a_fanuc_are_named(tmp_path: Path) -> None:
+    """There J3 is counted against the lower arm, not against the horizontal as on the pendant."""
+    pendant = right(13, "m710ic-50")
+    theta = pendant.theta.copy()
+    theta[:, 2] += theta[:, 1]
+    cell, table = replace(pendant, theta=theta).write(tmp_path)
+    found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended")
+    assert found["verdict"] == "mistake"
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["joint_coupling"]
+    mended = read_measurements(tmp_path / "mended.csv", read_cell(cell).robot)
+    np.testing.assert_allclose(np.degrees(mended.theta), pendant.theta, atol=1e-6)
+
+
+@pytest.mark.parametrize(("robot", "maker"), [("kr210-r2700-extra", "KUKA"), ("irb6700-235-2.65", "ABB")])
+def test_rows_are_held_against_robots_of_the_same_maker(tmp_path: Path, robot: str, maker: str) -> None:
+    case = right(12, robot)
+    cell_file, table = case.write(tmp_path)
+    cell = read_cell(cell_file)
+    tried = [mistake.key for mistake in joint_mistakes(LoadTest.of(cell, read_measurements(table, cell.robot)))
+             if mistake.key.startswith("robot[")]
+    makers = {read_robot(built_in_robots()[key[6:-1]]).manufacturer for key in tried}
+    assert makers <= {maker}
+    assert tried

@@ -1,0 +1,189 @@
+"""`compstiff robots --check`: a sound file broken in one place each time, and what is said of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from identification.common.catalogue import catalogue
+from identification.common.findings import CompstiffError
+from identification.model.reach import reach
+from identification.model.robot import built_in_robots, read_robot
+from identification.model.robot_check import RobotCheck, check_robot
+from tests.identification.model.urdf_arms import ARMS
+from tests.support import robot
+
+KUKA = "kr210-r2700-extra"
+
+
+def checked(folder: Path, name: str, change: Callable[[str], str]) -> RobotCheck:
+    text = built_in_robots()[name].read_text()
+    changed = change(text)
+    assert changed != text
+    path = folder / "mine.yaml"
+    path.write_text(changed)
+    return check_robot(path)
+
+
+def swap(old: str, new: str) -> Callable[[str], str]:
+    def change(text: str) -> str:
+        assert old in text, old
+        return text.replace(old, new, 1)
+
+    return change
+
+
+def scaled(key: str, factor: float) -> Callable[[str], str]:
+    """All numbers of a key times a factor, as in another unit."""
+    def change(text: str) -> str:
+        import re
+
+        number = r"-?[\d.]+(?:e\d+)?"
+        return re.sub(rf"({key}: )(\[[^\]]*\]|{number})",
+                      lambda m: m[1] + re.sub(number, lambda n: f"{float(n[0]) * factor:.8g}", m[2]), text)
+
+    return change
+
+
+def without(key: str) -> Callable[[str], str]:
+    """The file without a line of sources, or a top-level block of one line."""
+    def change(text: str) -> str:
+        lines = text.splitlines(keepends=True)
+        at = next(i for i, line in enumerate(lines) if line.startswith(f"  {key}: "))
+        end = at + 1
+        while end < len(lines) and lines[end].startswith("    "):
+            end += 1
+        return "".join(lines[:at] + lines[end:])
+
+    return change
+
+
+# What is broken, the file, the break, the code, and words of the message or hint.
+BROKEN = [
+    ("lengths in metres", KUKA, lambda t: scaled("d_mm", 1e-3)(scaled("a_mm", 1e-3)(t)), "CS0062", "milling arm"),
+    ("limits in radians", KUKA, scaled("limits_deg", np.pi / 180), "CS0062", "limits_deg"),
+    ("speeds in radians", KUKA, scaled("speed_deg_s", np.pi / 180), "CS0062", "57.2958"),
+    ("speeds a minute", KUKA, scaled("speed_deg_s", 60), "CS0062", "not a minute"),
+    ("twists in radians", KUKA, scaled("alpha_deg", np.pi / 180), "CS0062", "1.5708 is 90"),
+    ("prior in N m/arcmin", KUKA, scaled("stiffness_nm_per_rad", 1 / 3437.75), "CS0062", "3437.75"),
+    ("an offset wrist", KUKA, swap("alpha_deg: 90,  a_mm: 0, ", "alpha_deg: 90,  a_mm: 40,"), "CS0061", "a of joints 1, 5"),
+    ("an offset shoulder", KUKA, swap("a_mm: 350,  d_mm: 0", "a_mm: 350,  d_mm: 50"), "CS0061", "d of joints 2, 3 and 5"),
+    ("axis 3 across", KUKA, swap("alpha_deg: 0,   a_mm: 1150", "alpha_deg: 90,  a_mm: 1150"), "CS0061", "0 or 180"),
+    ("a wrong lower arm", KUKA, swap("a_mm: 1150", "a_mm: 1250"), "CS0063", "2700 mm"),
+    ("a wrong limit", KUKA, swap("limits_deg: [-140, -5]", "limits_deg: [-140, -40]"), "CS0063", "limits of joints 2 and 3"),
+    ("reach from axis 2", KUKA, swap("reach_mm: 2700", "reach_mm: 2350"), "CS0063", "state reach_from: axis 2"),
+    ("a reach of another arm", "irb6660-205-1.90", lambda t: swap("reach_mm: 1900, reach_from: axis 1, reach_tolerance_mm: 50",
+                                                     "reach_mm: 2000, reach_from: axis 1, reach_tolerance_mm: 20")(t),
+     "CS0063", "1933"),
+    ("sense of A1 forgotten", KUKA, swap("offset_deg: 0,   sense: -1, limits_deg: [-185, 185]",
+                                         "offset_deg: 0,   sense: 1, limits_deg: [-185, 185]"), "CS0064", "flange_mm"),
+    ("sense of A6 forgotten", KUKA, swap("offset_deg: 180, sense: -1", "offset_deg: 180, sense: 1"), "CS0064", "turned by"),
+    ("zero of A3", KUKA, swap("offset_deg: -90, sense: 1", "offset_deg: 0, sense: 1"), "CS0064", "mm away"),
+    ("flange the other way round", KUKA, swap("offset_deg: 180", "offset_deg: 0"), "CS0064", "quaternion"),
+    ("coupling forgotten", "m710ic-50", lambda t: swap("coupling: {joint: 3, driven_by: 2, ratio: -1, rod: false}\n", "")(t),
+     "CS0064", "coupling"),
+    ("coupling the other way", "m710ic-50", swap("ratio: -1", "ratio: 1"), "CS0064", "coupling"),
+    ("a wrong wrist", "irb6620-150-2.20", swap("wrist_mm: [1207", "wrist_mm: [1209"), "CS0064", "wrist_mm"),
+    ("a pose of another variant", KUKA, swap("joints_deg: [20, -80", "joints_deg: [20, -3"), "CS0067", "joint 2"),
+    ("a window that leaves nothing", "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [170, 175]"), "CS0068",
+     "leaves"),
+    ("no source of the limits", KUKA, without("limits"), "CS0065", "sources.limits"),
+    ("no source of the coupling", "m710ic-50", without("coupling"), "CS0065", "sources.coupling"),
+    ("no source of the data sheet", KUKA, without("data_sheet"), "CS0065", "sources.data_sheet"),
+    ("no reach", KUKA, swap("reach_mm: 2700, ", ""), "CS0066", "reach_mm"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "code", "words"), [each[1:] for each in BROKEN], ids=[each[0] for each in BROKEN])
+def test_each_break_is_found(name: str, change: Callable[[str], str], code: str, words: str, tmp_path: Path) -> None:
+    assert check_robot(built_in_robots()[name]).sound
+    check = checked(tmp_path, name, change)
+    mine = [finding for finding in check.findings if finding.code == code]
+    assert mine, [str(finding) for finding in check.findings]
+    assert any(words in f"{finding.message} {finding.hint}" for finding in mine), [str(finding) for finding in mine]
+    warns = code in ("CS0065", "CS0066", "CS0067")
+    assert check.sound == (warns and all(finding.level != "error" for finding in check.findings))
+    assert {finding.level for finding in mine} == {"warning" if warns else "error"}
+    assert code in catalogue()
+    row = next(row for row in check.rows if mine[0] in row.findings)
+    assert row.verdict in ("error", mine[0].level)
+    assert any(row.verdict in line for line in check.lines())
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("sense: -1", "sense: -2", "sense"),
+    ("limits_deg: [-140, -5]", "limits_deg: [-5, -140]", "ascending"),
+    ("flange_mm: [", "flange_m: [", "flange_m"),
+    ("reach_from: axis 1", "reach_from: axis 3", "axis 1"),
+    ("load_path: serial", "load_path: serial\ncoupling: {joint: 3, driven_by: 3, ratio: 1}", "driven by itself"),
+    ("load_path: serial", "load_path: drive\ncoupling: {joint: 3, driven_by: 2, ratio: -1, rod: false}",
+     "load_path must be serial"),
+    ("geometry: \"", "geometri: \"", "geometri"),
+])
+def test_what_is_no_robot_file_is_refused_with_its_place(old: str, new: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(swap(old, new)(built_in_robots()[KUKA].read_text()))
+    with pytest.raises(CompstiffError) as refused:
+        check_robot(path)
+    assert any(words in str(finding) and finding.code == "CS0102" for finding in refused.value.findings)
+    assert any(finding.line for finding in refused.value.findings)
+
+
+def test_a_window_that_no_angle_meets_is_said_once(tmp_path: Path) -> None:
+    check = checked(tmp_path, "irb6660-205-1.90", swap("window_deg: [-70, 70]", "window_deg: [300, 310]"))
+    assert [finding.code for finding in check.findings if finding.level == "error"] == ["CS0068"]
+    assert "nan" not in " ".join(check.lines())
+
+
+def test_a_pose_that_says_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CompstiffError, match="must say flange_mm, wrist_mm or quaternion"):
+        checked(tmp_path, KUKA, lambda t: t.partition("poses:")[0] + "poses: [{joints_deg: [0, 0, 0, 0, 0, 0], source: x}]\n")
+
+
+def test_poses_without_source_are_named(tmp_path: Path) -> None:
+    check = checked(tmp_path, KUKA, lambda t: t.partition("poses:")[0]
+                    + "poses: [{joints_deg: [0, -90, 90, 0, 0, 0], flange_mm: [1765, 0, 1784]}]\n")
+    assert check.sound
+    assert "poses[0].source" in " ".join(finding.message for finding in check.findings)
+    # Nothing else has a source in this file either: geometry, limits, speed, acceleration, prior, data_sheet.
+    assert sum(finding.code == "CS0065" for finding in check.findings) == 7
+
+
+def planar_reach(name: str, steps: int = 2001) -> float:
+    """Brute force over joints 2 and 3 by the URDF's own chain, wrist centre over axis 1 [m], without any window."""
+    arm, limits = ARMS[name], robot(name).limits
+    origins = np.array(arm.origins)
+    lower, elbow = origins[2], origins[3] + origins[4]
+    q2, q3 = (np.linspace(*limits[k], steps) for k in (1, 2))
+    if arm.interlocked:
+        best = 0.0
+        for second in q2:
+            # the forearm's slope against the horizontal is J3 itself, positive upwards
+            away = origins[1][0] + lower[2] * np.sin(second) + elbow[0] * np.cos(q3) - elbow[2] * np.sin(q3)
+            best = max(best, float(np.abs(away).max()))
+        return best
+    at = origins[0][0] + origins[1][0] + lower[0] * np.cos(q2) + lower[2] * np.sin(q2)
+    both = q2[:, None] + q3
+    return float(np.abs(at[:, None] + elbow[0] * np.cos(both) + elbow[2] * np.sin(both)).max())
+
+
+@pytest.mark.parametrize("name", sorted(set(ARMS) - {"irb6640-185-2.80"}))
+def test_reach_is_the_brute_force_one(name: str) -> None:
+    assert abs(reach(robot(name)) - planar_reach(name)) < 1e-5
+
+
+def test_reach_obeys_the_rod(tmp_path: Path) -> None:
+    """Where the rod's window is narrow the arm does not stretch: the forearm stays near square to the lower arm."""
+    path = tmp_path / "narrow.yaml"
+    path.write_text(swap("window_deg: [-70, 70]", "window_deg: [-50, 50]")(built_in_robots()["irb6660-205-1.90"].read_text()))
+    model = read_robot(path)
+    q2, slope = np.meshgrid(np.radians(np.linspace(-42, 85, 1500)), np.radians(np.linspace(-20, 120.5, 1500)))
+    far = 0.3 + 0.7 * np.sin(q2) + 0.893 * np.cos(slope) + 0.28 * np.sin(slope)
+    far[np.abs(slope - q2) > np.radians(50)] = 0
+    assert abs(reach(model) - far.max()) < 1e-3         # the grid's step along the window's edge
+    assert reach(model) < reach(robot("irb6660-205-1.90")) - 0.01
+
+
+def test_reach_from_axis_2_is_the_stretched_arm() -> None:
+    assert abs(reach(read_robot(built_in_robots()[KUKA]), 2) - (1.150 + np.hypot(1.2, 0.041))) < 1e-6
