@@ -30,8 +30,8 @@ class Rewritten:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Commanded:
-    """The numbers (M, 7) [mm, quaternion] and the confdata (M, 4) to write, None to leave them; turned (M,): whose confdata differ
-    from what is written. number (N,): which of the M each target of the program is, -1 where it is none of them."""
+    """The numbers (M, 7) [mm, quaternion] and the confdata (M, 4) to write, None to leave them; turned (M,): whose confdata
+    differ from what is written. number (N,): which of the M each target of the program is, -1 where it is none of them."""
 
     numbers: NDArray[np.float64]
     confdata: NDArray[np.int64] | None
