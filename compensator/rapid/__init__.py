@@ -10,6 +10,6 @@ from compensator.rapid.statements import INLINE, UNIT
 from compensator.rapid.writer import Rewritten, rewrite
 
 __all__ = [
-    "ARGUMENTS", "INLINE", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "marks_of", "move_text",
-    "read_rapid", "rewrite", "with_marks", "with_more_moves", "with_zones",
+    "ARGUMENTS", "INLINE", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "marks_of",
+    "move_text", "read_rapid", "rewrite", "with_marks", "with_more_moves", "with_zones",
 ]

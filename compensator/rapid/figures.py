@@ -33,32 +33,33 @@ class Poses:
     changed: NDArray[np.int64]
 
 
-def renumbered_poses(data: bytes, start: Offsets, end: Offsets, numbers: Array) -> Poses:
+def renumbered_poses(data: bytes, start: Offsets, end: Offsets, old: Array, numbers: Array) -> Poses:
     """The poses data[start:end] (K,), each with NUMBERS numbers and otherwise brackets, commas and blanks, with other numbers
-    (K, NUMBERS) [mm, then a quaternion]."""
+    (K, NUMBERS) [mm, then a quaternion] than the old (K, NUMBERS) that it says."""
     texts: list[bytes] = []
     changed = np.empty(len(start), dtype=np.int64)
     for at in range(0, len(start), _CHUNK):
         part = slice(at, at + _CHUNK)
-        some, changed[part] = _renumbered(data, start[part], end[part], numbers[part])
+        some, changed[part] = _renumbered(data, start[part], end[part], old[part].ravel(), numbers[part].ravel())
         texts += some
     return Poses(texts, changed)
 
 
-def _renumbered(data: bytes, start: Offsets, end: Offsets, numbers: Array) -> tuple[list[bytes], NDArray[np.int64]]:
+def _renumbered(
+    data: bytes, start: Offsets, end: Offsets, old: Array, numbers: Array
+) -> tuple[list[bytes], NDArray[np.int64]]:
     whole = b"\0".join([data[a:b] for a, b in zip(start.tolist(), end.tolist(), strict=True)]) + b"\0"
     letters = np.frombuffer(whole, dtype=np.uint8)
     edge = np.diff(_OF_NUMBER[letters].view(np.int8), prepend=np.int8(0))
     first, behind = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
     places = _decimals(whole, letters, first, behind)
-    tokens = [whole[a:b] for a, b in zip(first.tolist(), behind.tolist(), strict=True)]
-    new = _figures(numbers.ravel(), places)
-    stay = _same(tokens, numbers.ravel(), places, new)
+    new = _figures(numbers, places)
+    stay = _same(old, numbers, places, new)
     for index in stay:
-        new[index] = tokens[index]
+        new[index] = whole[first[index]:behind[index]]
     changed = np.full(len(start), NUMBERS) - np.bincount(np.array(stay, dtype=np.int64) // NUMBERS, minlength=len(start))
     # What stands before each number, then the number; the rest behind the last.
-    pieces = [b""] * (2 * len(tokens) + 1)
+    pieces = [b""] * (2 * len(new) + 1)
     pieces[::2] = [whole[a:b] for a, b in zip([0, *behind.tolist()], [*first.tolist(), len(whole)], strict=True)]
     pieces[1::2] = new
     return b"".join(pieces).split(b"\0")[:-1], changed
@@ -73,7 +74,7 @@ def _decimals(whole: bytes, letters: NDArray[np.uint8], first: Offsets, behind: 
     exponents = np.flatnonzero(np.isin(letters, _EXPONENTS))
     for index in (np.searchsorted(first, exponents, side="right") - 1).tolist():
         places[index] = decimals(whole[first[index]:behind[index]])
-    return np.maximum(places, np.tile(LEAST, len(first) // NUMBERS))
+    return np.asarray(np.maximum(places, np.tile(LEAST, len(first) // NUMBERS)))
 
 
 def _figures(values: Array, places: NDArray[np.int64]) -> list[bytes]:
@@ -84,9 +85,8 @@ def _figures(values: Array, places: NDArray[np.int64]) -> list[bytes]:
     return texts
 
 
-def _same(tokens: list[bytes], values: Array, places: NDArray[np.int64], new: list[bytes]) -> list[int]:
+def _same(old: Array, values: Array, places: NDArray[np.int64], new: list[bytes]) -> list[int]:
     """The numbers that say the same to the decimals written, whatever their spelling."""
-    old = np.fromiter(map(float, tokens), np.float64, len(tokens))
     near = np.flatnonzero(np.abs(old - values) < _STEPS[places])
     texts = _figures(old[near], places[near]) if len(near) else []
     return [index for index, text in zip(near.tolist(), texts, strict=True) if text == new[index]]

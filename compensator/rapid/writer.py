@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compensator.rapid.figures import renumbered_poses
+from compensator.rapid.figures import NUMBERS, renumbered_poses
 from compensator.rapid.literals import Pose, Written, fresh, rewritten
 from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
@@ -124,7 +124,8 @@ def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:
 def _write_figures(job: _Job, targets: np.ndarray) -> None:
     """Targets whose value stands in the move in figures alone."""
     start, rest = (np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest))
-    poses = renumbered_poses(job.program.source.data, start, rest, job.poses.numbers[job.poses.number[targets]])
+    old = job.program.rows.values[job.program.rows.row[targets], :NUMBERS]
+    poses = renumbered_poses(job.program.source.data, start, rest, old, job.poses.numbers[job.poses.number[targets]])
     job.numbers += int(poses.changed.sum())
     job.edits += zip(start.tolist(), rest.tolist(), poses.texts, strict=True)
 
