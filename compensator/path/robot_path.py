@@ -46,7 +46,7 @@ class Limits:
 class RobotPath:
     """N targets as the robot drives them; NaN where a pose is not known or not reachable.
 
-    theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames, the
+    theta (N, 6) [rad] controller angles; base_from_tcp, flange_from_tcp, base_from_object (N) frames, the
     base where it stands at that target; rest_from_tcp (N): the path in the resting frame of `axes`, the very same frames where
     no unit moves; world_position (N, 3) [m] of the TCP there, in the world. known (N,): the pose is known; reached (N,): joint
     angles were found.
@@ -56,7 +56,6 @@ class RobotPath:
     cell: Cell
     theta: Array
     base_from_tcp: Frame
-    base_from_flange: Frame
     flange_from_tcp: Frame
     base_from_object: Frame
     axes: ExternalAxes
@@ -73,6 +72,11 @@ class RobotPath:
         length = arc_length(self.world_position, self.toolpath.move)
         read_only(length)
         return length
+
+    @property
+    def base_from_flange(self) -> Frame:
+        """Where the flange stands (N)."""
+        return self.base_from_tcp @ self.flange_from_tcp.inverse()
 
     @property
     def steps(self) -> Array:
@@ -139,7 +143,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
     reached = np.asarray(~np.isnan(theta).any(axis=1))
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, world, known, reached)
-    return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, axes,
+    return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,
                      rest_from_tcp, world, known, reached, used, tuple(findings))
 
 
@@ -157,8 +161,9 @@ def _world_from_object(item: WorkObject, cell: Cell) -> Frame:
 
 def _pick(frames: list[Frame], index: Indices, count: int) -> Frame:
     """The frame of each target (N)."""
-    if not frames:
-        return Frame(np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
+    if len(frames) < 2:         # mostly: then it is held once
+        only = frames[0] if frames else Frame.identity()
+        return Frame(np.broadcast_to(only.rotation, (count, 3, 3)), np.broadcast_to(only.position, (count, 3)))
     return Frame(np.stack([frame.rotation for frame in frames])[index],
                  np.stack([frame.position for frame in frames])[index])
 
