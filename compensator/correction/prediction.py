@@ -19,6 +19,7 @@ from identification.model.stiffness_file import same_tool
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+POSITION = slice(0, 3)
 # No cut is as light, and no robot as stiff [m].
 HARDLY = 2e-6
 
@@ -78,7 +79,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         for part in chunks(len(places)):
             few = places[part]
             covariance[few] = model.deviation_covariance(
-                theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few))[:, :3, :3]
+                theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
             if scatter[few].any():
                 carried = position_compliance(model.robot, theta[few], tool, model.compliance)
                 scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[few], carried)
