@@ -59,9 +59,9 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
         confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
-        external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject, feed=tails.feed, zone=tails.zone,
-        block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings, switched=tuple(scanned.units),
-        together=together if together.any() else None,
+        external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
+        feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
+        switched=tuple(scanned.units), together=together if together.any() else None,
     )
     read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -207,13 +208,14 @@ def _note(job: _Job, written: Written, target: int) -> None:
 
 def apply(data: bytes, edits: list[Edit]) -> bytes:
     """The text with all edits made; those at one place in the order they were entered."""
-    pieces: list[bytes] = []
+    stream = io.BytesIO()
     at = 0
     for start, end, text in sorted(edits, key=lambda edit: edit[:2]):
-        pieces += [data[at:start], text]
+        stream.write(data[at:start])
+        stream.write(text)
         at = end
-    pieces.append(data[at:])
-    return b"".join(pieces)
+    stream.write(data[at:])
+    return stream.getvalue()
 
 
 def _findings(job: _Job, turned: np.ndarray) -> tuple[Finding, ...]:

@@ -201,10 +201,11 @@ class IdentifiedModel:
     def deviation_covariance(
         self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None, *, rows: slice = ALL
     ) -> Array:
-        """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`; rows: of these of its components alone. With what the robot's own weight may add
+        """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`. With what the robot's own weight may add
         where it is not known, and what the effects' real laws may add, alike in every direction.
 
-        of_effects: of these rows, where they are rows of a longer history; else they are one visit.
+        of_effects: of these rows, where they are rows of a longer history; else they are one visit. rows: of these of the six
+        components alone.
         """
         if self.effects and of_effects is None:
             of_effects = self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
