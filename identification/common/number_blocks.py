@@ -116,8 +116,8 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
 
 
 def _plain(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -> dict[str, Array] | None:
-    """The same of cells that are numbers and no more, in a tenth of the time; None where one is anything else."""
-    if layout.separator == BLANKS:
+    """The same where all is plain ASCII and the cells are numbers and no more; None where one is anything else."""
+    if layout.separator == BLANKS or not block.isascii():
         return None
     import pyarrow as pa
     from pyarrow import csv
