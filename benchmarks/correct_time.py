@@ -33,9 +33,7 @@ from compensator.correction import correct as correct_module
 from compensator.correction import files as files_module
 from compensator.correction import predict as predict_module
 from compensator.correction.files import Inputs
-from compensator.correction.offsets import offsets_csv
 from compensator.rapid import read_rapid
-from identification.common.files import write_whole
 from identification.common.shipped import shipped
 from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
@@ -47,10 +45,12 @@ STAGES = {
     "read_force_log": "read log", "robot_path": "plan: poses and joint angles", "place_forces": "place the log",
     "targets_to_correct": "predict", "predict_path": "predict", "with_zones": "corners",
     "with_intermediate_targets": "intermediate targets", "correct_path": "correct", "rewrite": "write program text",
-    "read_back": "read back",
+    "read_back": "read back", "logged_pass": "force that follows the cut", "following_the_cut": "force that follows the cut",
+    "left_between": "what is left", "expected_left": "what is left", "offsets_csv": "offsets.csv",
+    "record": "record, files", "write_whole": "record, files",
 }
 MODULES = (predict_module, correct_module, files_module)
-OTHER = "offsets.csv, record, files"
+OTHER = "between the stages"
 
 
 def write_job(folder: Path, count: int, by: str) -> Inputs:
@@ -136,8 +136,9 @@ def job(folder: Path, inputs: Inputs) -> None:
     """What the command does, but for its messages."""
     corrected = files_module.correct(files_module.predict_files(inputs))
     output = folder / "out.mod"
-    write_whole({output: corrected.content, folder / "offsets.csv": offsets_csv(corrected),
-                 folder / "out.mod.json": json.dumps(files_module.record(corrected, {output: corrected.content})).encode()})
+    files_module.write_whole({
+        output: corrected.content, folder / "offsets.csv": files_module.offsets_csv(corrected),
+        folder / "out.mod.json": json.dumps(files_module.record(corrected, {output: corrected.content})).encode()})
 
 
 def measure(count: int, by: str, profiled: bool) -> None:

@@ -8,6 +8,9 @@ INTERRUPTED = 130
 
 def run() -> None:
     """Runs the command line and ends this process; Ctrl-C exits 130 while modules are imported, too."""
+    # Matrices of six by six: further threads of the linear algebra wait for work and take CPU time for it.
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from compstiff.cli.main import main
 

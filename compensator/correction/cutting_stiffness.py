@@ -19,7 +19,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from compensator.correction.settings import Estimate
 from identification.common.arrays import Array
@@ -163,6 +162,8 @@ def _given(spread: float, prior: Estimate, pairs: Sequence[_Stretches]) -> tuple
 
 def _not_negative(mean: float, std: float) -> tuple[float, float]:
     """Mean and standard deviation of N(mean, std^2) above zero."""
+    from scipy.special import log_ndtr
+
     if not std > 0:
         return max(mean, 0.0), 0.0
     low = -mean / std

@@ -32,7 +32,7 @@ from compensator.correction.settings import DEPTH
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, Refused, counted
-from identification.model.compliance import compliance_matrix
+from identification.model.compliance import position_compliance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -135,7 +135,7 @@ def _check_gain(predicted: Predicted, stiffness: Array) -> float:
     direction, _ = across_feed(predicted.path, predicted.forces.wrench[:, :3])
     along = np.zeros(len(targets))
     for tool, places in predicted.loaded.each_tool():
-        compliance = compliance_matrix(model.robot, predicted.loaded.theta[places], tool, model.compliance)[:, :3, :3]
+        compliance = position_compliance(model.robot, predicted.loaded.theta[places], tool, model.compliance)
         n = direction[targets[places]]
         along[places] = np.einsum("ni,nij,nj->n", n, compliance, n)
     gains = stiffness[targets] * along

@@ -14,6 +14,7 @@ from compensator.path.external_axes import SAME_VALUE
 from compensator.path.robot_path import RobotPath
 from compensator.rapid import RapidProgram, follows_directly
 from compensator.toolpath import Move, Toolpath
+from identification.common.arrays import nothing_or
 from identification.model.rotations import matrix_to_quaternion, quaternion_to_matrix, rotation_matrix, rotation_vector
 
 Array = NDArray[np.float64]
@@ -198,7 +199,7 @@ def _with_points(path: RobotPath, at: Indices, points: _Points, chords: Indices,
         between = standing[at - 1] + points.share[:, None] * (standing[at] - standing[at - 1])
         external = more(external, np.where(np.isnan(toolpath.external[at]), np.nan, np.round(between, VALUE_DECIMALS)))
     else:
-        external = more(external, nothing)
+        external = nothing_or(more(external, nothing))
     switched = tuple((int(kept[first - 1]) + 1 if first else 0, name, on) for first, name, on in toolpath.switched)
     together = None if toolpath.together is None else more(toolpath.together, toolpath.together[at])
     return replace(
@@ -206,7 +207,7 @@ def _with_points(path: RobotPath, at: Indices, points: _Points, chords: Indices,
         move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)),
         position=more(toolpath.position, points.position),
         quaternion=more(toolpath.quaternion, points.quaternion),
-        joints=more(toolpath.joints, nothing),
+        joints=nothing_or(more(toolpath.joints, nothing)),
         block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]),
         **like)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
+from identification.common.arrow import number_column, text_column
 
 Array = NDArray[np.float64]
 
@@ -64,18 +65,18 @@ def _csv(predicted: Predicted, columns: dict[str, Array], last: dict[str, Array]
     left[targets] = False
     deviation[left] = sigma[left] = np.nan
     table = pa.table({
-        "target": np.arange(len(toolpath)),
-        "line": toolpath.line,
-        **{name: pa.array(values, from_pandas=True) for name, values in (
+        "target": number_column(np.arange(len(toolpath))),
+        "line": number_column(toolpath.line),
+        **{name: number_column(values) for name, values in (
             *_columns(1e3 * toolpath.position, "x_mm y_mm z_mm", 6).items(),
             *columns.items(),
             *_columns(deviation, "dx_um dy_um dz_um", 4).items(),
             *_columns(sigma, "sx_um sy_um sz_um", 4).items(),
             ("time_s", np.round(time, 6)),
         )},
-        "samples": predicted.forces.samples,
-        "note": _notes(predicted, left),
-        **{name: pa.array(values, from_pandas=True) for name, values in last.items()},
+        "samples": number_column(predicted.forces.samples),
+        "note": text_column(_notes(predicted, left).tolist()),
+        **{name: number_column(values) for name, values in last.items()},
     })
     stream = io.BytesIO()
     stream.write((",".join(table.column_names) + "\n").encode())

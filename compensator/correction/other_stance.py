@@ -79,7 +79,7 @@ def _stands(loaded: LoadedPath, goal: Frame) -> LoadedPath | None:
         return None
     angles = path.theta.copy()
     angles[targets] = theta
-    return replace(loaded, path=replace(path, theta=angles, base_from_tcp=goal, base_from_flange=flange))
+    return replace(loaded, path=replace(path, theta=angles, base_from_tcp=goal))
 
 
 def _deviation(loaded: LoadedPath) -> float:

@@ -12,13 +12,14 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
-from identification.model.compliance import compliance_matrix, displacement
-from identification.model.kinematics import forward
+from identification.model.compliance import displacement, position_compliance
+from identification.model.kinematics import chunks, forward
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import same_tool
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+POSITION = slice(0, 3)
 # No cut is as light, and no robot as stiff [m].
 HARDLY = 2e-6
 
@@ -75,13 +76,15 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     of_scatter = np.zeros(count)
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
-        covariance[places] = model.deviation_covariance(
-            theta[places], wrench[places], tool, None if of_effects is None else of_effects.of(places))[:, :3, :3]
-        if scatter[places].any():
-            carried = compliance_matrix(model.robot, theta[places], tool, model.compliance)[:, :3, :3]
-            scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[places], carried)
-            covariance[places] += scattered
-            of_scatter[places] = np.trace(scattered, axis1=1, axis2=2)
+        for part in chunks(len(places)):
+            few = places[part]
+            covariance[few] = model.deviation_covariance(
+                theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
+            if scatter[few].any():
+                carried = position_compliance(model.robot, theta[few], tool, model.compliance)
+                scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[few], carried)
+                covariance[few] += scattered
+                of_scatter[few] = np.trace(scattered, axis1=1, axis2=2)
     outside: list[Finding] = []
     if loaded.learned is not None and loaded.rest is not None:
         learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()

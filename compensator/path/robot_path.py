@@ -14,7 +14,7 @@ from compensator.toolpath import Move, ToolFrame, Toolpath, WorkObject
 from identification.common.arrays import read_only
 from identification.common.findings import Finding, Level
 from identification.model.cell import Cell
-from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution
+from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution, one_branch
 from identification.model.kinematics import forward
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
@@ -46,7 +46,7 @@ class Limits:
 class RobotPath:
     """N targets as the robot drives them; NaN where a pose is not known or not reachable.
 
-    theta (N, 6) [rad] controller angles; base_from_tcp, base_from_flange, flange_from_tcp, base_from_object (N) frames, the
+    theta (N, 6) [rad] controller angles; base_from_tcp, flange_from_tcp, base_from_object (N) frames, the
     base where it stands at that target; rest_from_tcp (N): the path in the resting frame of `axes`, the very same frames where
     no unit moves; world_position (N, 3) [m] of the TCP there, in the world. known (N,): the pose is known; reached (N,): joint
     angles were found.
@@ -56,7 +56,6 @@ class RobotPath:
     cell: Cell
     theta: Array
     base_from_tcp: Frame
-    base_from_flange: Frame
     flange_from_tcp: Frame
     base_from_object: Frame
     axes: ExternalAxes
@@ -73,6 +72,11 @@ class RobotPath:
         length = arc_length(self.world_position, self.toolpath.move)
         read_only(length)
         return length
+
+    @property
+    def base_from_flange(self) -> Frame:
+        """Where the flange stands (N)."""
+        return self.base_from_tcp @ self.flange_from_tcp.inverse()
 
     @property
     def steps(self) -> Array:
@@ -139,7 +143,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
     reached = np.asarray(~np.isnan(theta).any(axis=1))
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, world, known, reached)
-    return RobotPath(toolpath, cell, theta, base_from_tcp, base_from_flange, flange_from_tcp, base_from_object, axes,
+    return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,
                      rest_from_tcp, world, known, reached, used, tuple(findings))
 
 
@@ -157,8 +161,9 @@ def _world_from_object(item: WorkObject, cell: Cell) -> Frame:
 
 def _pick(frames: list[Frame], index: Indices, count: int) -> Frame:
     """The frame of each target (N)."""
-    if not frames:
-        return Frame(np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
+    if len(frames) < 2:         # mostly: then it is held once
+        only = frames[0] if frames else Frame.identity()
+        return Frame(np.broadcast_to(only.rotation, (count, 3, 3)), np.broadcast_to(only.position, (count, 3)))
     return Frame(np.stack([frame.rotation for frame in frames])[index],
                  np.stack([frame.position for frame in frames])[index])
 
@@ -170,15 +175,14 @@ def _follow(
     """Fills `theta` of the posed targets: the configuration a target names where the robot gets there by joint move, the
     continuous one along linear moves and arcs (the controller never changes configuration on those)."""
     where = np.flatnonzero(posed)
-    solutions = inverse(robot, base_from_flange[where])
-    configured, fits = configured_solution(robot, solutions, toolpath.confdata[where])
-    fits &= toolpath.has_confdata[where]
-    moves = toolpath.move[where]
+    poses, moves = base_from_flange if posed.all() else base_from_flange[where], toolpath.move[where]
     # The MoveAbsJ that stands before each posed target, behind the posed target before it: -1 where there is none.
     latest = np.maximum.accumulate(np.where(by_joints, np.arange(len(by_joints)), -1))[where]
     latest[latest < np.concatenate([[-1], where[:-1]])] = -1
     # Where a run of linear moves and arcs ends because the next target is reached by joint move or from known joint angles.
     ends = np.append(np.flatnonzero((moves == Move.JOINT) | (latest >= 0)), len(where))
+    anchors = _Anchors(robot, poses, toolpath.confdata[where], toolpath.has_confdata[where], np.union1d(0, ends[:-1]))
+    branches: dict[int, tuple[Array, NDArray[np.bool_]]] = {}       # of all poses, each when it is first needed
     previous: Array | None = None
     findings: list[Finding] = []
     result = np.full((len(where), 6), np.nan)
@@ -187,7 +191,7 @@ def _follow(
     while start < len(where):
         if latest[start] >= 0:
             previous = theta[latest[start]]
-        anchor = _anchor(robot, solutions, start, configured[start], bool(fits[start]), previous, int(moves[start]))
+        anchor = _anchor(robot, *anchors.at(start), previous, int(moves[start]))
         if anchor is None:
             start += 1
             continue
@@ -201,10 +205,13 @@ def _follow(
                 line=int(toolpath.line[where[start]]), target=int(where[start]),
                 hint="another configuration yields differently under load: check it on the robot"))
         stop = int(ends[np.searchsorted(ends, start, side="right")])
-        run = np.array(solutions.theta[start:stop, branch])
+        if branch not in branches:
+            branches[branch] = one_branch(robot, poses, branch)
+        of_branch, reachable = branches[branch]
+        run = of_branch[start:stop].copy()
         run[0] = angles
         run = np.unwrap(run, axis=0)
-        good = solutions.reachable[start:stop, branch] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
+        good = reachable[start:stop] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
         good[1:] &= (np.abs(np.diff(run, axis=0)) < LARGEST_STEP).all(axis=1)
         length = stop - start if good.all() else max(int(np.argmin(good)), 1)
         result[start:start + length] = run[:length]
@@ -223,13 +230,35 @@ def _follow(
     return findings
 
 
+class _Anchors:
+    """Where the branch is chosen: of those among the poses (N) that are known beforehand, `places` (K,) ascending, all branches
+    are worked out together."""
+
+    def __init__(self, robot: RobotModel, poses: Frame, confdata: NDArray[np.int64], given: NDArray[np.bool_], places: Indices):
+        self._robot, self._poses, self._confdata, self._given, self._places = robot, poses, confdata, given, places
+        self._solved = self._solve(places)
+
+    def at(self, index: int) -> tuple[Solutions, Array, bool]:
+        """All branches of one pose, the angles (6,) its confdata name, and whether there are such."""
+        row = int(np.searchsorted(self._places, index))
+        solved = self._solved if row < len(self._places) and self._places[row] == index else None
+        if solved is None:
+            row, solved = 0, self._solve(np.array([index]))
+        solutions, configured, fits = solved
+        return Solutions(solutions.theta[row:row + 1], solutions.reachable[row:row + 1]), configured[row], bool(fits[row])
+
+    def _solve(self, places: Indices) -> tuple[Solutions, Array, NDArray[np.bool_]]:
+        solutions = inverse(self._robot, self._poses[places])
+        configured, fits = configured_solution(self._robot, solutions, self._confdata[places])
+        return solutions, configured, fits & self._given[places]
+
+
 def _anchor(
-    robot: RobotModel, solutions: Solutions, index: int, configured: Array, fits: bool, previous: Array | None, move: int
+    robot: RobotModel, branches: Solutions, configured: Array, fits: bool, previous: Array | None, move: int
 ) -> tuple[Array, int, bool] | None:
     """Angles (6,) and branch of one target, and whether they were guessed; None where no branch reaches it."""
-    if not solutions.reachable[index].any():
+    if not branches.reachable.any():
         return None
-    branches = Solutions(solutions.theta[index:index + 1], solutions.reachable[index:index + 1])
     linear = move != Move.JOINT and previous is not None
     if fits and not linear:
         branch = int(np.argmin(np.max(np.abs(_modulo(branches.theta[0] - configured)), axis=1)))

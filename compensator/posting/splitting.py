@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.posting.module_text import module_name
-from compensator.rapid import ARGUMENTS, UNIT, RapidProgram, read_rapid
+from compensator.rapid import ARGUMENTS, INLINE, UNIT, RapidProgram, read_rapid
 from identification.common.findings import Finding, counted, error
 
 _HINT = "post the toolpath as one procedure of moves, without LOCAL data, loops, branches and routines, or do not split it"
@@ -97,7 +97,11 @@ def _moves(program: RapidProgram) -> list[_MoveStatement]:
         if odd:
             raise source.fail("CS4310", f"found {odd}; only one plain procedure of moves can be split", start, _HINT)
         instruction = source.fold(data[start:end].lower().split()[0].split(b"[")[0])
-        if kind in ("inline", "named") or (kind == "statement" and instruction in ARGUMENTS):
+        if kind == "inline":
+            inline = [match.span() for match in INLINE.finditer(data, start, end)]
+            moves += [_MoveStatement(*span, targets + number) for number, span in enumerate(inline)]
+            targets += len(inline)
+        elif kind == "named" or (kind == "statement" and instruction in ARGUMENTS):
             moves.append(_MoveStatement(start, end, targets))
             targets += 2 if instruction in ("movec", "movecdo") else 1
     if not modules or targets != len(program.toolpath):

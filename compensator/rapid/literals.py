@@ -13,14 +13,14 @@ from compensator.rapid.values import UNUSED, Values
 
 POSITION_DECIMALS = 4           # of a millimetre: RAPID's num is single precision, 0.00012 mm at 1-2 m
 QUATERNION_DECIMALS = 8         # 5 move the tip of a 200 mm tool by 4 um
-_MOST_DECIMALS = 15
+MOST_DECIMALS = 15
 
 _NUMBER = re.compile(rb"([-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?)")
 # No comment, no name (E and e belong to numbers), no sign that stands apart from its digits.
 _PLAIN = re.compile(rb"(?:[^!A-DF-Za-df-z_\x80-\xff+-]++|[-+](?=[\d.]))*+")
-_FORMATS = tuple(b"%%.%df" % places for places in range(_MOST_DECIMALS + 1))
-_STEPS = tuple(10.0**-places for places in range(_MOST_DECIMALS + 1))
-_LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
+_FORMATS = tuple(b"%%.%df" % places for places in range(MOST_DECIMALS + 1))
+STEPS = tuple(10.0**-places for places in range(MOST_DECIMALS + 1))
+LEAST = (POSITION_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,10 @@ def decimals(token: bytes) -> int:
     if b"E" not in token and b"e" not in token:
         point = token.find(b".") + 1
         places = len(token) - point if point else 0
-        return places if places < _MOST_DECIMALS else _MOST_DECIMALS
+        return places if places < MOST_DECIMALS else MOST_DECIMALS
     mantissa, _, exponent = token.lower().partition(b"e")
     _, _, fraction = mantissa.partition(b".")
-    return min(max(len(fraction) - int(exponent or 0), 0), _MOST_DECIMALS)
+    return min(max(len(fraction) - int(exponent or 0), 0), MOST_DECIMALS)
 
 
 def figure(value: float, places: int) -> bytes:
@@ -66,7 +66,7 @@ def renumbered(token: bytes, value: float, least: int) -> bytes:
         places = least
     old = float(token)
     text = figure(value, places)
-    if abs(old - value) < _STEPS[places] and figure(old, places) == text:
+    if abs(old - value) < STEPS[places] and figure(old, places) == text:
         return token
     return text
 
@@ -83,7 +83,7 @@ def rewritten(values: Values, start: int, end: int, row: Sequence[float], pose: 
 
 def fresh(row: Sequence[float], pose: Pose) -> bytes:
     """A robtarget in numbers alone; `row` gives the confdata and the external axes, unless `pose` does."""
-    numbers = [figure(value, least) for value, least in zip(pose.numbers, _LEAST, strict=True)]
+    numbers = [figure(value, least) for value, least in zip(pose.numbers, LEAST, strict=True)]
     confdata = pose.confdata if pose.confdata is not None else [round(value) for value in row[7:11]]
     axes = row[11:17] if pose.external is None else pose.external
     external = [b"9E9" if math.isnan(value) or abs(value) >= UNUSED else _shortest(float(value)) for value in axes]
@@ -99,7 +99,7 @@ def _shortest(value: float) -> bytes:
 
 def _replaced(parts: list[bytes], pose: Pose) -> Written:
     changed = 0
-    for place, (value, least) in enumerate(zip(pose.numbers, _LEAST, strict=True)):
+    for place, (value, least) in enumerate(zip(pose.numbers, LEAST, strict=True)):
         token = parts[2 * place + 1]
         new = renumbered(token, value, least)
         if new is not token:

@@ -16,7 +16,7 @@ from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
 from compensator.rapid.values import UNUSED, Values
 from compensator.toolpath import Move, Toolpath
-from identification.common.arrays import read_only
+from identification.common.arrays import nothing_or, read_only
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
@@ -59,11 +59,11 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
         confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
-        external=external, joints=joints, tool=tails.tool, workobject=tails.workobject, feed=tails.feed, zone=tails.zone,
-        block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings, switched=tuple(scanned.units),
-        together=together if together.any() else None,
+        external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
+        feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
+        switched=tuple(scanned.units), together=together if together.any() else None,
     )
-    read_only(position, quaternion, external, joints, line, column, block, toolpath.confdata, has_confdata)
+    read_only(position, quaternion, toolpath.external, toolpath.joints, line, column, block, toolpath.confdata, has_confdata)
     return RapidProgram(toolpath, source, scanned, values, rows)
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from array import array
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from compensator.rapid.expressions import Expr
+from compensator.rapid.inline_moves import InlineMoves
 from compensator.rapid.moves import Tail
 from compensator.rapid.runtime import Parameter
 from compensator.rapid.scopes import Names, Scope
@@ -66,6 +69,13 @@ class Scan:
         if number == len(self.tails):
             self.tails.append(tail)
         return number
+
+    def add_inline(self, moves: InlineMoves) -> None:
+        """Targets of moves to inline targets, but for their tails."""
+        self.move += moves.way
+        for column, offsets in ((self.start, moves.start), (self.rest, moves.rest), (self.end, moves.end)):
+            column.frombytes(offsets.astype(np.int64).tobytes())
+        self.name.frombytes(np.full(len(moves.way), -1, dtype=np.intc).tobytes())
 
     def add_target(self, move: Move, expr: Expr, tail: int) -> None:
         """A target that did not come by one of the common forms."""

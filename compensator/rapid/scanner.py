@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from compensator.rapid.expressions import Cursor
+from compensator.rapid.inline_moves import inline_moves
 from compensator.rapid.lexer import tokens
 from compensator.rapid.moves import parse_tail
 from compensator.rapid.scan import Scan
@@ -40,14 +41,12 @@ def scan(source: Source) -> Scan:
     for match in UNIT.finditer(source.data, source.start):
         kind = match.lastgroup
         if kind == "u_inline":
-            text = match["tail"]
-            number = tails.get(text)
-            tail(tail_number(text, match.start("tail")) if number is None else number)
-            move(_WAY[match["way"]])
-            start(match.start("pose"))
-            rest(match.start("rest"))
-            end(match.end("rest"))
-            name(-1)
+            found = inline_moves(source.data, *match.span(kind))
+            for at, stop in zip(found.tail.tolist(), found.stop.tolist(), strict=True):
+                text = source.data[at:stop]
+                number = tails.get(text)
+                tail(tail_number(text, at) if number is None else number)
+            scanned.add_inline(found)
         elif kind == "u_named":
             text = match["tail2"]
             number = tails.get(text)

@@ -47,9 +47,14 @@ _RECORD = (
     + TRIVIA + _words(rb"ENDRECORD")
 )
 
+_INLINE = (rb"(?i:Move)(?P<way>[LJlj])\s*+(?P<pose>" + _POSE + rb"),\s*+(?P<rest>" + _REST
+           + rb")\s*+,(?P<tail>[^;!\"]*+);")
+INLINE = re.compile(_INLINE)
+"""One move to an inline target."""
+
 _UNITS = {
-    "inline": rb"(?i:Move)(?P<way>[LJlj])\s*+(?P<pose>" + _POSE + rb"),\s*+(?P<rest>" + _REST
-              + rb")\s*+,(?P<tail>[^;!\"]*+);",
+    # Such moves one after the other, with blanks alone between them.
+    "inline": rb"(?:" + re.sub(rb"\(\?P<\w+>", rb"(?:", _INLINE) + rb"\s*+){1,20000}+",
     "named": rb"(?i:Move)(?P<way2>[LJlj])\s++(?P<target>" + NAME + rb")\s*+,(?P<tail2>[^;!\"]*+);",
     "target": rb"(?P<reach>(?i:LOCAL\s++|TASK\s++)?+)(?P<class>(?i:CONST|PERS|VAR))\s++(?i:robtarget)\s++"
               rb"(?P<name>" + NAME + rb")\s*+:=\s*+(?P<value>" + _POSE + rb",\s*+" + _REST + rb")\s*+;",

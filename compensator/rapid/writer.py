@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from compensator.rapid.figures import NUMBERS, renumbered_poses
 from compensator.rapid.literals import Pose, Written, fresh, rewritten
 from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
@@ -27,12 +29,31 @@ class Rewritten:
     declarations: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Commanded:
+    """The numbers (M, 7) [mm, quaternion] and the confdata (M, 4) to write, None to leave them; turned (M,): whose confdata
+    differ from what is written. number (N,): which of the M each target of the program is, -1 where it is none of them."""
+
+    numbers: NDArray[np.float64]
+    confdata: NDArray[np.int64] | None
+    turned: NDArray[np.bool_]
+    number: NDArray[np.int64]
+
+    def __contains__(self, target: int) -> bool:
+        return bool(self.number[target] >= 0)
+
+    def __getitem__(self, target: int) -> Pose:
+        index = int(self.number[target])
+        confdata = self.confdata[index].tolist() if self.confdata is not None and self.turned[index] else None
+        return Pose(self.numbers[index].tolist(), confdata)
+
+
 @dataclass(slots=True)
 class _Job:
     """What is collected while the targets are gone through. The lists of targets are those of the findings."""
 
     program: RapidProgram
-    poses: dict[int, Pose]
+    poses: _Commanded
     edits: list[Edit] = field(default_factory=list)
     numbers: int = 0
     declarations: int = 0
@@ -53,14 +74,16 @@ def rewrite(
     nearest to the original. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ).
     """
     which = np.asarray(targets, dtype=np.int64).reshape(-1)
-    poses = _poses(program, which, position, quaternion, confdata)
+    poses = _commanded(program, which, position, quaternion, confdata)
     if not len(which):
         return Rewritten(program.source.data, (), 0, 0)
     job = _Job(program, poses)
     rows = program.rows
     row = rows.row[which]
     in_move = rows.declaration[row] < 0
-    _write_moves(job, which[in_move].tolist())
+    plain = in_move & _plain(program, which) & ~poses.turned
+    _write_figures(job, which[plain])
+    _write_moves(job, which[in_move & ~plain].tolist())
     users = np.argsort(rows.row, kind="stable")
     sorted_rows = rows.row[users]
     elsewhere = {program.scan.names.find(name, scope) for name, scope in program.scan.uses.read}
@@ -68,12 +91,12 @@ def rewrite(
     for number in np.unique(row[~in_move]).tolist():
         first, last = np.searchsorted(sorted_rows, [number, number + 1])
         _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
-    return Rewritten(apply(program.source.data, job.edits), _findings(job, which, confdata), job.numbers, job.declarations)
+    return Rewritten(apply(program.source.data, job.edits), _findings(job, which[poses.turned]), job.numbers, job.declarations)
 
 
-def _poses(
+def _commanded(
     program: RapidProgram, targets: np.ndarray, position: ArrayLike, quaternion: ArrayLike, confdata: ArrayLike | None
-) -> dict[int, Pose]:
+) -> _Commanded:
     toolpath, count = program.toolpath, len(targets)
     place = np.asarray(position, dtype=np.float64).reshape(-1, 3)
     turn = np.asarray(quaternion, dtype=np.float64).reshape(-1, 4)
@@ -85,18 +108,27 @@ def _poses(
     for target in targets[(toolpath.block[targets] != "") | (toolpath.move[targets] == Move.ABSOLUTE)].tolist():
         raise ValueError(f"target {target} cannot be rewritten: {toolpath.block[target] or 'joint angles'}")
     row = program.rows.values[program.rows.row[targets]]
-    old = row[:, 3:7]
-    turn = np.where(np.einsum("ni,ni->n", old, turn)[:, None] < 0, -turn, turn)
-    numbers = np.concatenate([place * 1e3, turn], axis=1).tolist()
-    if confdata is None:
-        return {target: Pose(pose, None) for target, pose in zip(targets.tolist(), numbers, strict=True)}
-    quadrants = np.asarray(confdata, dtype=np.int64).reshape(-1, 4)
-    differs = (quadrants != row[:, 7:11]).any(axis=1)
-    return {
-        target: Pose(pose, quadrant if differ else None)
-        for target, pose, quadrant, differ in zip(
-            targets.tolist(), numbers, quadrants.tolist(), differs.tolist(), strict=True)
-    }
+    turn = np.where(np.einsum("ni,ni->n", row[:, 3:7], turn)[:, None] < 0, -turn, turn)
+    quadrants = None if confdata is None else np.asarray(confdata, dtype=np.int64).reshape(-1, 4)
+    turned = np.zeros(count, dtype=bool) if quadrants is None else (quadrants != row[:, 7:11]).any(axis=1)
+    number = np.full(len(toolpath), -1, dtype=np.int64)
+    number[targets] = np.arange(count)
+    return _Commanded(np.concatenate([place * 1e3, turn], axis=1), quadrants, turned, number)
+
+
+def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:
+    """Which targets (M,) are written in the move in figures alone: their rows come first (rows.py)."""
+    inline = np.frombuffer(program.scan.rest, dtype=np.int64) >= 0
+    return np.asarray(inline[targets] & (program.rows.row[targets] < np.count_nonzero(inline)))
+
+
+def _write_figures(job: _Job, targets: np.ndarray) -> None:
+    """Targets whose value stands in the move in figures alone."""
+    start, rest = (np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest))
+    old = job.program.rows.values[job.program.rows.row[targets], :NUMBERS]
+    poses = renumbered_poses(job.program.source.data, start, rest, old, job.poses.numbers[job.poses.number[targets]])
+    job.numbers += int(poses.changed.sum())
+    job.edits += zip(start.tolist(), rest.tolist(), poses.texts, strict=True)
 
 
 def _write_moves(job: _Job, targets: list[int]) -> None:
@@ -176,19 +208,20 @@ def _note(job: _Job, written: Written, target: int) -> None:
 
 def apply(data: bytes, edits: list[Edit]) -> bytes:
     """The text with all edits made; those at one place in the order they were entered."""
-    pieces: list[bytes] = []
+    stream = io.BytesIO()
     at = 0
     for start, end, text in sorted(edits, key=lambda edit: edit[:2]):
-        pieces += [data[at:start], text]
+        stream.write(data[at:start])
+        stream.write(text)
         at = end
-    pieces.append(data[at:])
-    return b"".join(pieces)
+    stream.write(data[at:])
+    return stream.getvalue()
 
 
-def _findings(job: _Job, targets: np.ndarray, confdata: ArrayLike | None) -> tuple[Finding, ...]:
+def _findings(job: _Job, turned: np.ndarray) -> tuple[Finding, ...]:
+    """turned: the targets whose confdata were written."""
     toolpath = job.program.toolpath
     places = Places(job.program.source, toolpath.line, toolpath.column)
-    turned = [target for target in targets.tolist() if confdata is not None and job.poses[target].confdata is not None]
     findings = []
     for which, code, message, hint in (
         (job.replaced, "CS2040", "Offs, RelTool or another expression was replaced by a robtarget in numbers",
@@ -198,7 +231,7 @@ def _findings(job: _Job, targets: np.ndarray, confdata: ArrayLike | None) -> tup
     ):
         if which:
             findings.append(places.targets(code, "note", message, sorted(which), hint))
-    if turned:
+    if len(turned):
         findings.insert(0, places.targets("CS2042", "warning", "the correction moves an axis into another quadrant: confdata "
-                                          "changed", sorted(turned), "step through these moves at low speed first"))
+                                          "changed", sorted(turned.tolist()), "step through these moves at low speed first"))
     return tuple(findings)

@@ -13,6 +13,11 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.nanmean(values**2)))
 
 
+def nothing_or(values: Array) -> Array:
+    """The values (N, k), or where none is known (NaN) the same in the room of one number, read-only."""
+    return values if not np.isnan(values).all() else np.broadcast_to(np.nan, values.shape)
+
+
 def read_only(*arrays: NDArray[np.generic]) -> None:
     """Makes the arrays of a result read-only, in place: whoever wants to change one copies it."""
     for array in arrays:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
+from identification.common.arrow import floats_of
 from identification.common.findings import error
 from identification.common.sizes import LARGEST_CELL
 from identification.common.table_layout import BLANKS, Layout, cells_of
@@ -87,12 +88,19 @@ def parse_block(
             raise error("CS0201", f"{len(row)} cells where {'the header names' if layout.header_line else 'cell.yaml has'} "
                         f"{width} columns", file=name, line=int(number[k]),
                         hint=f"cells are separated by {layout.separator!r}, taken from the first line")
+    import pandas as pd
+
     frame = pd.DataFrame({column: [row[k] for row in rows] for k, column in enumerate(layout.names) if column in wanted})
     return as_numbers(frame, name, layout.names, number), number
 
 
 def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -> dict[str, Array] | None:
     """The block at one go; None where a cell is not a finite number."""
+    plain = _plain(block, layout, wanted, decimal)
+    if plain is not None:
+        return plain
+    import pandas as pd
+
     place = {column: layout.names.index(column) for column in wanted}
     try:
         frame = pd.read_csv(
@@ -105,6 +113,33 @@ def _parsed(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -
         return None
     numbers = {column: frame[k].to_numpy() for column, k in place.items()}
     return numbers if all(_sound(values) for values in numbers.values()) else None
+
+
+def _plain(block: bytes, layout: Layout, wanted: Sequence[str], decimal: str) -> dict[str, Array] | None:
+    """The same where all is plain ASCII and the cells are numbers and no more; None where one is anything else."""
+    if layout.separator == BLANKS or not block.isascii():
+        return None
+    import pyarrow as pa
+    from pyarrow import csv
+
+    place = {column: str(layout.names.index(column)) for column in wanted}
+    try:
+        table = csv.read_csv(
+            pa.BufferReader(block),
+            csv.ReadOptions(use_threads=False, column_names=[str(k) for k in range(len(layout.names))],
+                            block_size=max(len(block), 1)),
+            csv.ParseOptions(delimiter=layout.separator, quote_char=False, ignore_empty_lines=False),
+            csv.ConvertOptions(check_utf8=False, column_types=dict.fromkeys(place.values(), pa.float64()), null_values=[],
+                               include_columns=list(place.values()), decimal_point=decimal))
+    except pa.ArrowInvalid:
+        return None
+    return _all_sound({column: floats_of(table[k]) for column, k in place.items()})
+
+
+def _all_sound(columns: dict[str, Array | None]) -> dict[str, Array] | None:
+    """The columns, if each is one of numbers as a cell may have them."""
+    numbers = {name: values for name, values in columns.items() if values is not None and _sound(values)}
+    return numbers if len(numbers) == len(columns) else None
 
 
 def _sound(values: Array) -> bool:
@@ -130,9 +165,7 @@ def parquet_blocks(file: Path, names: Sequence[str], wanted: Sequence[str]) -> I
     with pq.ParquetFile(file, pre_buffer=False) as table:
         for batch in table.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted), use_threads=False):
             number = np.arange(line, line + batch.num_rows)
-            numbers = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in wanted}
-            sound = all(values.dtype == np.float64 and _sound(values) for values in numbers.values())
-            yield numbers if sound else as_numbers(batch.to_pandas(), str(file), names, number), number
+            yield _numbers_of(batch, file, names, wanted, number), number
             line += batch.num_rows
 
 
@@ -140,16 +173,24 @@ def parquet_at(
     file: Path, names: Sequence[str], wanted: Sequence[str], shares: Sequence[float], rows: int
 ) -> Iterator[dict[str, Array]]:
     """At most `rows` rows from each of these places (0 to 1, ascending) along the file, within one row group."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    held, frame = -1, pd.DataFrame()
-    with pq.ParquetFile(file, pre_buffer=False) as table:
-        ends = np.cumsum([table.metadata.row_group(group).num_rows for group in range(table.num_row_groups)])
+    held, table = -1, pa.table({})
+    with pq.ParquetFile(file, pre_buffer=False) as source:
+        ends = np.cumsum([source.metadata.row_group(group).num_rows for group in range(source.num_row_groups)])
         for share in shares:
-            place = int(share * max(table.metadata.num_rows - rows, 0))
+            place = int(share * max(source.metadata.num_rows - rows, 0))
             group = int(np.searchsorted(ends, place, side="right"))
             if group != held:
-                held, frame = group, table.read_row_group(group, columns=list(wanted)).to_pandas()
-            first = place - int(ends[group] - len(frame))
-            part = frame.iloc[first:first + rows]
-            yield as_numbers(part, str(file), names, np.zeros(len(part), dtype=np.intp))
+                held, table = group, source.read_row_group(group, columns=list(wanted))
+            part = table.slice(place - int(ends[group] - len(table)), rows)
+            yield _numbers_of(part, file, names, wanted, np.zeros(len(part), dtype=np.intp))
+
+
+def _numbers_of(
+    part: Any, file: Path, names: Sequence[str], wanted: Sequence[str], line: Indices
+) -> dict[str, Array]:
+    """The wanted columns of a part of a Parquet file. Raises CompstiffError (CS0203)."""
+    numbers = _all_sound({name: floats_of(part[name]) for name in wanted})
+    return as_numbers(part.to_pandas(), str(file), names, line) if numbers is None else numbers

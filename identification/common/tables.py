@@ -11,16 +11,18 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
 from identification.common.sizes import LARGEST_CELL
 from identification.common.workbook import SAVE_AS, is_workbook, sheet_finding, workbook_text
+
+if TYPE_CHECKING:
+    import pandas as pd  # where it is needed: it takes longer to import than many a log to read
 
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
@@ -157,6 +159,8 @@ def _commas_read(frame: pd.DataFrame, file: str, names: Sequence[str], line: NDA
 
     Raises CompstiffError (CS0203) where every one of them may as well separate thousands, or its column has points too.
     """
+    import pandas as pd
+
     texts = {name: frame[name].fillna("").astype(str).str.strip()
              for name in frame.columns if frame[name].dtype.kind not in "fiu"}
     commas = {name: held for name, text in texts.items() if (held := text.str.fullmatch(_WITH_COMMA)).any()}
@@ -192,6 +196,8 @@ def unread(extra: Sequence[str], absent: Sequence[str]) -> list[tuple[Level, str
 
 
 def shown(value: object) -> str:
+    import pandas as pd
+
     return "an empty cell" if value is None or value == "" or value is pd.NA or value != value else f"'{value}'"
 
 
@@ -205,6 +211,8 @@ def as_floats(column: pd.Series, *, empty: bool) -> tuple[Array, NDArray[np.intp
     if column.dtype.kind in "fiu":
         values = column.to_numpy(dtype=float)
         return values, np.flatnonzero(~((np.abs(values) <= LARGEST_CELL) | (empty & np.isnan(values))))
+    import pandas as pd
+
     text = column.fillna("").astype(str).str.strip()
     values = pd.to_numeric(text.where(text != "", None), errors="coerce").to_numpy(dtype=float)
     good = (np.abs(values) <= LARGEST_CELL) | (empty & (text == "").to_numpy())
@@ -272,6 +280,8 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
 
 def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     """Cells of a CSV file, comments and blank lines left out, the line each row stands on, and the header's."""
+    import pandas as pd
+
     try:
         with opened(file) as stream:
             text = decoded(stream.read(), str(file)).removeprefix("\ufeff")

@@ -21,7 +21,7 @@ Key = tuple[str | int, ...]
 class Strict(BaseModel):
     """Base of the file models: unknown keys are errors, values cannot change."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 def _sized(value: float) -> float:

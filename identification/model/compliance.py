@@ -235,6 +235,15 @@ def compliance_matrix(robot: RobotModel, theta: Array, flange_from_tcp: Frame, c
     return np.asarray(np.einsum("nri,i,nsi->nrs", columns, compliance, columns))
 
 
+def position_compliance(robot: RobotModel, theta: Array, flange_from_tcp: Frame, compliance: Array) -> Array:
+    """The part (N, 3, 3) [m/N] of `compliance_matrix` by which a force moves the TCP; in pieces, for any number of poses."""
+    result = np.empty((len(theta), 3, 3))
+    for part in chunks(len(theta)):
+        columns = jacobian(robot, theta[part], flange_from_tcp)[:, :3]
+        result[part] = np.einsum("nri,i,nsi->nrs", columns, compliance, columns)
+    return result
+
+
 def sensitivity(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
 ) -> tuple[Array, Array]:

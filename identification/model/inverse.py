@@ -62,56 +62,56 @@ def inverse(robot: RobotModel, base_from_flange: Frame, reference: Array | None 
     reference (N, 6) [rad], optional: where the wrist is singular axis 4 stands as in the reference (else at zero).
     Raises CompstiffError (CS1102) for other arm structures.
     """
-    check_spherical_wrist(robot)
     count = len(base_from_flange.position)
     theta, reachable = np.empty((count, BRANCHES, 6)), np.empty((count, BRANCHES), dtype=bool)
-    for part in chunks(count):
-        pose = base_from_flange[part]
-        theta[part], reachable[part] = _branches(robot, pose, None if reference is None else reference[part])
+    for branch in range(BRANCHES):
+        theta[:, branch], reachable[:, branch] = one_branch(robot, base_from_flange, branch, reference)
     return Solutions(theta, reachable)
 
 
-def _branches(robot: RobotModel, base_from_flange: Frame, reference: Array | None) -> tuple[Array, NDArray[np.bool_]]:
-    """`inverse` of one chunk."""
+def one_branch(
+    robot: RobotModel, base_from_flange: Frame, branch: int, reference: Array | None = None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """One branch of `inverse`, by its cfx: angles (N, 6) [rad], and which poses it reaches (N,)."""
+    check_spherical_wrist(robot)
+    count = len(base_from_flange.position)
+    theta, reachable = np.empty((count, 6)), np.empty(count, dtype=bool)
+    for part in chunks(count):
+        pose = base_from_flange[part]
+        theta[part], reachable[part] = _branch(robot, pose, branch, None if reference is None else reference[part])
+    return theta, reachable
+
+
+def _branch(
+    robot: RobotModel, base_from_flange: Frame, branch: int, reference: Array | None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """`one_branch` of one chunk."""
+    behind, elbow, flip = branch >> 2, branch >> 1 & 1, branch & 1
     sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
     rotation, position = base_from_flange.rotation, base_from_flange.position
-    count = len(position)
-    serial = np.empty((6, count, 2, 2, 2))                    # [axis, pose, behind axis 1, behind lower arm, flip]
-    reachable = np.empty((count, 2, 2, 2), dtype=bool)
     centre = (position - robot.d[5] * rotation[:, :, 2]).T
     # The wrist centre about axis 1, whose z axis points up (alpha 0) or down (180 degrees).
     x, y, z = centre[0], cosines[0] * centre[1], cosines[0] * centre[2]
     radius, height = np.hypot(x, y), z - robot.d[0]
-    azimuth = np.arctan2(y, x)
     upper = robot.a[2]
     # The forearm as a vector of the frame of joint 3, from axis 3 to the wrist centre.
     fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
     forearm, fore_angle = np.hypot(fore_x, fore_y), np.arctan2(fore_y, fore_x)
-    reference_serial = None if reference is None else robot.serial_angles(reference).T
-    for behind in (0, 1):
-        theta1 = azimuth + np.pi * behind
-        # The arm's plane, seen along axis 2: u outwards from axis 2, v along frame 2's y axis.
-        u = (radius if not behind else -radius) - robot.a[1]
-        v = sines[1] * height
-        distance = np.hypot(u, v)
-        fold = (distance**2 - upper**2 - forearm**2) / (2 * upper * forearm)
-        within = np.abs(fold) <= 1 + 1e-12
-        bend = np.arccos(np.clip(fold, -1, 1))
-        for elbow in (0, 1):
-            # Sign of the angle from lower arm to forearm that puts the wrist centre in front of the lower arm, in the
-            # sense of rotation in which axis 2 leans the arm outwards.
-            sense = sines[1] * (1 if not elbow else -1) * -1.0
-            angle = sense * bend
-            theta2 = np.arctan2(v, u) - np.arctan2(forearm * np.sin(angle), upper + forearm * np.cos(angle))
-            theta3 = cosines[2] * angle - fore_angle
-            for flip in (0, 1):
-                wrist = _wrist(theta1, theta2, theta3, rotation, sines, cosines, flip,
-                               None if reference_serial is None else reference_serial[3])
-                for axis, values in enumerate((theta1, theta2, theta3, *wrist)):
-                    serial[axis, :, behind, elbow, flip] = values
-                reachable[:, behind, elbow, flip] = within
-    theta = robot.controller_angles(np.moveaxis(serial.reshape(6, count, BRANCHES), 0, -1))
-    return _nearest_turns(robot, theta, None), reachable.reshape(count, BRANCHES)
+    theta1 = np.arctan2(y, x) + np.pi * behind
+    # The arm's plane, seen along axis 2: u outwards from axis 2, v along frame 2's y axis.
+    u = (radius if not behind else -radius) - robot.a[1]
+    v = sines[1] * height
+    fold = (np.hypot(u, v)**2 - upper**2 - forearm**2) / (2 * upper * forearm)
+    # Sign of the angle from lower arm to forearm that puts the wrist centre in front of the lower arm, in the sense of
+    # rotation in which axis 2 leans the arm outwards.
+    sense = sines[1] * (1 if not elbow else -1) * -1.0
+    angle = sense * np.arccos(np.clip(fold, -1, 1))
+    theta2 = np.arctan2(v, u) - np.arctan2(forearm * np.sin(angle), upper + forearm * np.cos(angle))
+    theta3 = cosines[2] * angle - fore_angle
+    wrist = _wrist(theta1, theta2, theta3, rotation, sines, cosines, flip,
+                   None if reference is None else robot.serial_angles(reference)[:, 3])
+    theta = robot.controller_angles(np.column_stack([theta1, theta2, theta3, *wrist]))
+    return _nearest_turns(robot, theta, None), np.abs(fold) <= 1 + 1e-12
 
 
 def _wrist(
@@ -181,13 +181,41 @@ def nearest_solution(robot: RobotModel, solutions: Solutions, reference: Array) 
 
 
 def nearest_angles(robot: RobotModel, base_from_flange: Frame, reference: Array) -> Array:
-    """The joint angles (N, 6) [rad] of flange poses nearest to `reference` (N, 6), NaN where no branch reaches; in pieces, so
-    that not all branches of all poses are held at once. Raises as `inverse`."""
+    """The joint angles (N, 6) [rad] of flange poses nearest to `reference` (N, 6), NaN where no branch reaches, as by
+    `nearest_solution` of all branches. Raises as `inverse`.
+
+    Mostly that is the branch the reference stands in: the others are worked out only where they might be as near.
+    """
     theta = np.empty_like(reference)
     for part in chunks(len(reference)):
-        pose = base_from_flange[part]
-        theta[part], _ = nearest_solution(robot, inverse(robot, pose, reference[part]), reference[part])
+        pose, near = base_from_flange[part], reference[part]
+        branch = configuration(robot, np.nan_to_num(near, posinf=0.0, neginf=0.0))[:, 3]
+        unsure = np.ones(len(near), dtype=bool)
+        for number in np.unique(branch).tolist():
+            rows = np.flatnonzero(branch == number)
+            angles, reachable = one_branch(robot, pose[rows], number, near[rows])
+            turned = _nearest_turns(robot, angles, near[rows])
+            theta[part][rows] = turned
+            unsure[rows] = ~(reachable & _nearer_than_others(robot, turned, near[rows]))
+        if unsure.any():
+            solutions = inverse(robot, pose[unsure], near[unsure])
+            theta[part][unsure], _ = nearest_solution(robot, solutions, near[unsure])
     return theta
+
+
+def _nearer_than_others(robot: RobotModel, theta: Array, reference: Array) -> NDArray[np.bool_]:
+    """Whether no other branch can be as near to the reference (N, 6) as these angles (N, 6) of one branch.
+
+    In serial angles another one has axis 1 or axis 4 half a turn away, or axis 3 by twice the bend of the arm. One as near
+    would be within twice the distance of these, times what the coupling makes of it.
+    """
+    distance = np.max(np.abs(theta - reference), axis=1)
+    reach = 2 * distance * np.abs(robot.coupling).sum(axis=1).max() + 1e-9
+    serial = robot.serial_angles(theta)
+    sine, _ = quarter_turns(robot.alpha[3])
+    bend = np.sin(serial[:, 2] + np.arctan2(-sine * robot.d[3], robot.a[3]))
+    apart = np.minimum(2 * np.abs(bend), np.pi)
+    return np.asarray((reach < apart) & (np.abs(np.sin(serial[:, 4])) > 1e3 * WRIST_SINGULAR_RAD))
 
 
 def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:

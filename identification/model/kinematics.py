@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -37,6 +38,7 @@ def sine_cosine(angle: Array) -> tuple[Array, Array]:
     return 2.0 * t * inverse, (1.0 - square) * inverse
 
 
+@cache
 def quarter_turns(alpha: float) -> tuple[float, float]:
     """Sine and cosine of a link twist [rad], exactly 0 and +-1 at multiples of 90 degrees."""
     sine, cosine = np.sin(alpha), np.cos(alpha)

@@ -30,6 +30,7 @@ from identification.model.rotations import Frame
 __all__ = ["FORMAT", "JOINT_NAMES", "EffectInForce", "IdentifiedModel"]
 Array = NDArray[np.float64]
 FORMAT = "compstiff-stiffness"
+ALL = slice(None)
 JOINT_NAMES = tuple(f"k{i}" for i in range(1, 7))
 NORMAL_97_5 = 1.959963984540054
 # What the robot's own weight adds, sagging and moved by the load, in shares of the deviation: 1 sigma where the robot file has
@@ -198,12 +199,13 @@ class IdentifiedModel:
         return position, rotation, self.deviation_covariance(theta, wrench, tool, of_effects)
 
     def deviation_covariance(
-        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None
+        self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None, *, rows: slice = ALL
     ) -> Array:
         """Posterior covariance (N, 6, 6) [m, rad] of the deviation; see `predict`. With what the robot's own weight may add
         where it is not known, and what the effects' real laws may add, alike in every direction.
 
-        of_effects: of these rows, where they are rows of a longer history; else they are one visit.
+        of_effects: of these rows, where they are rows of a longer history; else they are one visit. rows: of these of the six
+        components alone.
         """
         if self.effects and of_effects is None:
             of_effects = self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
@@ -214,9 +216,10 @@ class IdentifiedModel:
             unknown += self.unknown_law**2 * of_effects.squares
         if self.robot.link_mass is None:
             unknown += self.unknown_weight**2 * sizes(elastic)
-        covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", by_x, self.covariance, by_x, optimize=True))
-        axes = np.arange(6)
-        covariance[:, axes, axes] += np.repeat(unknown / 3, 3, axis=1)
+        of_rows = by_x[:, rows]
+        covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", of_rows, self.covariance, of_rows, optimize=True))
+        axes = np.arange(covariance.shape[1])
+        covariance[:, axes, axes] += np.repeat(unknown / 3, 3, axis=1)[:, rows]
         return covariance
 
     def deviation_slopes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
@@ -60,6 +59,8 @@ def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> 
     An element that stood at z when a load came stands at `load + (z - load) exp(-t / T)` a time t after. Between the reading
     before and a row's load the load before is still on; where no times are known, no time passes there.
     """
+    from scipy.linalg import solve_banded
+
     before = np.concatenate([load[:1], load[:-1]])
     pause = np.diff(rows.time, prepend=np.nan) - held
     pause = np.where(pause > 0, pause, 0.0)

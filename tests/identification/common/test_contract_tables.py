@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from identification.common.findings import CompstiffError
-from identification.common.number_blocks import text_blocks
-from identification.common.table_layout import read_layout
+from identification.common.number_blocks import parse_block, text_blocks
+from identification.common.table_layout import Layout, read_layout
 from identification.common.tables import read_table
 
 NAMES = ("a_mm", "b_mm")
@@ -68,3 +68,28 @@ def test_what_is_no_text_is_named(tmp_path: Path, read, content: bytes, says: st
     assert finding.code == "CS0201"
     assert says in finding.message
     assert "save the table as CSV" in finding.hint
+
+
+@pytest.mark.parametrize("spell", ["{!r}".format, "{:.17e}".format, "{:+.6f}".format, " {:.3f} ".format, "{:.0f}.".format])
+@pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ".")])
+def test_numbers_of_a_long_table_are_those_that_python_reads(spell, separator, point) -> None:
+    """To the last bit; signs that Arrow does not take go the other way, which may miss the last one."""
+    values = np.random.default_rng(3).standard_normal((500, 3)) * 10.0 ** np.arange(-4, 5, 4)
+    cells = [[spell(float(value)).replace(".", point) for value in row] for row in values]
+    block = "\n".join(separator.join(row) for row in cells).encode() + b"\n"
+    layout = Layout(separator, ("a", "b", "c"), 0, 1, 0, 0, 500)
+    numbers, line = parse_block(block, "log.csv", layout, ["c", "a"], 1, 500)
+    wanted = np.array([[float(cell.replace(point, ".")) for cell in row] for row in cells])
+    assert line.tolist() == list(range(1, 501))
+    last_bit = 1e-15 if spell(1.0).startswith("+") else 0.0
+    for column, name in ((0, "a"), (2, "c")):
+        np.testing.assert_allclose(numbers[name], wanted[:, column], rtol=last_bit, atol=0)
+
+
+@pytest.mark.parametrize("cell", ["", "nan", "inf", "1e400", "1,5", "x", "0x10", "1 2", "é"])
+def test_a_cell_that_is_no_number_is_still_named(cell) -> None:
+    block = f"1,2\n3,{cell}\n".replace("1,5", "1.5.5").encode()
+    with pytest.raises(CompstiffError) as stopped:
+        parse_block(block, "log.csv", Layout(",", ("a", "b"), 0, 1, 0, 0, 2), ["a", "b"], 1, 2)
+    assert stopped.value.findings[0].code == "CS0203"
+    assert (stopped.value.findings[0].line, stopped.value.findings[0].column) == (2, 2)

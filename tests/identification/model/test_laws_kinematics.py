@@ -5,7 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from identification.common.findings import CompstiffError
-from identification.model.inverse import configuration, configured_solution, inverse, nearest_solution, wrist_distance
+from identification.model.inverse import (
+    configuration,
+    configured_solution,
+    inverse,
+    nearest_angles,
+    nearest_solution,
+    wrist_distance,
+)
 from identification.model.kinematics import forward, jacobian
 from identification.model.robot import RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame, quaternion_to_matrix, rotation_matrix, rotation_vector
@@ -129,3 +136,20 @@ def test_rotations_round_trip() -> None:
     matrices = rotation_matrix(vectors)
     assert_allclose(rotation_vector(matrices), vectors, rtol=1e-7, atol=1e-16)
     assert_allclose(quaternion_to_matrix(Frame(matrices, np.zeros(3)).quaternion), matrices, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", sorted(ARMS))
+@pytest.mark.parametrize("step", [0.0, 1e-6, 1e-3, 0.3, 3.0])
+def test_nearest_angles_are_the_nearest_of_all_branches(name: str, step: float) -> None:
+    """The short way, one branch alone, never misses a nearer one: at stretched arms, wrists in line and far references too."""
+    model, rng = robot(name), np.random.default_rng(7)
+    theta = random_poses(model, 20_000, rng)
+    theta[:4000, 4] *= 10.0 ** rng.uniform(-12, 0, 4000)                          # towards the wrist in line
+    upright = -np.arctan2(-np.sin(model.alpha[3]) * model.d[3], model.a[3])       # serial angle 3 of a stretched arm
+    stretched = (upright - model.offset[2] - model.coupling[2, 1] * theta[4000:8000, 1]) / model.coupling[2, 2]
+    theta[4000:8000, 2] = stretched + 10.0 ** rng.uniform(-9, 0, 4000) * rng.choice([-1, 1], 4000)
+    flange = forward(model, theta, Frame.identity())
+    reference = theta + step * rng.uniform(-1, 1, theta.shape)
+    reference[::1000] = np.nan
+    every, _ = nearest_solution(model, inverse(model, flange, reference), reference)
+    assert_allclose(nearest_angles(model, flange, reference), every, atol=1e-12, rtol=0)

@@ -1,0 +1,42 @@
+"""Columns to and from Arrow by their buffers: its own conversions import pandas, which takes longer than many a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.common.arrays import Array
+
+
+def number_column(values: Array | NDArray[np.int64]) -> Any:
+    """An Arrow array of floats or whole numbers (N,); NaN becomes null."""
+    import pyarrow as pa
+
+    whole = values.dtype.kind == "i"
+    there = np.ones(len(values), dtype=bool) if whole else ~np.isnan(values)
+    valid = None if there.all() else pa.py_buffer(np.packbits(there, bitorder="little"))
+    content = pa.py_buffer(np.ascontiguousarray(values, dtype=np.int64 if whole else np.float64))
+    return pa.Array.from_buffers(pa.int64() if whole else pa.float64(), len(values), [valid, content])
+
+
+def text_column(texts: Sequence[str]) -> Any:
+    """An Arrow array of texts."""
+    import pyarrow as pa
+
+    encoded = [text.encode() for text in texts]
+    ends = np.cumsum([0, *map(len, encoded)]).astype(np.int64)
+    return pa.Array.from_buffers(pa.large_utf8(), len(encoded), [None, pa.py_buffer(ends), pa.py_buffer(b"".join(encoded))])
+
+
+def floats_of(column: Any) -> Array | None:
+    """The numbers (N,) of an Arrow array or table column of floats without nulls; None of any other."""
+    import pyarrow as pa
+
+    if column.type != pa.float64() or column.null_count:
+        return None
+    parts = column.chunks if isinstance(column, pa.ChunkedArray) else [column]
+    numbers = [np.frombuffer(part.buffers()[1], np.float64, len(part), 8 * part.offset) for part in parts if len(part)]
+    return numbers[0] if len(numbers) == 1 else np.concatenate([np.empty(0), *numbers])

@@ -1,0 +1,72 @@
+"""What `correct` costs grows with the program and no faster, and it starts without what it does not need."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks.correct_time import write_job
+
+FEW, MANY = 10_000, 40_000
+# CPU time may grow by so much more than the targets do: caches, and other work on the machine. A part that grows with their
+# square and takes a tenth of the time at first would make it 5.2 in place of 4.
+MOST_GROWTH = 5.0
+# Peak memory a further target [bytes]; it was 4800 when this was written.
+MOST_BYTES = 7000
+RUN = """
+import os, sys
+child = os.fork()
+if not child:
+    os.execv(sys.executable, [sys.executable, "-m", "compstiff", *sys.argv[1:]])
+_, status, used = os.wait4(child, 0)
+print(status, used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+LOADED = """
+import json, sys
+from compstiff.__main__ import run
+try:
+    run()
+except SystemExit as done:
+    print(json.dumps([done.code, sorted({name.partition(".")[0] for name in sys.modules})]))
+"""
+
+
+def arguments(folder: Path, *more: str) -> list[str]:
+    cell, program, stiffness, forces, out = (
+        str(folder / name) for name in ("cell.yaml", "long.mod", "stiffness.json", "long.forces.csv", "out.mod"))
+    return ["correct", cell, program, "--stiffness", stiffness, "--forces", forces, "-o", out, *more]
+
+
+def cost(folder: Path, count: int) -> tuple[float, float]:
+    """CPU time [s] and peak memory [bytes] of the whole command."""
+    folder.mkdir()
+    write_job(folder, count, "target")
+    more = ["--offsets", str(folder / "offsets.csv")]
+    done = subprocess.run([sys.executable, "-c", RUN, *arguments(folder, *more)], capture_output=True, text=True, check=True)
+    status, seconds, kilobytes = done.stdout.split()[-3:]
+    assert status == "0", done.stderr
+    return float(seconds), 1024 * float(kilobytes)
+
+
+@pytest.mark.skipif(not hasattr(os, "wait4") or sys.platform == "darwin", reason="needs Linux's wait4")
+def test_time_and_memory_grow_with_the_targets(tmp_path: Path) -> None:
+    """Ratios, never absolute times: of the work beyond the start, which a program of a hundred targets shows."""
+    start, _ = cost(tmp_path / "start", 100)
+    few, few_bytes = cost(tmp_path / "few", FEW)
+    many, many_bytes = cost(tmp_path / "many", MANY)
+    assert (many - start) / (few - start) < MOST_GROWTH * MANY / FEW / 4
+    assert (many_bytes - few_bytes) / (MANY - FEW) < MOST_BYTES
+
+
+def test_a_plain_job_starts_without_pandas_scipy_and_toppra(tmp_path: Path) -> None:
+    write_job(tmp_path, 100, "target")
+    more = ["--offsets", str(tmp_path / "offsets.csv")]
+    command = [sys.executable, "-c", LOADED, *arguments(tmp_path, *more)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    code, loaded = json.loads(done.stdout.splitlines()[-1])
+    assert code == 0, done.stderr
+    assert "numpy" in loaded
+    assert not {"pandas", "scipy", "toppra", "plotly", "openpyxl", "httpx", "pymodbus"} & set(loaded)
