@@ -28,24 +28,23 @@ class Tilt(AtJoint):
 
 
 class TiltAlong(Tilt):
-    """The bearing is not where the convention puts the joint's frame: its pivot lies a share s of the link back along the axis,
-    from the shoulder towards the floor (joint 1), from the wrist towards the elbow (joint 4)."""
+    """The column's bearing is not where the convention puts the joint's frame: its pivot lies a share s of the way from there to
+    the floor. Joint 4 has no such law: its bearings lie along the forearm, which yields there as one that bends (link_bending)."""
 
     law = "along"
-    joints = (1, 4)
+    joints = (1,)
     parameters = (
         COMPLIANCE,
         Parameter("share", "1", 0.5, 0.1, 0.85, grid=(0.25, 0.5, 0.75), shape=True,
-                  source="engineering judgement: an axis has its bearing somewhere along its link",
-                  bounds_source="engineering judgement: nearer to the frame it is the first law; on the floor joint 1's is "
+                  source="engineering judgement: the bearing of a column is somewhere in it",
+                  bounds_source="engineering judgement: nearer to the frame it is the first law; on the floor it is "
                                 "base_rocking"),
     )
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
         axis, origin = rows.axes[:, i], rows.origins[:, i]
-        link = origin - (rows.origins[:, i - 1] if i else 0.0)
-        pivot = origin - values[1] * axis * np.sum(axis * link, axis=1, keepdims=True)
+        pivot = origin - values[1] * axis * np.sum(axis * origin, axis=1, keepdims=True)
         moment = rows.moment_about(pivot)
         return rows.turned(pivot, values[0] * (moment - axis * np.sum(axis * moment, axis=1, keepdims=True)))
 

@@ -66,11 +66,14 @@ def warnings(findings: list) -> set[str]:
 
 
 def test_the_tools_z_may_point_either_way(jobs: list) -> None:
-    """Up is where the flange is."""
+    """Up is where the flange is, which stands as it stood."""
     path, force, _ = jobs[0]
     forced = np.any(force != 0, axis=1)
-    frame = path.base_from_tcp
-    other = replace(path, base_from_tcp=replace(frame, rotation=frame.rotation * np.array([1.0, -1, -1])))
+    turned = np.array([1.0, -1, -1])
+    frame, tool = path.base_from_tcp, path.flange_from_tcp
+    other = replace(path, base_from_tcp=replace(frame, rotation=frame.rotation * turned),
+                    flange_from_tcp=replace(tool, rotation=tool.rotation * turned))
+    np.testing.assert_allclose(other.base_from_flange.position, path.base_from_flange.position, atol=1e-12)
     assert cut_direction(other, force, forced) == cut_direction(path, force, forced)
 
 
