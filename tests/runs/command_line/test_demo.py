@@ -42,6 +42,19 @@ def test_the_demo_s_cell_states_its_spindle_and_its_cut(demo: tuple[Path, kit.Ru
     assert float(expected.group(2)) < 3
 
 
+def test_the_readme_shows_what_the_demo_prints(demo: tuple[Path, kit.Run]) -> None:
+    """Piece by piece, but for what it leaves out with three points."""
+    _, result = demo
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    shown = re.search(r"What it prints, shortened:\n\n```\n(.*?)```", readme, re.S)
+    assert shown
+    lines = [line for line in shown.group(1).splitlines() if line.strip("\n .")]
+    assert len(lines) >= 10
+    for line in lines:
+        for piece in re.split(r", | \(|\)", line):
+            assert piece == "..." or piece in result.out, piece
+
+
 def test_demo_does_not_overwrite(demo: tuple[Path, kit.Run]) -> None:
     folder, _ = demo
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
