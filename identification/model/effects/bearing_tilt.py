@@ -28,8 +28,8 @@ class Tilt(AtJoint):
 
 
 class TiltAlong(Tilt):
-    """The column's bearing is not where the convention puts the joint's frame: its pivot lies a share s of the way from there to
-    the floor. Joint 4 has no such law: its bearings lie along the forearm, which yields there as one that bends (link_bending)."""
+    """The column's bearing is not where the convention puts the joint's frame: its pivot lies a share s of the way from there
+    to the floor. Joint 4 has no such law: a bearing along the forearm yields as a forearm that bends (link_bending)."""
 
     law = "along"
     joints = (1,)
