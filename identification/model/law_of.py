@@ -7,6 +7,7 @@ prediction follows the law that the data show, and its standard deviation has wh
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,34 +49,51 @@ class LawOf(Effect):
             Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes) + of.stiffens * WAYS))
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return np.asarray(self.columns(rows, joint) @ values)
+        moved = np.zeros((len(rows), 6))
+        for value, (law, size) in zip(values, self._of_typical_size(rows, joint), strict=False):
+            moved += value * law.contribution(rows, joint, size)
+        if self.of.stiffens:
+            along, share, by = _directions(rows, self._linear(rows, joint))
+            moved[:, :3] += np.einsum("kn,kin->ni", share * (values[-WAYS:].reshape(3, -1) @ by), along)
+        return moved
 
     def columns(self, rows: LoadState, joint: int | None) -> Array:
         """What each shape adds at its typical size (n, 6, m): position [m] and rotation [rad]."""
-        moved = []
+        columns = np.zeros((len(rows), 6, len(self.parameters)))
+        for k, (law, size) in enumerate(self._of_typical_size(rows, joint)):
+            columns[:, :, k] = law.contribution(rows, joint, size)
+        if self.of.stiffens:
+            columns[:, :3, -WAYS:] = stiffening_ways(rows, self._linear(rows, joint))
+        return columns
+
+    def _of_typical_size(self, rows: LoadState, joint: int | None) -> Iterator[tuple[Effect, Array]]:
+        """The law of each shape, and its values (P,)."""
         for law, choice in self.shapes:
             size = next(k for k, value in enumerate(choice) if value is None)
             values = np.array([0.0 if value is None else value for value in choice])
             values[size] = law.typical(rows, joint)[size]
-            moved.append(law.contribution(rows, joint, values))
-        if not self.of.stiffens:
-            return np.stack(moved, axis=2)
-        linear = self.of.contribution(rows, joint, self.of.typical(rows, joint))
-        ways = np.zeros((len(rows), 6, WAYS))
-        ways[:, :3] = stiffening_ways(rows, linear[:, :3])
-        return np.concatenate([*(shape[:, :, None] for shape in moved), ways], axis=2)
+            yield law, values
+
+    def _linear(self, rows: LoadState, joint: int | None) -> Array:
+        """What a structure of typical size that does not stiffen adds to the position (n, 3) [m]."""
+        return self.of.contribution(rows, joint, self.of.typical(rows, joint))[:, :3]
 
 
 def stiffening_ways(rows: LoadState, moved: Array) -> Array:
     """What a structure that moves the tool by `moved` (n, 3) [m] adds (n, 3, WAYS) [m] where it yields otherwise: more or less
     along the arm, across it and upright, alike everywhere, with the angles of joints 2 and 3, which set the weight it carries,
     and with the size of the load; each for a coefficient of 1. Rotations stay those of the linear law."""
+    along, share, by = _directions(rows, moved)
+    return np.asarray(np.einsum("kn,kin,fn->nikf", share, along, by).reshape(len(moved), 3, WAYS))
+
+
+def _directions(rows: LoadState, moved: Array) -> tuple[Array, Array, Array]:
+    """The three directions (3, 3, n), the share of `moved` in each (3, n) [m], and what they stiffen with (6, n)."""
     q1, q2, q3 = rows.loaded[:, :3].T
     zero, one = np.zeros_like(q1), np.ones_like(q1)
-    along = np.array([[np.cos(q1), np.sin(q1), zero], [-np.sin(q1), np.cos(q1), zero], [zero, zero, one]])     # (3, 3, n)
+    along = np.array([[np.cos(q1), np.sin(q1), zero], [-np.sin(q1), np.cos(q1), zero], [zero, zero, one]])
     by = np.array([one, np.sin(q2), np.cos(q2), np.sin(q3), np.cos(q3), np.linalg.norm(rows.wrench[:, :3], axis=1) / LOAD_N])
-    share = np.einsum("kin,ni->kn", along, moved)
-    return np.asarray(np.einsum("kn,kin,fn->nikf", share, along, by).reshape(len(moved), 3, WAYS))
+    return along, np.einsum("kin,ni->kn", along, moved), by
 
 
 def uncertain(effect: Effect) -> bool:
