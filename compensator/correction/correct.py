@@ -20,7 +20,6 @@ from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
-from compensator.correction.settings import DEPTH
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
@@ -63,7 +62,7 @@ class Corrected:
     @property
     def assumed_depth(self) -> float | None:
         """The depth of cut [m] that what is left by the cut rests on; None where its stiffness is known."""
-        return DEPTH if self.stiffness is None else None
+        return self.planned.settings.correction.taken_depth if self.stiffness is None else None
 
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""

@@ -28,7 +28,6 @@ from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
-from compensator.correction.settings import DEPTH
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, Refused, counted
@@ -118,7 +117,7 @@ def _here(predicted: Predicted, stiffness: CuttingStiffness | None) -> tuple[Arr
     in_a_slot = 1 - (1 - IN_A_SLOT) * slot_share(predicted.path, force)
     if stiffness is None:
         _, across = across_feed(predicted.path, force)
-        return np.zeros(count), GROWS * in_a_slot * across / DEPTH
+        return np.zeros(count), GROWS * in_a_slot * across / predicted.settings.correction.taken_depth
     share = np.zeros(count)
     if stiffness.followed:
         share = climb_share(predicted.path, force) if stiffness.climb_only else np.ones(count)

@@ -14,7 +14,7 @@ from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_mater
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.engagement import LoggedPass, across_feed, standing
 from compensator.correction.predict import Predicted, under_forces
-from compensator.correction.settings import DEPTH, Estimate
+from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Refused, counted, error
@@ -114,7 +114,7 @@ def of_passes(
         return prior, ()            # stated as exact
     if prior is None:
         _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-        before = of_force(float(np.median(across[predicted.targets])), DEPTH)
+        before = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.taken_depth)
     else:
         before = Estimate(prior.value, prior.std)
     falls = of_either_sign(Estimate(0.0, 1e3 * before.value), pairs)

@@ -67,8 +67,9 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
             yield ("state the cut in cell.yaml: material, tool_diameter_mm, contact_mm, and the spindle's speed",
                    "four lines in cell.yaml",
                    lambda: _known_cut(corrected))
-            yield (f"state the depth across the feed, --depth-of-cut (taken as {1e3 * DEPTH:g} mm)", "an option",
-                   lambda: _stated_depth(corrected))
+            if settings.correction.depth_of_cut is None:
+                yield (f"state the depth across the feed, --depth-of-cut (taken as {1e3 * DEPTH:g} mm)", "an option",
+                       lambda: _stated_depth(corrected))
     if matters(left.motion) and settings.correction.scale == EXACTLY_ONE:
         yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))
     if matters(left.sensor) and corrected.predicted.cell.force_log.form.gain_std > GAIN_STD:
@@ -119,7 +120,7 @@ def _next_pass(corrected: Corrected) -> Array:
 def _known_cut(corrected: Corrected) -> Array:
     predicted = corrected.predicted
     _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    value = of_force(float(np.median(across[predicted.targets])), DEPTH).value
+    value = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.taken_depth).value
     std = value * float(np.sqrt(np.expm1(WIDTH**2)))
     stated = CuttingStiffness(value, std, "material", mean_std=std, climb_only=True)
     return _again(corrected, predicted, replace(corrected.logged, stiffness=stated))

@@ -71,6 +71,11 @@ class CorrectionSettings:
     learned: Path | None = None
     repeats: Repeats = "nothing"
 
+    @property
+    def taken_depth(self) -> float:
+        """The depth of cut [m] that is reckoned with where the cut's stiffness is not known: as stated, else DEPTH."""
+        return DEPTH if self.depth_of_cut is None else self.depth_of_cut
+
 
 @dataclass(frozen=True)
 class FeedSettings:

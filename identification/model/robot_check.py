@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import CompstiffError, Finding
+from identification.common.findings import CompstiffError, Finding, Level
 from identification.common.yaml_source import read_yaml
 from identification.model.inverse import check_spherical_wrist, nearest_angles
 from identification.model.kinematics import chain, forward
@@ -30,6 +30,8 @@ SMALLEST_M, LARGEST_M, RADIANS = 0.3, 15.0, 7.0
 STIFFEST_ROBOT = 1e4                # [N m/rad]: a first joint that is softer is in other units (engineering judgement)
 # Speeds and accelerations that are too slow or too fast for a joint of such an arm [deg/s] (engineering judgement).
 FASTEST = 1500.0
+# A data sheet counts its reach from one of these.
+_AXES: tuple[Literal[1, 2], Literal[1, 2]] = (1, 2)
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def check_robot(file: str | Path) -> RobotCheck:
     return RobotCheck(str(file), robot.name, tuple(rows))
 
 
-def _finding(robot: RobotModel, code: str, message: str, hint: str, level: Any = "error") -> Finding:
+def _finding(robot: RobotModel, code: str, message: str, hint: str, level: Level = "error") -> Finding:
     return Finding(code, level, message, file=str(robot.source), hint=hint)
 
 
@@ -192,7 +194,7 @@ def _apart(first: Array, at_first: Array, second: Array, at_second: Array) -> fl
 
 def _reach(robot: RobotModel, described: RobotFile) -> Checked:
     sheet = described.data_sheet
-    axis: Any = 1 if sheet.reach_from == "axis 1" else 2
+    axis, other = _AXES if sheet.reach_from == "axis 1" else _AXES[::-1]
     found = 1e3 * reach(robot, axis)
     if not np.isfinite(found):
         return Checked("reach", "no angle of joints 2 and 3 lies inside the limits and the window")
@@ -205,7 +207,6 @@ def _reach(robot: RobotModel, described: RobotFile) -> Checked:
     words += f"; stated {sheet.reach_mm:g} mm, {off:+.1f}"
     if abs(off) <= sheet.reach_tolerance_mm:
         return Checked("reach", words)
-    other: Any = 3 - axis
     fits = abs(1e3 * reach(robot, other) - sheet.reach_mm) <= sheet.reach_tolerance_mm
     hint = (f"from axis {other} it fits: state reach_from: axis {other}" if fits
             else "check a_mm, d_mm and the limits of joints 2 and 3, and from which axis to which point the data sheet counts")

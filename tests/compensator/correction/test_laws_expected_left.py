@@ -87,6 +87,11 @@ def test_what_is_known_of_a_wall_is_not_said_of_a_slot(tmp_path: Path) -> None:
 def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
     job = MillingJob(tmp_path, 4, part=slot_and_pocket(pocket=False))
     stiffness = job.identify()
-    made = job.correct(job.log(job.first, job.planned, "log.csv"), stiffness, settings(depth_of_cut=1.5e-3))
-    assert made.job.stiffness is None
-    assert "CS3241" in [finding.code for finding in made.job.findings]
+    log = job.log(job.first, job.planned, "log.csv")
+    made, guessed = (job.correct(log, stiffness, settings(**stated)).job for stated in ({"depth_of_cut": 1.5e-3}, {}))
+    assert made.stiffness is None
+    assert "CS3241" in [finding.code for finding in made.findings]
+    # What the cut may leave is still that of the stated depth, not of a guessed one: half of it at twice the depth.
+    assert (made.assumed_depth, guessed.assumed_depth) == (1.5e-3, 0.75e-3)
+    deep, guess = (float(np.median(one.left.cut[one.left.cut > 0])) for one in (made, guessed))
+    assert deep == pytest.approx(guess / 2, rel=0.1)

@@ -51,13 +51,15 @@ def cost(folder: Path, count: int) -> tuple[float, float]:
     return float(seconds), 1024 * float(kilobytes)
 
 
-@pytest.mark.skipif(not hasattr(os, "wait4") or sys.platform == "darwin", reason="needs Linux's wait4")
+@pytest.mark.skipif(
+    not hasattr(os, "wait4") or sys.platform == "darwin",
+    reason="a child's own peak memory in kilobytes is os.wait4's on Linux: Windows has no wait4, macOS counts bytes")
 def test_time_and_memory_grow_with_the_targets(tmp_path: Path) -> None:
     """Ratios, never absolute times: of the work beyond the start, which a program of a hundred targets shows."""
     start, _ = cost(tmp_path / "start", 100)
     few, few_bytes = cost(tmp_path / "few", FEW)
     many, many_bytes = cost(tmp_path / "many", MANY)
-    assert (many - start) / (few - start) < MOST_GROWTH * MANY / FEW / 4
+    assert (many - start) / (few - start) < MOST_GROWTH
     assert (many_bytes - few_bytes) / (MANY - FEW) < MOST_BYTES
 
 
