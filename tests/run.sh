@@ -50,4 +50,4 @@ if [ -n "$newest" ]; then
 fi
 
 echo "== tests"
-"$environment/bin/python" -m pytest -n 2 --dist loadfile
+"$environment/bin/python" -m pytest -n 2 --dist loadfile --no-loadscope-reorder
