@@ -107,12 +107,17 @@ def survey(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Surv
     scan = _Scan(base, dictionary, state, noise)
     every: dict[frozenset[int], Hypothesis] = {}
     beam = [Hypothesis((), (), 0.0)]
+    alone: dict[int, float] = {}
     for _ in range(levels):
         grown: dict[frozenset[int], Hypothesis] = {}
         for hypothesis in beam:
             for larger in scan.grown(hypothesis):
-                if larger.key not in grown or grown[larger.key].log_evidence < larger.log_evidence:
+                # The further effect of a set is the one that has least by itself: taken first, it would find what the other
+                # does by a law a little different, and be a second cause of it.
+                other = grown.get(larger.key)
+                if other is None or alone[larger.entries[-1]] < alone[other.entries[-1]]:
                     grown[larger.key] = larger
+        alone = alone or {hypothesis.entries[0]: hypothesis.log_evidence for hypothesis in grown.values()}
         every |= grown
         beam = sorted(grown.values(), key=lambda hypothesis: -hypothesis.log_evidence)[:BEAM]
     return Survey(state, dictionary, base, _weighed(list(every.values()), len(dictionary.entries)))

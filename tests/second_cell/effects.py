@@ -292,6 +292,14 @@ def drift(world: World, joint: int, factor: float, rng: np.random.Generator) -> 
     world.reading.append(lambda seen: seen + settling * -np.expm1(-world.plan.time / settling)[:, None] * rate)
 
 
+@effect("stand_compliance")
+def stand_compliance(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """The tripod stands on the loading frame, whose three rails give way unlike each other and stiffen as they are pressed."""
+    gives, turned = factor * 5e-8 * rng.uniform(0.3, 2.0, 3), turn(rng.uniform(0.05, 0.2) * direction(rng))
+    load = world.plan.load
+    world.reading.append(lambda seen: seen + (gives * load / (1 + np.abs(load) / 2000)) @ turned.T)
+
+
 @effect("sensor_step")
 def sensor_step(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     """From a row on, in one visit, or in a single row."""

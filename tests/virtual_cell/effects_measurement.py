@@ -90,6 +90,21 @@ def drift(plant: Plant, joint: None, parameters: Parameters) -> None:
         (DRIFT, lambda seen, row, force: seen + rate * WARM_UP_S * -np.expm1(-row.time / WARM_UP_S)))
 
 
+def _stand(draw: Draw) -> Parameters:
+    """Each axis gives by 0.5 to 1.5 times 5e-8 m/N; the frame turns the motion by 8 degrees about an axis on the floor."""
+    gives = draw.factor * 5e-8 * draw.rng.uniform(0.5, 1.5, 3)
+    return dict(zip(("x_m_per_n", "y_m_per_n", "z_m_per_n"), gives.tolist(), strict=True)) | {"about_rad": draw.phase()}
+
+
+@effect("stand_compliance", _stand)
+def stand_compliance(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """The cylinders push against the frame that the lasers stand on: it goes back, turned a little, and they see the tool ahead."""
+    gives = np.array([parameters[f"{axis}_m_per_n"] for axis in "xyz"])
+    about = parameters["about_rad"]
+    turned = Rotation.from_rotvec(np.radians(8) * np.array([np.cos(about), np.sin(about), 0])).as_matrix()
+    plant.reading_faults.append((STAND, lambda seen, row, force: seen + turned @ (gives * force)))
+
+
 def _step(draw: Draw) -> Parameters:
     """One of: from `row` on, all rows of one `pose` (label), or the `single_row`; rows count from 1."""
     rows = np.flatnonzero(~draw.design.validate)

@@ -87,7 +87,7 @@ def load_cell_hysteresis(plant: Plant, joint: None, parameters: Parameters) -> N
     plant.force_faults.append(lagging)
 
 
-@effect("stand_moves", lambda draw: draw.vector("x_m_per_n y_m_per_n z_m_per_n", 1.2e-7))
+@effect("stand_moves", lambda draw: draw.vector("x_m_per_n y_m_per_n z_m_per_n", 1.2e-7), known_as="stand_compliance")
 def stand_moves(plant: Plant, joint: None, parameters: Parameters) -> None:
     """The lasers' stand is screwed to the cylinder's frame and moves with loads along y, only then."""
     give = np.array([parameters[f"{axis}_m_per_n"] for axis in "xyz"])

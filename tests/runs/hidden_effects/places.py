@@ -36,6 +36,7 @@ MEASUREMENT = (
     place("target_curvature", None, 0, "drift"),
     place("drift", None, 2, "target_curvature"),
     place("sensor_step", None, 3, "drift"),
+    place("stand_compliance", None, 2, "base_shift"),
 )
 # An effect that no deflection shows (docs/effects.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
