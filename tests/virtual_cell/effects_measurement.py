@@ -98,7 +98,7 @@ def _stand(draw: Draw) -> Parameters:
 
 @effect("stand_compliance", _stand)
 def stand_compliance(plant: Plant, joint: None, parameters: Parameters) -> None:
-    """The cylinders push against the frame that the lasers stand on: it goes back, turned a little, and they see the tool ahead."""
+    """The cylinders push against the frame that the lasers stand on: it goes back, turned a little."""
     gives = np.array([parameters[f"{axis}_m_per_n"] for axis in "xyz"])
     about = parameters["about_rad"]
     turned = Rotation.from_rotvec(np.radians(8) * np.array([np.cos(about), np.sin(about), 0])).as_matrix()
