@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from compensator.upload.upload import upload
     from compensator.verification.verify import verify
     from compstiff.batch.pairing import Folders, paired
-    from compstiff.batch.programs import Shared, correct_programs
+    from compstiff.batch.programs import Shared
+    from compstiff.batch.running import correct_programs
     from compstiff.batch.watch import watch_folder
     from compstiff.milling_poses import milling_poses
     from compstiff.writing import report, write
@@ -79,7 +80,8 @@ _FILES = {
     "compensator.upload.upload": ("upload",),
     "compensator.verification.verify": ("verify",),
     "compstiff.batch.pairing": ("Folders", "paired"),
-    "compstiff.batch.programs": ("Shared", "correct_programs"),
+    "compstiff.batch.programs": ("Shared",),
+    "compstiff.batch.running": ("correct_programs",),
     "compstiff.batch.watch": ("watch_folder",),
     "compstiff.milling_poses": ("milling_poses",),
     "compstiff.writing": ("report", "write"),

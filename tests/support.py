@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -64,6 +65,12 @@ def started(*command: object, **named: Any) -> Iterator[subprocess.Popen[Any]]:
         for stream in (process.stdout, process.stderr):
             if stream:
                 stream.close()
+
+
+def free_port() -> int:
+    """A port of this machine on which nobody listens now."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
 
 
 def cpu_seconds(process: subprocess.Popen[Any]) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from compensator.correction.files import Outputs
 from compensator.posting.suffixes import RAPID_SUFFIXES, TOOLPATH_SUFFIXES, toolpath_stem, toolpath_suffix
+from identification.common.files import sha256
 from identification.common.findings import Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
@@ -115,3 +116,17 @@ def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> lis
             if other is not program:
                 rivals |= {program: other, other: program}
     return [replace(files, rival=rivals.get(files.program)) for files in pairs]
+
+
+def share_of(programs: Iterable[ProgramFiles], shard: tuple[int, int]) -> list[ProgramFiles]:
+    """Part K of N (1 to N) of the programs, by their content: the same whatever else lies in the folder, and no two parts share
+    one. A program that cannot be read is in the first part, which says so."""
+    part, of = shard
+
+    def belongs(program: Path) -> int:
+        try:
+            return int(sha256(program)[:16], 16) % of
+        except OSError:
+            return 0
+
+    return [files for files in programs if belongs(files.program) == part - 1]

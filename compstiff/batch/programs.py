@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,9 @@ from compensator.correction.files import Inputs, correct_files
 from compensator.correction.settings import DEFAULTS, Settings
 from compstiff.batch.pairing import ProgramFiles, no_log, programs_in
 from compstiff.outcome import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
-from identification.common.findings import Finding, error
+from identification.common.files import sha256
+from identification.common.findings import CompstiffError, Finding, error
+from identification.model.cell import read_cell
 
 # An interrupt ends the whole call; a defect is worse than what could not be done, and that is worse than a refusal.
 WORST_FIRST = (INTERRUPTED, DEFECT, FAILED, REFUSED, DONE)
@@ -90,26 +92,22 @@ def programs_of(paths: Sequence[Path]) -> list[Path]:
     return programs
 
 
-def correct_programs(
-    programs: Iterable[ProgramFiles], shared: Shared, *, processes: int = 1, stopped: Callable[[], bool] = lambda: False,
-) -> Iterator[ProgramResult]:
-    """Corrects the programs (`paired`), in their order: each by itself, one that fails does not stop the others. Once
-    `stopped`, those under way are finished and no further one is begun.
+def correct_as_new(shared: Shared, files: ProgramFiles, own: bool) -> ProgramResult:
+    """`correct_program`, for workers. own: outputs that exist are what a lost process of this call left."""
+    return correct_program(files, shared, overwrite=own)
 
-    >>> from pathlib import Path
-    >>> folders = compstiff.Folders(Path("corrected"))
-    >>> folders.make()
-    >>> shared = compstiff.Shared(Path("cell.yaml"), Path("stiffness.json"), compstiff.Settings.of(tare=((0, 2),)))
-    >>> [result.status for result in compstiff.correct_programs(compstiff.paired([Path("insert.mod")], None, folders), shared)]
-    ['ok']
-    """
-    left = deque(programs)
-    if processes > 1 and len(left) > 1:
-        while left and not stopped():
-            # A lost process takes its pool with it: those not begun go to a new one.
-            yield from _in_processes(left, shared, min(processes, len(left)), stopped)
-    while left and not stopped():
-        yield correct_program(left.popleft(), shared)
+
+def content_key(files: ProgramFiles, shared: Shared, digests: Sequence[str]) -> str:
+    """What makes a program another one: names and content (digests: of program and logs), cell, robot, stiffness and settings.
+    Raises OSError."""
+    robot = ""
+    with contextlib.suppress(CompstiffError):
+        robot = read_cell(shared.cell).robot.sha256
+    chosen = shared.settings.values()
+    parts = [files.program.name, *digests, str(files.rival), sha256(shared.cell), robot, sha256(shared.stiffness),
+             *(f"{name}={value!r}" for name, value in chosen.items()),
+             *(sha256(value) for value in chosen.values() if isinstance(value, Path) and value.is_file())]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def correct_program(
@@ -131,62 +129,3 @@ def correct_program(
         return Outcome(corrected.as_dict(), corrected.findings)
 
     return ProgramResult.of(files, shared, *attempt(replace(shared.session, jobs=False), body))
-
-
-def _in_processes(
-    programs: deque[ProgramFiles], shared: Shared, processes: int, stopped: Callable[[], bool]
-) -> Iterator[ProgramResult]:
-    """Takes programs from the left until none is left, or a process of the pool is lost."""
-    import multiprocessing
-    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-    from concurrent.futures.process import BrokenProcessPool
-
-    begun: deque[tuple[ProgramFiles, Future[ProgramResult]]] = deque()
-    # Spawned, not forked: the libraries of this process may have threads.
-    with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _deaf) as pool:
-        while True:
-            # No more are handed over than are worked on, so that none begins after a stop.
-            with contextlib.suppress(BrokenProcessPool):
-                while programs and not stopped() and sum(not future.done() for _, future in begun) < processes:
-                    with _without_interrupts():
-                        begun.append((programs[0], pool.submit(correct_program, programs[0], shared)))
-                    programs.popleft()
-            if not begun:
-                return
-            wait([future for _, future in begun if not future.done()], return_when=FIRST_COMPLETED)
-            while begun and begun[0][1].done():
-                files, future = begun.popleft()
-                try:
-                    yield future.result()
-                except BrokenProcessPool:
-                    yield _lost(files, shared)
-
-
-def _lost(files: ProgramFiles, shared: Shared) -> ProgramResult:
-    finding = Finding("CS6010", "error", "the process that worked on a program of this batch ended by itself",
-                      file=str(files.program), hint="memory may have run out: try again with --jobs 1")
-    return ProgramResult.of(files, shared, Outcome(findings=(finding,)), "defect", DEFECT)
-
-
-def _deaf() -> None:
-    """In each process of the pool: Ctrl-C and Ctrl-Break are for the first one."""
-    import signal
-
-    for number in {signal.SIGINT, getattr(signal, "SIGBREAK", signal.SIGINT)}:
-        signal.signal(number, signal.SIG_IGN)
-
-
-@contextlib.contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Processes begun in here never see a Ctrl-C, which reaches every process of a terminal: the first one decides what becomes
-    of the others' work. Its own comes afterwards."""
-    import signal
-
-    if not hasattr(signal, "pthread_sigmask"):      # Windows: `_deaf` is all there is
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -13,7 +12,7 @@ from pathlib import Path
 from compstiff.batch.finished_files import FileStamp, Settled, file_stamp, lacks_its_end
 from compstiff.batch.journal import Journal, sync_folder
 from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired, programs_in
-from compstiff.batch.programs import ProgramResult, Shared, correct_program
+from compstiff.batch.programs import ProgramResult, Shared, content_key, correct_program
 from compstiff.outcome import DONE, INTERRUPTED, Outcome
 from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
@@ -141,7 +140,7 @@ class Watch:
         name, outputs = files.program.name, files.outputs.files()
         try:
             digests = [sha256(path) for path in (files.program, *files.logs)]
-            key = self._key(files, digests)
+            key = content_key(files, self.shared, digests)
         except OSError:
             return None     # Gone, or no longer readable: the next look sees it.
         last = self.journal.last.get(name, {})
@@ -172,17 +171,6 @@ class Watch:
                           exit_code=result.code, findings=[finding.as_dict() for finding in fold(result.findings)])
         self.handled[files.program] = stamps
         return result
-
-    def _key(self, files: ProgramFiles, digests: list[str]) -> str:
-        """What makes a program another one: names and content of program and log, cell, robot, stiffness and settings."""
-        robot = ""
-        with contextlib.suppress(CompstiffError):
-            robot = read_cell(self.shared.cell).robot.sha256
-        chosen = self.shared.settings.values()
-        parts = [files.program.name, *digests, str(files.rival), sha256(self.shared.cell), robot, sha256(self.shared.stiffness),
-                 *(f"{name}={value!r}" for name, value in chosen.items()),
-                 *(sha256(value) for value in chosen.values() if isinstance(value, Path) and value.is_file())]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _from(folder: Path, path: Path) -> str:

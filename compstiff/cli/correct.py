@@ -21,6 +21,7 @@ from compstiff.cli.options import (
     POSTING_OPTIONS,
     SPLITTING_OPTIONS,
     STIFFNESS,
+    Shard,
     with_settings,
 )
 from compstiff.outcome import Outcome, Session
@@ -45,9 +46,12 @@ if TYPE_CHECKING:
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
+@option("Output", "--shard", type=Shard(), help="Of several, part K of N by their content: for arrays of jobs.")
+@option("Output", "--scheduler", metavar="ADDRESS", help="Of several, on the workers of the Dask scheduler tls://HOST:PORT.")
 def correct(
     session: Session, cell_file: Path, toolpath_files: tuple[Path, ...], stiffness_file: Path, forces_file: Path | None,
     output: str, offsets: Path | None, report: Path | None, settings: Settings, jobs: int,
+    shard: tuple[int, int] | None, scheduler: str | None,
 ) -> Outcome:
     """Correct a milling program for the deflection under its logged forces.
 
@@ -55,7 +59,8 @@ def correct(
     corrected targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
 
     Several programs, or a folder of them: each with its log part.forces.csv beside part.mod or in the folder --forces names.
-    Then OUTPUT, --offsets and --report are folders, and --json prints one line a program.
+    Then OUTPUT, --offsets and --report are folders, and --json prints one line a program. --jobs, --shard and --scheduler
+    share them out (docs/cluster.md).
     """
     if is_batch(toolpath_files, output):
         if settings.log.other_forces or settings.correction.first_forces:
@@ -64,7 +69,9 @@ def correct(
         from compstiff.batch.programs import Shared
 
         return correct_batch(toolpath_files, Folders(Path(output), offsets, report),
-                             Shared(cell_file, stiffness_file, settings, session, forces_file), jobs)
+                             Shared(cell_file, stiffness_file, settings, session, forces_file), jobs, scheduler, shard)
+    if scheduler or shard:
+        raise click.UsageError("--scheduler and --shard are for several programs, or a folder of them.")
     from compstiff import Inputs, Outputs
 
     inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file or _log_beside(toolpath_files[0]))

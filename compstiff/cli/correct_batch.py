@@ -25,8 +25,11 @@ def is_batch(programs: Sequence[Path], output: str) -> bool:
     return len(programs) > 1 or programs[0].is_dir() or Path(output).is_dir() or output.endswith(("/", os.sep))
 
 
-def correct_batch(programs: Sequence[Path], folders: Folders, shared: Shared, processes: int) -> Outcome:
-    """Each program by itself: one that fails does not stop the others."""
+def correct_batch(
+    programs: Sequence[Path], folders: Folders, shared: Shared, processes: int, scheduler: str | None,
+    shard: tuple[int, int] | None,
+) -> Outcome:
+    """Each program by itself: one that fails does not stop the others. shard: (K, N), that part of them alone."""
     session = shared.session
     session.jobs = True
     for path, option in ((folders.output, "-o"), (shared.logs, "--forces"), (folders.offsets, "--offsets"),
@@ -34,16 +37,20 @@ def correct_batch(programs: Sequence[Path], folders: Folders, shared: Shared, pr
         if path and path.exists() and not path.is_dir():
             raise click.UsageError(f"'{path}' is a file. Of several programs, {option} names a folder.")
     from compstiff import Finding, correct_programs, paired
+    from compstiff.batch.pairing import share_of
     from compstiff.batch.programs import programs_of, worst
     from identification.common.findings import counted
 
     files = programs_of(programs)
     folders.make()
     batch = paired(files, shared.logs, folders)
+    if shard:
+        batch = share_of(batch, shard)
+        session.say(f"part {shard[0]} of {shard[1]}: {len(batch)} of {counted(len(files), 'program')}")
     results: list[ProgramResult] = []
     findings: tuple[Finding, ...] = ()
     with ending_signals() as signals:
-        for result in correct_programs(batch, shared, processes=processes, stopped=lambda: bool(signals)):
+        for result in correct_programs(batch, shared, processes=processes, scheduler=scheduler, stopped=lambda: bool(signals)):
             results.append(result)
             _show(session, result)
     if signals and len(results) < len(batch):

@@ -27,6 +27,21 @@ class TargetRange(click.ParamType[tuple[int, int]]):
         return int(first), int(last)
 
 
+class Shard(click.ParamType[tuple[int, int]]):
+    """K/N as (K, N), 1 <= K <= N."""
+
+    name = "K/N"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        try:
+            part, of = map(int, str(value).split("/"))
+        except ValueError:
+            part, of = 0, 0
+        if not 1 <= part <= of:
+            self.fail(f"'{value}' is no part K/N, 1 <= K <= N, as in 2/8.", param, ctx)
+        return part, of
+
+
 class Scaled(click.ParamType[float]):
     """A finite number of at least `low` in the unit of the help text, times `factor` in SI."""
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from compensator.modbus.server import Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
-from tests.support import compstiff, started
+from tests.support import compstiff, free_port, started
 
 LIMITS = "limits: {max_offset_mm: 2.0}"
 
@@ -165,7 +165,7 @@ def test_a_wrong_device_and_another_robots_cell_are_refused(tmp_path):
     from pyModbusTCP.server import ModbusServer
 
     file = offsets_csv(tmp_path, [[0, 0, 0, 0]])
-    other = ModbusServer("127.0.0.1", _free_port(), no_block=True)
+    other = ModbusServer("127.0.0.1", free_port(), no_block=True)
     other.start()
     try:
         code, document = call(cell_yaml(tmp_path, other.port), file, "--apply")
@@ -226,11 +226,6 @@ def test_the_cell_stops_on_signals_and_warns_where_it_is_open(tmp_path):
         document = json.loads(stdout)
         assert (process.returncode, document["exit_code"]) == (code, code)
         assert [finding["code"] for finding in document["findings"]] == ["CS5106"]
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
 
 
 def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
