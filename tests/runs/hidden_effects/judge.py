@@ -19,11 +19,19 @@ Names = frozenset[str]
 
 @dataclass(frozen=True)
 class Answer:
-    """A diagnosis: names given, and the names it cannot tell apart, the likeliest first; all as in `label`."""
+    """A diagnosis: names given, and the names it cannot tell apart, the likeliest first; all as in `label`. families: of a name
+    that stands for its family (free play or a soft zone of one gear), all that are in it."""
 
     verdict: str
     names: Names = frozenset()
     alternatives: tuple[str, ...] = ()
+    families: tuple[Names, ...] = ()
+
+    def may_mean(self, truth: Names) -> bool:
+        """Whether the truth is what is named, a name that stands for its family taken for another one of it."""
+        free = [family for family in self.families if family & self.names]
+        fixed = self.names - frozenset().union(*free)
+        return fixed <= truth and len(self.names) == len(truth) and all(len(family & truth) == 1 for family in free)
 
     @property
     def likeliest(self) -> str | None:
@@ -45,7 +53,9 @@ def answer(content: Mapping[str, Any]) -> Answer:
     names = frozenset(causes) - {"bad_visit"}
     # That something is wrong at a pose is no name of an effect.
     unknown = content["verdict"] == "named" and not names
-    return Answer("unknown" if unknown else content["verdict"], names, tuple(alternatives))
+    families = tuple(frozenset(label(name, one["joint"]) for name in (one["effect"], *one.get("open_laws", {})))
+                     for one in content["causes"] if one.get("open_laws"))
+    return Answer("unknown" if unknown else content["verdict"], names, tuple(alternatives), families)
 
 
 def truth_names(truth: Sequence[Mapping[str, Any]]) -> Names:
@@ -60,7 +70,10 @@ def judge(truth: Names, given: Answer) -> Outcome:
     if given.verdict == "unknown":
         return "unknown"
     if given.verdict == "named":
-        return "right" if given.names == truth != frozenset() else "part" if frozenset() < given.names < truth else "wrong"
+        if given.names == truth != frozenset():
+            return "right"
+        # The family is named and the truth is in it: as good as a set with the truth in it.
+        return "ambiguous in" if given.may_mean(truth) else "part" if frozenset() < given.names < truth else "wrong"
     found = truth & set(given.alternatives)
     return "ambiguous out" if not found else "ambiguous in" if found == truth else "ambiguous part"
 

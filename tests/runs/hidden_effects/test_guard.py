@@ -51,6 +51,19 @@ def test_a_shuffled_dictionary_misses_the_targets() -> None:
     assert broken(lambda given: permuted(given, lambda name: turned.get(name, name)))
 
 
+def test_a_family_is_a_set_with_all_its_members_and_no_other() -> None:
+    family = (frozenset({"backlash[6]", "soft_zone[6]"}),)
+    given = Answer("named", frozenset({"backlash[6]"}), families=family)
+    assert judge(frozenset({"backlash[6]"}), given) == "right"
+    assert judge(frozenset({"soft_zone[6]"}), given) == "ambiguous in"
+    assert judge(frozenset({"soft_zone[5]"}), given) == judge(frozenset({"drift"}), given) == "wrong"
+    beside = Answer("named", frozenset({"backlash[6]", "drift"}), families=family)
+    assert judge(frozenset({"soft_zone[6]", "drift"}), beside) == "ambiguous in"
+    assert judge(frozenset({"soft_zone[6]"}), beside) == "wrong"
+    assert judge(frozenset({"soft_zone[6]"}), Answer("named", frozenset({"backlash[6]"}))) == "wrong"
+    assert judge(frozenset(), given) == "wrong"
+
+
 SHOWN = (GEARS[0], STRUCTURE[2], MEASUREMENT[4])
 
 
