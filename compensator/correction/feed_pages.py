@@ -29,7 +29,8 @@ def feed_tables(check: FeedCheck) -> list[ReportTable]:
              "lost_held_back_s": "lost in held-back moves [s]",
              "lost_ramps_s": "lost in other ramps [s]", "wrist_margin_deg": "nearest to the wrist singularity [deg]"}
     rows = [[what, *(f"{figures[key]:g}" for figures in programs.values())] for key, what in names.items()]
-    tables = [ReportTable("Can the robot hold the feed?", ["what", *programs], rows, numbers=tuple(range(1, 1 + len(programs))))]
+    tables = [ReportTable("Can the robot hold the feed?", ["what", *programs], rows, numbers=tuple(range(1,
+                                                                                                         1 + len(programs))))]
     program = check.last
     toolpath, places = program.path.toolpath, []
     for name, _, mask in _kinds(program):
@@ -38,7 +39,8 @@ def feed_tables(check: FeedCheck) -> list[ReportTable]:
             places.append([name, f"target {toolpath.number[i]}, line {toolpath.line[i]}", share])
     if places:
         tables.append(ReportTable("Where the robot cannot hold the feed, and other places to look at",
-                                  ["what", f"where, the slowest {LISTED} of a kind first", "share of the feed"], places, numbers=(2,)))
+                                  ["what", f"where, the slowest {LISTED} of a kind first", "share of the feed"], places,
+                                  numbers=(2,)))
     return tables
 
 

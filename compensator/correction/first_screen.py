@@ -29,8 +29,10 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
         return Verdict("open", "NOT CORRECTED", f"Without correction the tool is pushed off its path by up to "
                        f"{before['largest']:.0f} µm ({before['rms']:.0f} µm RMS).")
     left = figures["expected_left_um"]
-    sentence = (f"Expected on the part after this correction: {2 * left['rms']:.0f} µm off, {2 * left['largest']:.0f} µm at the "
-                f"worst place (2 sigma); before {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm.")
+    sentence = (f"The tool was pushed off its path by {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm at most. After "
+                f"this "
+                f"correction {2 * left['rms']:.0f} µm RMS are expected on the part, {2 * left['largest']:.0f} µm at most (2 "
+                f"sigma).")
     slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
     doubts = count_words(job.findings, "error", "warning")
     if slow:
@@ -46,7 +48,8 @@ def _against(budget: Budget) -> Verdict:
     figures = budget.as_dict()
     limit, over, targets = figures["tolerance_um"], figures["over"], figures["targets"]
     if not over:
-        return Verdict("good", "WITHIN THE TOLERANCE ONCE CORRECTED", f"Corrected, all {targets} targets with force are expected "
+        return Verdict("good", "WITHIN THE TOLERANCE ONCE CORRECTED", f"Corrected, all {targets} targets with force are "
+                                                                      f"expected "
                        f"within {limit:g} µm by two sigma; uncorrected {figures['uncorrected_over']} would not be.")
     place = max(budget.places, key=lambda one: one.two_sigma)
     return Verdict("bad" if over > 0.05 * targets else "caution", "THE TOLERANCE MAY FAIL EVEN CORRECTED",
@@ -72,7 +75,8 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         keys.append(Key("share of the tolerance", f"{share:.0f}", "%", f"of {1e6 * budget.tolerance:g} µm, at the worst place"))
     else:
         keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
-                        f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"] else "")))
+                        f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
+                                                             else "")))
     return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
 
 
@@ -104,10 +108,12 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
                      f"{stem}.budget.html")
     if isinstance(job, Corrected):
         scaled = planned.settings.correction.scale == EXACTLY_ONE
-        return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the same "
+        return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
+                     "same "
                      "places, and ask what the correction was worth" + (" and which --scale the moving robot needs:" if scaled
                                                                        else ":"),
-                     call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um", 100,
+                     call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
+                          100,
                           "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]

@@ -1,4 +1,4 @@
-"""A program in space for its report: the places that are drawn, what can be shown at each, its line, and where findings stand."""
+"""A program in space for its report: which places are drawn, what can be shown at each, its line, and the findings."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def components(predicted: Predicted, deviation: Array) -> list[Quantity]:
         Quantity("across", "Across the path", "um", over_all(left),
                  "Predicted deviation across the travel and the tool's z axis: what changes a wall. Positive is to the left of the "
                  "travel for one who looks along the tool's z axis.", "signed"),
-        Quantity("feed", "Along the path", "um", over_all(travel),
+        Quantity("feed", "Along the feed", "um", over_all(travel),
                  "Predicted deviation along the travel: it changes no wall, only where the path begins and ends.", "signed")]
 
 

@@ -112,7 +112,8 @@ def _space(job: Predicted | Corrected, budget: Budget | None) -> View:
     planned = corrected.planned if corrected is not None else predicted
     findings = (*job.findings, *(budget.findings if budget is not None else ()))
     return path_view("The path and where the tool is pushed", "Base frame, millimetres. Lines and targets are those of the "
-                     "program as given. Thin grey: no force. Marks: findings that name a line.", path, shown, planned.program.text,
+                     "program as given. Thin grey: no force. Marks: findings that name a line.", path, shown,
+                     planned.program.text,
                      findings)
 
 

@@ -1,4 +1,4 @@
-"""The report of `learn`: whether the part taught something, what each cause took, and what is gained where it was not learned."""
+"""The report of `learn`: whether the part taught something, what each cause took, what is gained elsewhere."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ def _verdict(learning: Learning) -> Verdict:
     tried, gone = figures["held_out"], list(figures["gone"].values())
     before = f"{figures['measured_um']:.0f} µm RMS were measured on the part"
     if tried is None:
-        return Verdict("caution", "LEARNED, NOT TESTED", f"{before}; what was learned explains {100 * gone[-1]:.0f} % of it, but "
+        return Verdict("caution", "LEARNED, NOT TESTED", f"{before}; what was learned explains {100 * gone[-1]:.0f} % of it, "
+                                                         f"but "
                        "the points are too few to test that on stretches that were left out.")
     known, learned = tried["known_um"], tried["learned_um"]
     sentence = (f"{before}. On stretches of the path that were left out {known:.0f} µm RMS stay with the model as it was, "
@@ -72,7 +73,8 @@ def _keys(learning: Learning) -> list[Key]:
     if tried is not None:
         keys.append(Key("where it was not learned", f"{tried['known_um']:.0f} → {tried['learned_um']:.0f}", "µm",
                         f"RMS, {tried['stretches']} stretches left out"))
-    return [*keys, Key("the moving robot gives way", f"{motion['scale']:.2f}", "times", f"as at rest; 1 sigma {motion['std']:.2f}")]
+    return [*keys, Key("the moving robot gives way", f"{motion['scale']:.2f}", "times", f"as at rest; 1 sigma "
+                                                                                        f"{motion['std']:.2f}")]
 
 
 def _steps(learning: Learning) -> list[Step]:
@@ -117,6 +119,9 @@ def _space(learning: Learning) -> list[Figure | View]:
     where = 1e3 * rows.position[some]
     largest = float(np.linalg.norm(vectors, axis=1).max(initial=0.0)) or 1.0
     reach = LONGEST * float(np.linalg.norm(np.ptp(where, axis=0))) / largest
-    arrows = [SpaceLine(np.array([start, start + reach * vector]), "s4", 1.6) for start, vector in zip(where, vectors, strict=True)]
-    return [scene("The smooth remainder", "Base frame, millimetres: which way the tool stands beside its plan, and how far. The "
-                  f"dots are on the path; the longest arrow is {largest:.1f} um.", [SpaceLine(where, "muted", 0.0, 4.0), *arrows])]
+    arrows = [SpaceLine(np.array([start, start + reach * vector]), "s4", 1.6) for start, vector in zip(where, vectors,
+                                                                                                       strict=True)]
+    return [scene("The smooth remainder", "Base frame, millimetres: which way the tool stands beside its plan, and how far. "
+                                          "The "
+                  f"dots are on the path; the longest arrow is {largest:.1f} um.", [SpaceLine(where, "muted", 0.0, 4.0),
+                                                                                    *arrows])]

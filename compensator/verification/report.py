@@ -40,16 +40,18 @@ def verify_report(result: Verification) -> str:
 def _verdict(result: Verification) -> Verdict:
     before, after = result.comparison.before, result.comparison.after
     sentence = (f"Measured: {before.rms_um:.1f} µm RMS before, {after.rms_um:.1f} µm after the correction; the largest "
-                f"{before.max_um:.0f} and {after.max_um:.0f} µm")
+                f"{before.max_um:.1f} and {after.max_um:.1f} µm")
     if result.accepted is False:
-        return Verdict("bad", "NOT ACCEPTED", f"{sentence}. {result.over} of {len(result.after)} readings exceed the tolerance of "
+        return Verdict("bad", "NOT ACCEPTED", f"{sentence}. {result.over} of {len(result.after)} readings exceed the "
+                                              f"tolerance of "
                        f"{result.tolerance_um:g} µm.")
     if result.comparison.verdict == "worse":
         return Verdict("bad", "WORSE THAN BEFORE", f"{sentence}. Do not use this correction.")
     if any(finding.level == "error" for finding in result.findings):
         return Verdict("bad", "NOT PROVED", f"{sentence}, but see the errors among the findings.")
     if result.accepted:
-        return Verdict("good", "ACCEPTED", f"{sentence}. All {len(result.after)} readings are within {result.tolerance_um:g} µm.")
+        return Verdict("good", "ACCEPTED", f"{sentence}. All {len(result.after)} readings are within {result.tolerance_um:g} "
+                                           f"µm.")
     if result.comparison.verdict == "better":
         return Verdict("good", "BETTER", f"{sentence}. No tolerance was stated.")
     return Verdict("caution", "NO CLEAR DIFFERENCE", f"{sentence}: these readings do not show that one is better.")
@@ -60,10 +62,12 @@ def _keys(result: Verification) -> list[Key]:
     before, after = comparison.before, comparison.after
     between = "" if comparison.interval is None else f"95 %: {comparison.interval[0]:.2g} to {comparison.interval[1]:.2g}"
     keys = [Key("deviation, RMS", f"{before.rms_um:.1f} → {after.rms_um:.1f}", "µm", f"{before.points} places in both passes"),
-            Key("smaller by a factor", "–" if comparison.ratio is None else f"{comparison.ratio:.2g}", "", between or "no interval can be given"),
-            Key("largest after", f"{after.max_um:.0f}", "µm", f"before {before.max_um:.0f} µm")]
+            Key("smaller by a factor", "–" if comparison.ratio is None else f"{comparison.ratio:.2g}", "", between
+                or "no interval can be given"),
+            Key("largest after", f"{after.max_um:.1f}", "µm", f"before {before.max_um:.1f} µm")]
     if result.tolerance_um is not None:
-        keys.append(Key("share of the tolerance", f"{100 * 1e6 * float(np.nanmax(result.after.size)) / result.tolerance_um:.0f}",
+        keys.append(Key("share of the tolerance",
+                        f"{100 * 1e6 * float(np.nanmax(result.after.size)) / result.tolerance_um:.0f}",
                         "%", f"of {result.tolerance_um:g} µm, largest reading after"))
     if scale is not None:
         keys.append(Key("measured over predicted", f"{scale.scale:.3f}", "", "" if scale.interval is None else
@@ -82,8 +86,10 @@ def _steps(result: Verification) -> list[Step]:
     step = Step("Teach the next part what this one showed (springs in motion, set-up, warming):",
                 call("learn", "cell.yaml", "PART.mod", result.before.source, "--stiffness", "stiffness.json", "--forces",
                      "PART.forces.csv", "-o", "learned.json"))
-    advice = [line for line in result.lines() if "--scale" in line]
-    return [*([Step(advice[0])] if advice else []), step]
+    # What the findings ask to look at goes before anything that builds on these readings.
+    hints = [Step(f"First: {finding.hint}.") for finding in result.findings if finding.level == "warning" and finding.hint]
+    advice = [Step(line) for line in result.lines() if "correct --scale" in line]
+    return [*hints, *advice, step]
 
 
 def _row(name: str, before: Figures, after: Figures) -> list[str]:
@@ -119,7 +125,8 @@ def _against(result: Verification) -> Figure:
     predicted, measured = 1e6 * result.predicted, 1e6 * result.before.deviation
     step = -(-len(predicted) // MOST_POINTS)
     series: list[Series] = [
-        Points(name, predicted[::step, axis], measured[::step, axis], COLOURS["xyz".find(name)] if name in "xyz" else f"s{axis + 1}",
+        Points(name, predicted[::step, axis], measured[::step, axis], COLOURS["xyz".find(name)] if name in "xyz"
+               else f"s{axis + 1}",
                size=5) for axis, name in enumerate(result.before.axes)]
     known = predicted[np.isfinite(predicted)]
     ends = np.array([known.min(), known.max()])

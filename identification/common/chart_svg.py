@@ -14,6 +14,7 @@ from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, P
 
 Array = NDArray[np.float64]
 WIDE, HALF, NARROW = 920, 450, 370
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 LETTER = 7.0                        # width of a letter of the axes [px]
 TOP, RIGHT, BOTTOM = 26.0, 16.0, 46.0
 # More points than these get no label each; of longer lines so many columns keep their lowest and highest.
@@ -48,7 +49,7 @@ def number(value: float) -> str:
     text = f"{value:.6g}"
     if "e" in text:
         mantissa, power = text.split("e")
-        return f"{'' if mantissa == '1' else f'{mantissa}·'}10{str(int(power)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+        return ("" if mantissa == "1" else f"{mantissa}·") + "10" + str(int(power)).translate(RAISED)
     whole, _, rest = text.partition(".")
     sign, whole = ("−", whole[1:]) if whole.startswith("-") else ("", whole)
     if len(whole) > 4:
@@ -87,11 +88,12 @@ def legend(figure: Figure) -> list[tuple[str, str, str]]:
 def draw(panel: Panel, width: int, label: str) -> Markup:
     """One panel as an SVG of this width [px]; label: what it shows, for those who do not see it."""
     names = panel.y.categories
-    left = max([46.0, *(12 + LETTER * min(len(name), 0.45 * width / LETTER) for name in names)])
     height = max(panel.height, TOP + BOTTOM + 17 * len(names)) if panel.sideways else panel.height
-    horizontal = _scale(panel, panel.x, "x", left, width - RIGHT)
     vertical = _scale(panel, panel.y, "y", height - BOTTOM, TOP)
-    parts = [_axis_x(panel.x, horizontal, height, width), _axis_y(panel.y, vertical, left, width, len(panel.series))]
+    marks = [] if names else [(float(vertical(value)), number(float(value))) for value in _ticks(vertical, 42)]
+    left = 14 + LETTER * max([4.0, *(min(len(name), 0.45 * width / LETTER) for name in (*names, *(text for _, text in marks)))])
+    horizontal = _scale(panel, panel.x, "x", left, width - RIGHT)
+    parts = [_axis_x(panel.x, horizontal, height, width), _axis_y(panel.y, vertical, left, width, marks)]
     bars = [item for item in panel.series if isinstance(item, Bars)]
     if bars:
         parts.append(_bars(panel, bars, horizontal, vertical))
@@ -154,9 +156,7 @@ def _axis_x(axis: Axis, scale: Scale, height: float, width: int) -> Markup:
         every = max(1, int(np.ceil(len(axis.categories) * (LETTER * longest + 10) / room)))
         shown = [(scale(i), name) for i, name in enumerate(axis.categories) if i % every == 0]
     else:
-        fits = max(2, int(room / 90))
-        values = log_ticks(scale.low, scale.high, fits) if scale.log else ticks(scale.low, scale.high, fits)
-        shown = [(scale(value), number(float(value))) for value in values]
+        shown = [(scale(value), number(float(value))) for value in _ticks(scale, 90)]
         parts += [Markup('<path class="grid" d="M{:.1f} {:.1f}V{:.1f}"/>').format(x, TOP, bottom) for x, _ in shown]
     parts += [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>').format(float(x), bottom + 17, words)
               for x, words in shown]
@@ -166,21 +166,19 @@ def _axis_x(axis: Axis, scale: Scale, height: float, width: int) -> Markup:
     return Markup("").join(parts)
 
 
-def _axis_y(axis: Axis, scale: Scale, left: float, width: int, series: int) -> Markup:
-    low, high = min(scale.start, scale.end), max(scale.start, scale.end)
-    parts = [Markup("")]
-    if axis.categories:
-        most = int((left - 12) / LETTER)
-        parts += [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
-            left - 8, float(scale(i)) + 4, name if len(name) <= most else Markup("<title>{}</title>{}…").format(name, name[:most - 1]))
-            for i, name in enumerate(axis.categories)]
-    elif series:
-        fits = max(2, int((high - low) / 42))
-        for value in log_ticks(scale.low, scale.high, fits) if scale.log else ticks(scale.low, scale.high, fits):
-            y = float(scale(value))
-            parts.append(Markup('<path class="{}" d="M{:.1f} {:.1f}H{:.1f}"/><text x="{:.1f}" y="{:.1f}" text-anchor="end">{}'
-                                "</text>").format("zero" if value == 0 else "grid", left, y, width - RIGHT, left - 6, y + 4,
-                                                  number(float(value))))
+def _ticks(scale: Scale, room: float) -> Array:
+    """Round values so far apart [px] at least."""
+    fits = max(2, int(abs(scale.end - scale.start) / room))
+    return log_ticks(scale.low, scale.high, fits) if scale.log else ticks(scale.low, scale.high, fits)
+
+
+def _axis_y(axis: Axis, scale: Scale, left: float, width: int, marks: list[tuple[float, str]]) -> Markup:
+    most = int((left - 12) / LETTER)
+    parts = [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
+        left - 8, float(scale(i)) + 4, name if len(name) <= most else Markup("<title>{}</title>{}…").format(name, name[:most - 1]))
+        for i, name in enumerate(axis.categories)]
+    parts += [Markup('<path class="{}" d="M{:.1f} {:.1f}H{:.1f}"/><text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
+        "zero" if words == "0" else "grid", left, y, width - RIGHT, left - 6, y + 4, words) for y, words in marks]
     if axis.title:
         parts.append(Markup('<text class="title" x="4" y="14">{}</text>').format(axis.title))
     return Markup("").join(parts)

@@ -49,7 +49,8 @@ class Projection:
         flat = flat[np.isfinite(flat).all(axis=1)]
         low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (np.zeros(2), np.ones(2))
         size = np.maximum(high - low, 1e-9)
-        return Projection(across, up, float(min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1])), 0.5 * (low + high))
+        return Projection(across, up, float(min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1])),
+                          0.5 * (low + high))
 
     def __call__(self, points: Array) -> tuple[Array, Array]:
         """Pixels x, y (n,)."""

@@ -15,9 +15,11 @@ PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (11
 OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
              "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
 # Effects that sit at another place than their family.
-OF_EFFECT = {"soft_track": "track", "parallelogram": "rod", "gravity_compensator": "spring", "force_sensor_compliance": "force sensor",
+OF_EFFECT = {"soft_track": "track", "parallelogram": "rod", "gravity_compensator": "spring",
+             "force_sensor_compliance": "force sensor",
              "tool_point": "tool", "wrist_coupling": "wrist"}
-WORDS = {"base": "base and floor", "track": "track", "link": "links", "rod": "rod", "spring": "gravity compensator", "tool": "tool",
+WORDS = {"base": "base and floor", "track": "track", "link": "links", "rod": "rod", "spring": "gravity compensator",
+         "tool": "tool",
          "force sensor": "force sensor", "load": "load", "deflection sensor": "sensor and its stand", "wrist": "wrist"}
 
 
@@ -44,7 +46,8 @@ def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
     kind = "bad" if certain else "warn"
     rings = [Markup('<circle class="line stroke-{}{}" stroke-width="4" cx="{}" cy="{}" r="21" fill="none"/>').format(
         kind, "" if certain else " dashed", *where) for _, where in marked]
-    names = [Markup('<path class="stroke-{0}" stroke-width="1.5" d="M{1} {2}L{3} {4}"/><text class="name" x="{5}" y="{6}">{7}</text>').format(
+    names = [Markup('<path class="stroke-{0}" stroke-width="1.5" d="M{1} {2}L{3} {4}"/><text class="name" x="{5}" '
+                    'y="{6}">{7}</text>').format(
         kind, x + 21, y, 436, 40 + 30 * row, 442, 44 + 30 * row, name) for row, (name, (x, y)) in enumerate(marked)]
     joints = [Markup('<circle class="joint" cx="{}" cy="{}" r="{}"/><text x="{}" y="{}" text-anchor="middle">{}</text>').format(
         x, y, 11 if number < 4 else 9, x, y + 4, number) for number, (x, y) in JOINTS.items()]
@@ -57,11 +60,14 @@ def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
 # Floor, rails, base, column, upper arm with rod and compensator, forearm, hand, sensor, tool, rope and weight, dial gauge.
 ARM = Markup(
     '<path class="stroke-muted" stroke-width="2" d="M20 308H420"/>'
-    '<path class="body" d="M70 296h160v8H70Z"/><path class="body" d="M104 246h92l14 48H90Z"/><path class="body" d="M128 196h46v50h-46Z"/>'
-    '<path class="limb" stroke-width="26" d="M172 188L138 84"/><path class="limb" stroke-width="7" d="M128 202L104 100L138 84"/>'
+    '<path class="body" d="M70 296h160v8H70Z"/><path class="body" d="M104 246h92l14 48H90Z"/><path class="body" d="M128 '
+    '196h46v50h-46Z"/>'
+    '<path class="limb" stroke-width="26" d="M172 188L138 84"/><path class="limb" stroke-width="7" d="M128 202L104 100L138 '
+    '84"/>'
     '<path class="stroke-muted" stroke-width="4" d="M190 206L202 128L150 100"/>'
     '<path class="limb" stroke-width="22" d="M138 84L214 74L300 66"/><path class="limb" stroke-width="16" d="M300 66L318 92"/>'
-    '<path class="body" d="M307 108h27v14h-27Z"/><path class="body" d="M312 122h18v26h-18Z"/><path class="body" d="M317 148h8v26h-8Z"/>'
+    '<path class="body" d="M307 108h27v14h-27Z"/><path class="body" d="M312 122h18v26h-18Z"/><path class="body" d="M317 '
+    '148h8v26h-8Z"/>'
     '<path class="stroke-ink" stroke-width="1.5" d="M321 174V214"/><path class="body" d="M306 214h30v34h-30Z"/>'
     '<path class="stroke-muted" stroke-width="5" d="M392 308V180"/><path class="stroke-ink" stroke-width="2" d="M392 180H330"/>'
     '<circle class="body" cx="372" cy="180" r="12"/>')

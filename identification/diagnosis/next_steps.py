@@ -15,7 +15,8 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     listed = next_measurements(diagnosis.judgement)
     checks = [Step(f"Check: {what} ({about}).") for what, about in map(next_words, listed[:4])]
     if verdict == "adequate":
-        return [Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report", "identify.html"))]
+        return [Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report",
+                                                  "identify.html"))]
     if verdict == "mistake":
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
                                   call(*again, "--mend", "MENDED", "--force"))]
@@ -27,5 +28,6 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     return [Step("Write the stiffness file that carries what the robot does, and correct with it:",
                  call(*again, "--extended", "stiffness_extended.json", "--force")),
             Step("Then correct a program with it:",
-                 call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv", "-o",
+                 call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
+                      "-o",
                       "PART_corrected.mod", "--report", "correct.html")), *checks]

@@ -58,7 +58,8 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     if diagnosis.verdict == "mistake":
         return Verdict("bad", "A MISTAKE IN THE FILES", f"{judgement.mistakes[0].sentence}. Mend it first.")
     if diagnosis.verdict == "unknown":
-        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains: {sizes}. Nothing is corrected "
+        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains: {sizes}. Nothing is "
+                                         f"corrected "
                        "for it.")
     if diagnosis.verdict == "ambiguous":
         names = [cause.label for cause in judgement.alternatives[:3]] + [mistake.key for mistake in judgement.mistakes[:1]]
@@ -68,7 +69,8 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     if not names:
         return Verdict("caution", "READINGS LEFT OUT", f"Some readings do not belong to the others and were left out; {sizes}.")
     words = "; ".join(names)
-    better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm on poses "
+    better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
+                                      f"on poses "
                                       "that were not fitted")
     return Verdict("caution", "CAUSE NAMED", f"{words[0].upper()}{words[1:]}{better}.")
 
@@ -99,7 +101,8 @@ def _where(judgement: Judgement) -> list[View]:
         return []
     certain = bool(judgement.causes)
     return [View("Where it sits" if certain else "Where it may sit", "Not to scale. " + (
-        "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."), "", {},
+        "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."), "",
+                 {},
         arm_drawing(causes, certain))]
 
 
@@ -111,7 +114,8 @@ def _probabilities(judgement: Judgement) -> list[Figure]:
         f" For a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured loads.")
     bars = Bars("probability", [cause.probability for cause in ranked], "after")
     return [Figure("How likely each cause is", "Of being at work, alone or with others." + matters, [
-        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[cause.label for cause in ranked]),
+        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[cause.label
+                                                                                               for cause in ranked]),
               height=60 + 26 * len(ranked), sideways=True)])]
 
 
@@ -166,13 +170,15 @@ def _in_order(rows: Measurements, before: Array, after: Array | None, allowed: A
                                 Points("plain model", line, 1e6 * before[shown, axis], "before", size=5)]
         if after is not None:
             series.append(Points("extended model", line, 1e6 * after[shown, axis], "after", size=5))
-        panels.append(Panel(series, Axis("line of the measurement file" if axis == 2 else ""), Axis(f"{AXES[axis]} [um]"), height=210))
+        panels.append(Panel(series, Axis("line of the measurement file" if axis == 2 else ""), Axis(f"{AXES[axis]} [um]"),
+                            height=210))
     return Figure("What the model leaves, in the order of the rows", "Band: what the noise allows.", panels)
 
 
 def _ordered(names: list[str]) -> list[int]:
     """Places of the names as people order them: P2 before P10."""
-    return sorted(range(len(names)), key=lambda i: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", names[i])])
+    return sorted(range(len(names)), key=lambda i: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)",
+                                                                                                               names[i])])
 
 
 def _by_pose(rows: Measurements, before: Array, after: Array | None, allowed: Array) -> Figure:
@@ -198,7 +204,8 @@ def _by_load(rows: Measurements, before: Array) -> Figure:
     along = force[np.arange(len(force)), axis]
     shown = _thinned(len(before))
     labels = [f"line {line}, load along {AXES[a]}" for line, a in zip(rows.line[shown], axis[shown], strict=True)]
-    series = [Points(f"reading {AXES[k]}", along[shown], 1e6 * before[shown, k], AXIS_COLOURS[k], labels=labels) for k in range(3)]
+    series = [Points(f"reading {AXES[k]}", along[shown], 1e6 * before[shown, k], AXIS_COLOURS[k], labels=labels)
+              for k in range(3)]
     return Figure("By load", "What the plain model leaves against the load: a bend is a gear that is not linear, a loop "
                   "one that does not come back the way it went.", [
                       Panel(series, Axis("load along its main axis [N]"), Axis("measured minus plain model [um]"))])
@@ -220,7 +227,8 @@ def _explained(judgement: Judgement) -> Figure:
     over: list[Series] = [Points("what the springs leave", line, 1e6 * left[shown, k], "before", size=5),
                           Line("what the cause gives", line, 1e6 * expected[shown, k], "after", 1.6)]
     names = " and ".join(cause.label for cause in judgement.causes)
-    return Figure("The signature of the cause over what the springs leave", f"Left, on the line: explained by {names}. Right: the same "
+    return Figure("The signature of the cause over what the springs leave", f"Left, on the line: explained by {names}. Right: "
+                                                                            f"the same "
                   f"in the order of the rows, reading {AXES[k]}, where it shows the most. The scatter about it is noise.", [
                       Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
                       Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)

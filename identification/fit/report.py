@@ -78,7 +78,8 @@ def identification_report(fit: Fit) -> str:
     others = [_residuals(measurements, fit), _by_pose(measurements, fit), _correlations(fit), _spectrum(fit)]
     if fit.profiles:
         others.insert(0, _profiles(fit))
-    return render(Page(f"Identified stiffnesses: {Path(measurements.source).name}", _verdict(fit), _keys(fit), _steps(fit), lead,
+    return render(Page(f"Identified stiffnesses: {Path(measurements.source).name}", _verdict(fit), _keys(fit), _steps(fit),
+                       lead,
                        tables, [_intervals(cell, fit), _against(measurements, fit)], others, fit.findings, fit.as_dict()))
 
 
@@ -86,7 +87,8 @@ def _verdict(fit: Fit) -> Verdict:
     model = fit.model
     left = f"{model.fit['residual_rms_um']:.1f} µm RMS of the measured deflections are left unexplained"
     if model.rejected:
-        return Verdict("bad", "DO NOT USE YET", f"Six springs do not explain these measurements ({model.rejected}): find out why "
+        return Verdict("bad", "DO NOT USE YET", f"Six springs do not explain these measurements ({model.rejected}): find out "
+                                                f"why "
                        "first.")
     weak = [name for name, grade in zip(JOINTS, model.grades, strict=True) if grade != "reliable"]
     doubts = count_words(fit.findings, "error", "warning")
@@ -96,14 +98,16 @@ def _verdict(fit: Fit) -> Verdict:
         return Verdict("caution", "USE WITH CARE", f"{', '.join(weak)} {'is' if len(weak) == 1 else 'are'} not known well from "
                        f"these measurements, the others are reliable; {left}.")
     if doubts:
-        return Verdict("caution", f"IDENTIFIED, WITH {doubts.upper()} TO READ FIRST", f"All six stiffnesses are graded reliable; {left}.")
+        return Verdict("caution", f"IDENTIFIED, WITH {doubts.upper()} TO READ FIRST", f"All six stiffnesses are graded "
+                                                                                      f"reliable; {left}.")
     return Verdict("good", "RELIABLE", f"All six stiffnesses are known; {left}.")
 
 
 def _keys(fit: Fit) -> list[Key]:
     model = fit.model
     noise, worst = model.fit["noise"], int(np.argmax(model.log_std))
-    keys = [Key("left unexplained", f"{model.fit['residual_rms_um']:.1f}", "µm", f"RMS of {model.fit['rows']} rows; sensor noise "
+    keys = [Key("left unexplained", f"{model.fit['residual_rms_um']:.1f}", "µm", f"RMS of {model.fit['rows']} rows; sensor "
+                                                                                 f"noise "
                 f"{noise['sensor_scale']:.2f} times the stated")]
     if fit.held_out is not None:
         keys.append(Key("on rows not fitted", f"{1e6 * fit.held_out[0]:.1f} → {1e6 * fit.held_out[1]:.1f}", "µm",
@@ -141,7 +145,8 @@ def _intervals(cell: Cell, fit: Fit) -> Figure:
     series: list[Series] = [
         Points("known before, 95 %", place, prior, "possible", "dash", interval=(prior / spread, prior * spread)),
         Points("identified, 95 %", place, model.stiffness, "after", size=9, labels=labels, interval=(low, high))]
-    return Figure("Stiffness with its interval", "A dot smaller than its bar is less certain than it looks; point at one for its "
+    return Figure("Stiffness with its interval", "A dot smaller than its bar is less certain than it looks; point at one for "
+                                                 "its "
                   "numbers.", [Panel(series, Axis(categories=JOINTS), Axis("stiffness [N m/rad]", log=True))])
 
 
@@ -170,18 +175,21 @@ def _by_pose(measurements: Measurements, fit: Fit) -> Figure:
     bars = [Bars(AXES[axis], sizes[axis][shown], AXIS_COLOURS[axis]) for axis in range(3)]
     names = [f"{measurements.line[first[visit]]}" for visit in shown]
     note = f" The {MOST_POSES} of {len(visits)} poses with the largest are drawn." if len(shown) < len(visits) else ""
-    return Figure("Residual by pose and axis", "A pose or an axis that stands out points to what the model leaves out." + note, [
+    return Figure("Residual by pose and axis", "A pose or an axis that stands out points to what the model leaves out." + note,
+                  [
         Panel(bars, Axis("pose, by the line of its first row", categories=names), Axis("residual RMS [um]"))])
 
 
 def _correlations(fit: Fit) -> Figure:
     std = fit.model.log_std
     return Figure("Correlations of ln k", fit.ellipsoid.sentence[0].upper() + fit.ellipsoid.sentence[1:] + ".", [
-        Panel([Cells(fit.model.covariance / np.outer(std, std))], Axis(categories=JOINTS), Axis(categories=JOINTS), height=290)])
+        Panel([Cells(fit.model.covariance / np.outer(std, std))], Axis(categories=JOINTS), Axis(categories=JOINTS),
+              height=290)])
 
 
 def _spectrum(fit: Fit) -> Figure:
-    series: list[Series] = [Bars("information", np.maximum(fit.spectrum, 1e-6), "after"), Rule(1.0, "as much as was known before")]
+    series: list[Series] = [Bars("information", np.maximum(fit.spectrum, 1e-6), "after"), Rule(1.0, "as much as was known "
+                                                                                                    "before")]
     return Figure("Information spectrum", "Below the dashed line what was known before says more than the data.", [
         Panel(series, Axis("direction, best known first", categories=[f"{i}" for i in range(1, 7)]),
               Axis("information of the data over the prior's", log=True))])

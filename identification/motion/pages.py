@@ -39,14 +39,18 @@ def stiffness_report(fit: JointLogFit) -> str:
     refused = [f"k{joint.joint}" for joint in fit.joints if joint.refused]
     stated = [f"k{joint.joint}" for joint in fit.joints if not joint.refused]
     if refused:
-        verdict = Verdict("caution" if stated else "bad", "NOT ALL STIFFNESSES CAN BE STATED", f"{', '.join(refused)} refused: these "
-                          f"logs do not tell the stiffness from what else moves with the load; stated: {', '.join(stated) or 'none'}.")
+        verdict = Verdict("caution" if stated else "bad", "NOT ALL STIFFNESSES CAN BE STATED", f"{', '.join(refused)} "
+                                                                                               f"refused: these "
+                          f"logs do not tell the stiffness from what else moves with the load; stated: "
+                          f"{', '.join(stated) or 'none'}.")
     else:
-        verdict = Verdict("good", "STATED", f"The stiffnesses {', '.join(stated)} come from these logs; the other joints stay at what "
+        verdict = Verdict("good", "STATED", f"The stiffnesses {', '.join(stated)} come from these logs; the other joints stay "
+                                            f"at what "
                           "was known before.")
     keys = [Key(f"k{joint.joint}", "refused" if joint.refused else f"{1 / joint.compliance:.3g}",
                 "" if joint.refused else "N m/rad", joint.grade) for joint in fit.joints]
-    return render(Page("Stiffness from joint deflection logs", verdict, keys, [], fit.lines(), [_stiffnesses(fit.joints)], [], [],
+    return render(Page("Stiffness from joint deflection logs", verdict, keys, [], fit.lines(), [_stiffnesses(fit.joints)], [],
+                       [],
                        fit.findings, fit.as_dict()))
 
 
@@ -62,7 +66,8 @@ def _verdict(diagnosis: JointLogDiagnosis) -> Verdict:
 
 
 def _keys(diagnosis: JointLogDiagnosis, content: dict[str, Any]) -> list[Key]:
-    keys = [Key("left by plain springs", f"{content['misfit']['rms_urad']:.0f} → {content['misfit']['left_rms_urad']:.0f}", "µrad",
+    keys = [Key("left by plain springs", f"{content['misfit']['rms_urad']:.0f} → {content['misfit']['left_rms_urad']:.0f}",
+                "µrad",
                 "RMS; with the named causes")]
     gain = content["gain"]
     if gain is not None:

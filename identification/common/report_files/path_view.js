@@ -57,8 +57,9 @@ class PathView {
         tag.element.style.paddingBottom = "2.2em";
       }
     }
-    this.cursor = space.points(new Float32Array(3), 15, "ink");
-    this.cursor.renderOrder = 3;
+    this.halo = space.points(new Float32Array(3), 17, "ink");
+    this.cursor = space.points(new Float32Array(3), 11, "page");
+    this.halo.renderOrder = 3; this.cursor.renderOrder = 4;
   }
 
   controls() {
@@ -211,7 +212,8 @@ class PathView {
       return pair;
     }));
     if (Number.isFinite(place[0])) {
-      this.cursor.geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(place), 3));
+      for (const mark of [this.halo, this.cursor])
+        mark.geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(place), 3));
       this.space.draw();
     }
     this.chart.redraw(false);

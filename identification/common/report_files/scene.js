@@ -3,6 +3,15 @@
 
 const VIEWS = { Oblique: [0.62, -0.68, 0.5], Top: [0, -1e-4, 1], Front: [0, -1, 0], Side: [1, 0, 0] };
 
+// A disc, for marks that are round.
+function disc() {
+  const canvas = Object.assign(document.createElement("canvas"), { width: 64, height: 64 }), pen = canvas.getContext("2d");
+  pen.fillStyle = "#fff";
+  pen.arc(32, 32, 30, 0, 7);
+  pen.fill();
+  return new THREE.CanvasTexture(canvas);
+}
+
 class SpaceView {
   // stage: the element it fills; points: Float32Array xyz of all that has to fit.
   constructor(stage, points, label) {
@@ -16,12 +25,13 @@ class SpaceView {
     this.scene = new THREE.Scene();
     this.camera = new THREE.OrthographicCamera();
     this.camera.up.set(0, 0, 1);
-    const box = new THREE.Box3();
-    for (let i = 0; i < points.length; i += 3)
-      if (Number.isFinite(points[i])) box.expandByPoint(new THREE.Vector3(points[i], points[i + 1], points[i + 2]));
-    this.box = box;
-    this.centre = box.getCenter(new THREE.Vector3());
-    this.reach = Math.max(box.getSize(new THREE.Vector3()).length() / 2, 1e-6);
+    this.all = points;
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    points.forEach((value, i) => {
+      if (Number.isFinite(value)) { low[i % 3] = Math.min(low[i % 3], value); high[i % 3] = Math.max(high[i % 3], value); }
+    });
+    this.centre = new THREE.Vector3(...low.map((value, i) => Number.isFinite(value) ? 0.5 * (value + high[i]) : 0));
+    this.reach = Math.max(0.5 * Math.hypot(...low.map((value, i) => Number.isFinite(value) ? high[i] - value : 0)), 1e-6);
     this.controls = new THREE.OrbitControls(this.camera, this.canvas);
     this.controls.zoomToCursor = true;
     this.controls.addEventListener("change", () => this.draw());
@@ -66,7 +76,8 @@ class SpaceView {
   points(places, size, name) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-    const material = new THREE.PointsMaterial({ size: size * this.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false });
+    const material = new THREE.PointsMaterial({ size: size * this.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false,
+      map: this.disc ??= disc(), transparent: true, alphaTest: 0.4 });
     const object = new THREE.Points(geometry, material);
     object.frustumCulled = false; object.renderOrder = 2;
     object.userData.colour = name;
@@ -97,15 +108,22 @@ class SpaceView {
   // What has to fit fills the stage from this side.
   fit() {
     this.camera.updateMatrixWorld();
-    const across = new THREE.Vector3(), up = new THREE.Vector3(), corner = new THREE.Vector3();
+    const across = new THREE.Vector3(), up = new THREE.Vector3(), { all, centre } = this;
     this.camera.matrixWorld.extractBasis(across, up, new THREE.Vector3());
-    let wide = 1e-6, high = 1e-6;
-    for (let i = 0; i < 8; i++) {
-      corner.set(i & 1 ? this.box.max.x : this.box.min.x, i & 2 ? this.box.max.y : this.box.min.y, i & 4 ? this.box.max.z : this.box.min.z)
-        .sub(this.centre);
-      wide = Math.max(wide, Math.abs(corner.dot(across))); high = Math.max(high, Math.abs(corner.dot(up)));
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (let i = 0; i < all.length; i += 3) {
+      if (!Number.isFinite(all[i])) continue;
+      const [x, y, z] = [all[i] - centre.x, all[i + 1] - centre.y, all[i + 2] - centre.z];
+      [x * across.x + y * across.y + z * across.z, x * up.x + y * up.y + z * up.z].forEach((value, k) => {
+        low[k] = Math.min(low[k], value); high[k] = Math.max(high[k], value);
+      });
     }
-    this.half = [1.12 * wide, 1.22 * high];
+    const [wide, tall] = low.map((value, k) => Number.isFinite(value) ? Math.max(0.5 * (high[k] - value), 1e-6) : 1);
+    const shift = across.clone().multiplyScalar(Number.isFinite(low[0]) ? 0.5 * (low[0] + high[0]) : 0)
+      .addScaledVector(up, Number.isFinite(low[1]) ? 0.5 * (low[1] + high[1]) : 0);
+    this.camera.position.add(shift);
+    this.controls.target.copy(centre).add(shift);
+    this.half = [1.1 * wide, 1.2 * tall];
     this.resize();
   }
 
