@@ -34,8 +34,8 @@ BINS = 12
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What can be shown along the path: values (N,) in `unit`, NaN where there is none. kind: a size from 0, a component with its
-    sign, or a share of the tolerance [%]. tolerance: in the same unit, None for none; words: what it is."""
+    """What can be shown along the path: values (N,) in `unit`, NaN where there is none. kind: a size from 0, a component with
+    its sign, or a share of the tolerance [%]. tolerance: in the same unit, None for none; words: what it is."""
 
     key: str
     name: str
@@ -79,7 +79,8 @@ def components(predicted: Predicted, deviation: Array) -> list[Quantity]:
         Quantity("axial", "Along the tool", "um", over_all(axis),
                  "Predicted deviation along the z axis of the tool frame, positive along z.", "signed"),
         Quantity("across", "Across the path", "um", over_all(left),
-                 "Predicted deviation across the travel and the tool's z axis: what changes a wall. Positive is to the left of the "
+                 "Predicted deviation across the travel and the tool's z axis: what changes a wall. Positive is to the left "
+                 "of the "
                  "travel for one who looks along the tool's z axis.", "signed"),
         Quantity("feed", "Along the feed", "um", over_all(travel),
                  "Predicted deviation along the travel: it changes no wall, only where the path begins and ends.", "signed")]
@@ -105,9 +106,9 @@ def _travel(path: RobotPath) -> Array:
 
 
 def kept_targets(where: Array, quantities: Sequence[Quantity], always: Sequence[int] = ()) -> Indices:
-    """The targets (k,), ascending, that are drawn of those at where (N, 3): all of a few; else of equal stretches the first, the
-    farthest from the straight line through the stretch and the largest of the first quantity, of coarser stretches the largest
-    of every quantity, of all those with force the first and last of each run; and `always`. The largest of all is among them.
+    """The targets (k,), ascending, that are drawn of those at where (N, 3): all of a few. Else of equal stretches the first,
+    the farthest from the straight line through the stretch and the largest of the first quantity, of coarser stretches the
+    largest of every quantity, the ends of each run with force, and `always`. The largest of all are among them.
     """
     count = len(where)
     if count <= 3 * STRETCHES:

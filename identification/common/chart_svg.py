@@ -19,6 +19,7 @@ LETTER = 7.0                        # width of a letter of the axes [px]
 TOP, RIGHT, BOTTOM = 26.0, 16.0, 46.0
 # More points than these get no label each; of longer lines so many columns keep their lowest and highest.
 MOST_LABELS, COLUMNS = 400, 600
+BAR = Markup('<rect class="fill-{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"><title>{}: {} {}</title></rect>')
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,8 @@ def draw(panel: Panel, width: int, label: str) -> Markup:
     if bars:
         parts.append(_bars(panel, bars, horizontal, vertical))
     parts += [_drawn(item, horizontal, vertical) for item in panel.series if not isinstance(item, Bars)]
-    return Markup('<svg class="chart" role="img" aria-label="{}" viewBox="0 0 {} {:.0f}" width="{}" height="{:.0f}">{}</svg>').format(
+    return Markup('<svg class="chart" role="img" aria-label="{}" viewBox="0 0 {} {:.0f}" width="{}" height="{:.0f}">'
+                  "{}</svg>").format(
         label, width, height, width, height, Markup("").join(parts))
 
 
@@ -174,11 +176,14 @@ def _ticks(scale: Scale, room: float) -> Array:
 
 def _axis_y(axis: Axis, scale: Scale, left: float, width: int, marks: list[tuple[float, str]]) -> Markup:
     most = int((left - 12) / LETTER)
-    parts = [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
-        left - 8, float(scale(i)) + 4, name if len(name) <= most else Markup("<title>{}</title>{}…").format(name, name[:most - 1]))
-        for i, name in enumerate(axis.categories)]
-    parts += [Markup('<path class="{}" d="M{:.1f} {:.1f}H{:.1f}"/><text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
-        "zero" if words == "0" else "grid", left, y, width - RIGHT, left - 6, y + 4, words) for y, words in marks]
+    parts = []
+    for i, name in enumerate(axis.categories):
+        short = name if len(name) <= most else Markup("<title>{}</title>{}…").format(name, name[:most - 1])
+        parts.append(Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
+            left - 8, float(scale(i)) + 4, short))
+    line = Markup('<path class="{}" d="M{:.1f} {:.1f}H{:.1f}"/><text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>')
+    parts += [line.format("zero" if words == "0" else "grid", left, y, width - RIGHT, left - 6, y + 4, words)
+              for y, words in marks]
     if axis.title:
         parts.append(Markup('<text class="title" x="4" y="14">{}</text>').format(axis.title))
     return Markup("").join(parts)
@@ -202,8 +207,7 @@ def _bars(panel: Panel, bars: list[Bars], horizontal: Scale, vertical: Scale) ->
             near, far = sorted((float(first[i]), float(last[i])))
             edge = float(middle[i]) - 0.5 * thick
             box = (near, edge, far - near, thick) if panel.sideways else (edge, near, thick, far - near)
-            parts.append(Markup('<rect class="fill-{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"><title>{}: {} {}</title>'
-                                "</rect>").format(item.colour, *box, name, item.name, number(float(values[i]))))
+            parts.append(BAR.format(item.colour, *box, name, item.name, number(float(values[i]))))
         if panel.stacked:
             base = ends
     return Markup("").join(parts)
@@ -257,11 +261,11 @@ def _points(item: Points, horizontal: Scale, vertical: Scale) -> Markup:
 def _cells(item: Cells, horizontal: Scale, vertical: Scale) -> Markup:
     values = np.asarray(item.values, dtype=float)
     wide, high = abs(horizontal(1) - horizontal(0)), abs(vertical(1) - vertical(0))
-    return Markup("").join(
-        Markup('<rect class="fill-{}" fill-opacity="{:.2f}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>'
-               '<text x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>').format(
-            "before" if value > 0 else "after", 0.5 * min(abs(value), 1.0), horizontal(j) - 0.5 * wide, vertical(i) - 0.5 * high,
-            wide, high, horizontal(j), vertical(i) + 4, f"{value:.2f}".replace("-", "−"))
+    cell = Markup('<rect class="fill-{}" fill-opacity="{:.2f}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>'
+                  '<text x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>')
+    return Markup("").join(cell.format(
+        "before" if value > 0 else "after", 0.5 * min(abs(value), 1.0), horizontal(j) - 0.5 * wide,
+        vertical(i) - 0.5 * high, wide, high, horizontal(j), vertical(i) + 4, f"{value:.2f}".replace("-", "−"))
         for i, row in enumerate(values) for j, value in enumerate(row))
 
 
