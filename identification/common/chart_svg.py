@@ -19,6 +19,8 @@ LETTER = 7.0                        # width of a letter of the axes [px]
 TOP, RIGHT, BOTTOM = 26.0, 16.0, 46.0
 # More points than these get no label each; of longer lines so many columns keep their lowest and highest.
 MOST_LABELS, COLUMNS = 400, 600
+# What is larger, or of logarithmic axes smaller, is no place on a chart.
+HUGE = 1e200
 BAR = Markup('<rect class="fill-{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"><title>{}: {} {}</title></rect>')
 
 
@@ -122,7 +124,7 @@ def _extent(panel: Panel, which: str) -> Array:
     if panel.stacked and stacks and (which == "x") == panel.sideways:
         values.append(np.nansum(stacks, axis=0))
     flat = np.concatenate([np.asarray(value, dtype=float).ravel() for value in values]) if values else np.zeros(0)
-    return np.asarray(flat[np.isfinite(flat)])
+    return np.asarray(flat[np.abs(flat) < HUGE])
 
 
 def _scale(panel: Panel, axis: Axis, which: str, start: float, end: float) -> Scale:
@@ -134,7 +136,7 @@ def _scale(panel: Panel, axis: Axis, which: str, start: float, end: float) -> Sc
         return Scale(*axis.limits, start, end, axis.log)
     found = _extent(panel, which)
     if axis.log:
-        positive = found[found > 0] if (found > 0).any() else np.array([1.0, 10.0])
+        positive = found[found > 1 / HUGE] if (found > 1 / HUGE).any() else np.array([1.0, 10.0])
         low, high = float(positive.min()), float(positive.max())
         return Scale(low / 1.15, high * 1.15, start, end, log=True) if high / low > 1.01 else Scale(
             low / 2, high * 2, start, end, log=True)
@@ -223,6 +225,8 @@ def _drawn(item: Series, horizontal: Scale, vertical: Scale) -> Markup:
         around = polyline(np.r_[x[known], x[known][::-1]], np.r_[high[known], low[known][::-1]])
         return Markup('<path class="area fill-{}" d="{}Z"/>').format(item.colour, around) if known.any() else Markup("")
     if isinstance(item, Rule):
+        if not np.isfinite(horizontal(item.at) if item.upright else vertical(item.at)):
+            return Markup("")
         if item.upright:
             where = Markup("M{:.1f} {:.1f}V{:.1f}").format(float(horizontal(item.at)), vertical.start, vertical.end)
         else:
