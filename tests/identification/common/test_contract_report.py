@@ -71,12 +71,13 @@ def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:
                        [Finding("CS0001", "note", "n"), Finding("CS0002", "error", "e"), Finding("CS0002", "error", "e")], {}))
     order = [text.index(words) for words in ("NOT ACCEPTED", "3 of 9", "0.34", "1 error", "compstiff verify a b", "a sentence",
                                              'id="findings"', "CS0002", "CS0001")]
-    assert order == sorted(order), "the verdict, figures, findings by level, the command, then the rest; the worst finding first"
+    assert order == sorted(order), "verdict, figures, findings by level, the command, then the rest; the worst finding first"
     assert "\u2715" in text[:order[0]]
 
 
 def test_a_page_without_views_carries_no_library() -> None:
-    text = render(Page("t", Verdict("open", "w", "s"), [], [], [], [], [], [Figure("f", "", [Panel([Bars("b", [1.0])])])], [], {}))
+    bars = Figure("f", "", [Panel([Bars("b", [1.0])])])
+    text = render(Page("t", Verdict("open", "w", "s"), [], [], [], [], [], [bars], [], {}))
     assert len(text) < 60_000
     assert "THREE" not in text
 
