@@ -53,7 +53,8 @@ def _against(budget: Budget) -> Verdict:
                        f"within {limit:g} µm by two sigma; uncorrected {figures['uncorrected_over']} would not be.")
     place = max(budget.places, key=lambda one: one.two_sigma)
     return Verdict("bad" if over > 0.05 * targets else "caution", "THE TOLERANCE MAY FAIL EVEN CORRECTED",
-                   f"{over} of {targets} targets are expected over {limit:g} µm by two sigma, the worst at {place.words()}.")
+                   f"{over} of {targets} targets are expected over {limit:g} µm by two sigma, the worst at "
+                   f"{place.words().replace(' um', ' µm')}.")
 
 
 def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
@@ -63,8 +64,8 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
-        keys += _worst(job.predicted if isinstance(job, Corrected) else job,
-                       np.linalg.norm(_planned(job).prediction.position, axis=1), "largest at")
+        assert isinstance(job, Predicted)
+        keys += _worst(job, np.linalg.norm(job.prediction.position, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{std['largest']:.0f}", "µm", "1 sigma, largest"),
                 Key("targets with force", f"{figures['predicted']}", "", f"of {figures['targets']}")]
     left = corrected.left
@@ -78,10 +79,6 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
     return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
-
-
-def _planned(job: Predicted | Corrected) -> Predicted:
-    return job.predicted if isinstance(job, Corrected) else job
 
 
 def _worst(predicted: Predicted, sizes: Array, label: str) -> list[Key]:

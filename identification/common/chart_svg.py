@@ -79,13 +79,14 @@ def log_ticks(low: float, high: float, most: int) -> Array:
 
 
 def legend(figure: Figure) -> list[tuple[str, str, str]]:
-    """Name, colour and kind of mark of each series that has a name, once."""
+    """Name, colour and kind of mark of each series that has a name, once; nothing where there is but one."""
     kinds = {Line: "line", Points: "dot", Band: "area", Bars: "area", Rule: "rule"}
     entries = [(item.name, item.colour, "rule" if isinstance(item, Line) and item.dashed else
                 item.symbol if isinstance(item, Points) else kinds[type(item)])
                for panel in figure.panels for item in panel.series
                if not isinstance(item, Cells) and item.name and getattr(item, "legend", True)]
-    return list({name: (name, colour, kind) for name, colour, kind in entries}.values())
+    named = list({name: (name, colour, kind) for name, colour, kind in entries}.values())
+    return named if len(named) > 1 else []
 
 
 def draw(panel: Panel, width: int, label: str) -> Markup:

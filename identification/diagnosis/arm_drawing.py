@@ -53,7 +53,7 @@ def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
         x, y, 11 if number < 4 else 9, x, y + 4, number) for number, (x, y) in JOINTS.items()]
     label = ("The arm under test; marked: " if certain else "The arm under test; it may be: ") + (
         ", ".join(name for name, _ in marked) or "nothing")
-    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="0 0 600 320">{}{}{}{}</svg>').format(
+    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="0 0 640 320">{}{}{}{}</svg>').format(
         label, ARM, Markup("").join(joints), Markup("").join(rings), Markup("").join(names))
 
 
@@ -65,7 +65,8 @@ ARM = Markup(
     '<path class="limb" stroke-width="26" d="M172 188L138 84"/><path class="limb" stroke-width="7" d="M128 202L104 100L138 '
     '84"/>'
     '<path class="stroke-muted" stroke-width="4" d="M190 206L202 128L150 100"/>'
-    '<path class="limb" stroke-width="22" d="M138 84L214 74L300 66"/><path class="limb" stroke-width="16" d="M300 66L318 92"/>'
+    '<path class="limb" stroke-width="22" d="M138 84L214 74L300 66"/>'
+    '<path class="limb" stroke-width="16" d="M300 66L318 92L320 106"/>'
     '<path class="body" d="M307 108h27v14h-27Z"/><path class="body" d="M312 122h18v26h-18Z"/><path class="body" d="M317 '
     '148h8v26h-8Z"/>'
     '<path class="stroke-ink" stroke-width="1.5" d="M321 174V214"/><path class="body" d="M306 214h30v34h-30Z"/>'

@@ -25,7 +25,9 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":
         return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
-    return [Step("Write the stiffness file that carries what the robot does, and correct with it:",
+    of_robot = any(cause.effect.of_robot for cause in diagnosis.causes)
+    return [Step("Write the stiffness file that carries what the robot does:" if of_robot else
+                 "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
                  call(*again, "--extended", "stiffness_extended.json", "--force")),
             Step("Then correct a program with it:",
                  call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",

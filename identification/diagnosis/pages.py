@@ -78,13 +78,15 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
 def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     keys = [Key("left by six springs", f"{1e6 * rms(judgement.plain.residual):.1f}", "µm",
                 f"RMS; the noise allows {1e6 * rms(judgement.expected_std):.1f} µm"),
-            Key("by chance", f"{judgement.detection.p_value:.2g}", "", "probability of such a misfit without any fault")]
+            Key("by chance", f"{'≤ ' if judgement.detection.p_value <= judgement.detection.resolution else ''}"
+                f"{judgement.detection.p_value:.2g}", "", "probability of such a misfit without any fault")]
     if judgement.gain is not None:
         gain = judgement.gain
         keys.append(Key("on poses not fitted", f"{1e6 * gain.before:.1f} → {1e6 * gain.after:.1f}", "µm",
                         f"RMS; factor {gain.ratio:.2g}, 95 % {gain.interval[0]:.2g} to {gain.interval[1]:.2g}"))
     ranked = [*judgement.causes, *judgement.alternatives]
-    if ranked:
+    # Of an unknown cause the nearest names are none: their probabilities are among themselves.
+    if ranked and judgement.verdict != "unknown":
         keys.append(Key("likeliest cause", f"{100 * ranked[0].probability:.0f}", "%", ranked[0].label))
     if judgement.robot_difference is not None:
         keys.append(Key("what is open makes", f"{1e6 * judgement.robot_difference:.1f}", "µm",
@@ -108,7 +110,7 @@ def _where(judgement: Judgement) -> list[View]:
 
 def _probabilities(judgement: Judgement) -> list[Figure]:
     ranked = [*judgement.causes, *judgement.alternatives][:8]
-    if len(ranked) < 2:
+    if len(ranked) < 2 or judgement.verdict == "unknown":
         return []
     matters = "" if judgement.robot_difference is None else (
         f" For a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured loads.")
