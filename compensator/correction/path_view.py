@@ -54,7 +54,8 @@ class Quantity:
     @property
     def largest(self) -> int | None:
         """Where its size is largest."""
-        return int(np.nanargmax(np.abs(self.values))) if np.isfinite(self.values).any() else None
+        sizes = np.where(np.isfinite(self.values), np.abs(self.values), -1.0)
+        return int(np.argmax(sizes)) if (sizes >= 0).any() else None
 
     @property
     def limit(self) -> float:
@@ -189,11 +190,13 @@ def _quantity(quantity: Quantity) -> dict[str, Any]:
 def _places(findings: Sequence[Finding], source: str, line: Indices) -> list[tuple[int, int, Finding]]:
     """Target, place among the folded findings and finding of each that names a line of the program with a target."""
     placed = []
+    order = np.argsort(line, kind="stable")
+    lines = line[order]
     for at, finding in enumerate(fold(tuple(findings))):
         if finding.line is not None and finding.file == source:
-            targets = np.flatnonzero(line == finding.line)
-            if len(targets):
-                placed.append((int(targets[-1]), at, finding))
+            place = int(np.searchsorted(lines, finding.line, side="right")) - 1
+            if place >= 0 and lines[place] == finding.line:
+                placed.append((int(order[place]), at, finding))
     return placed
 
 
@@ -221,7 +224,8 @@ def _picture(where: Array, quantity: Quantity, label: str) -> Markup:
     project = Projection.fitting(where) if np.isfinite(where).any() else Projection.fitting(np.zeros((1, 3)))
     x, y = project(where)
     size = np.abs(quantity.values)
-    colour = np.where(np.isfinite(size), np.minimum(BINS * size / quantity.limit, BINS - 1), -1.0).astype(int)
+    share = np.nan_to_num(BINS * size / quantity.limit, nan=-1.0)
+    colour = np.where(np.isfinite(size), np.minimum(share, BINS - 1), -1.0).astype(int)
     parts = []
     for own in (-1, *range(BINS)):
         # Each segment has the colour of its end.

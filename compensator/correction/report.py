@@ -69,7 +69,10 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
             rows.append(["left between targets, largest / RMS [um]", f"{between['largest']:.2f} / {between['rms']:.2f}"])
             lead.append(f"Between the targets of the {between['moves']} moves that were looked at it leaves "
                         f"{between['largest']:.1f} um at most; zones are not counted.")
-    tables, first = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(job, budget)]
+    tables = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))]
+    # Absurd numbers overflow on their way to a picture; the findings say so, NumPy need not.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        first = [_space(job, budget)]
     others: list[Figure | View] = [_along(predicted, corrected)]
     findings = job.findings
     if budget is not None:
