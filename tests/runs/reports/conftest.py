@@ -31,7 +31,7 @@ def browser(launch: Callable[..., Any]) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
-    """correct.html, predict.html, budget.html, identify.html, diagnose.html, design.html, verify.html and corner.html."""
+    """correct, predict, budget, identify, diagnose, verify and corner, each .html."""
     where, cell = tmp_path_factory.mktemp("reports"), sample.planned.cell
     turned = compstiff.read_measurements(turned_measurements(where), cell.robot)
     results = {
