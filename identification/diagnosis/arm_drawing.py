@@ -12,6 +12,8 @@ from identification.diagnosis.judgement import Cause
 JOINTS = {1: (150, 226), 2: (172, 188), 3: (138, 84), 4: (214, 74), 5: (300, 66), 6: (318, 92)}
 PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (112, 150), "spring": (196, 150),
          "tool": (322, 146), "force sensor": (320, 116), "load": (322, 232), "deflection sensor": (372, 180)}
+# Of the links that may bend, by the joint they follow.
+LINKS = {2: (152, 134), 3: (256, 70)}
 OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
              "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
 # Effects that sit at another place than their family.
@@ -30,6 +32,8 @@ def places(causes: Sequence[Cause]) -> list[tuple[str, tuple[int, int]]]:
         name = OF_EFFECT.get(cause.effect.name, "")
         if name == "wrist":
             marked["wrist"] = JOINTS[5]
+        elif cause.effect.name == "link_bending" and cause.joint in LINKS:
+            marked[f"link after joint {cause.joint}"] = LINKS[cause.joint]
         elif name:
             marked[WORDS[name]] = PARTS[name]
         elif cause.joint:
