@@ -33,7 +33,7 @@ def places(causes: Sequence[Cause]) -> list[tuple[str, tuple[int, int]]]:
         if name == "wrist":
             marked["wrist"] = JOINTS[5]
         elif cause.effect.name == "link_bending" and cause.joint in LINKS:
-            marked[f"link after joint {cause.joint}"] = LINKS[cause.joint]
+            marked[f"link {cause.joint}"] = LINKS[cause.joint]
         elif name:
             marked[WORDS[name]] = PARTS[name]
         elif cause.joint:
