@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shlex
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -13,21 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from identification.common.command_line import call as call
+
 if TYPE_CHECKING:
     from identification.common.findings import Finding
 
 DONE, FAILED, USAGE, REFUSED, DEFECT, INTERRUPTED = 0, 1, 2, 3, 70, 130
 STATUS = {DONE: "ok", FAILED: "failed", REFUSED: "refused", DEFECT: "defect", INTERRUPTED: "interrupted"}
-
-
-def call(*words: object) -> str:
-    """A call of the command line to copy: a name with a blank is one word of it, as this system's shell writes it."""
-    line = ["compstiff", *map(str, words)]
-    if os.name == "nt":
-        from subprocess import list2cmdline
-
-        return list2cmdline(line)
-    return shlex.join(line)
 
 
 @dataclass

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-
 from compensator.correction.budget import SIGMAS, Budget
 from compensator.correction.expected_left import CAUSES
-from identification.common.report import Figure, ReportTable
+from identification.common.chart import Axis, Figure, Line, Panel, Rule, Series
+from identification.common.report import ReportTable
 
 # So many places are listed; the JSON result holds all.
 SHOWN = 20
-COLOURS = {"model": "#3b6ea5", "scatter": "#888888", "sensor": "#2a8f7a", "motion": "#c08a1e", "cut": "#b2452f",
-           "learned": "#5a8f2a", "between": "#7d5ba6"}
+COLOURS = dict(zip(CAUSES, ("s1", "s8", "s3", "s2", "s4", "s6", "s5"), strict=True))
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -55,19 +51,10 @@ def budget_tables(budget: Budget) -> list[ReportTable]:
 def budget_figure(budget: Budget) -> Figure:
     """Two sigma by cause along the path, with the tolerance."""
     corrected = budget.corrected
-    targets, path = corrected.predicted.targets, corrected.predicted.path
-    shown = slice(None, None, max(len(targets) // 10_000, 1))
-    length = 1e3 * path.length[targets][shown]
-    data: list[dict[str, Any]] = [
-        {"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * SIGMAS * getattr(corrected.left, cause)[shown],
-         "name": words, "line": {"color": COLOURS[cause], "width": 1}}
-        for cause, words in CAUSES.items() if getattr(corrected.left, cause).any()]
-    data.append({"type": "scatter", "mode": "lines", "x": length, "y": 1e6 * budget.two_sigma[shown], "name": "all together",
-                 "line": {"color": "#222", "width": 1.5}})
-    ends = [float(np.nanmin(length)), float(np.nanmax(length))] if len(length) else [0.0, 1.0]
-    data.append({"type": "scatter", "mode": "lines", "x": ends, "y": [1e6 * budget.tolerance] * 2, "name": "tolerance",
-                 "line": {"color": "#c00", "dash": "dash", "width": 1}})
-    layout = {"xaxis": {"title": {"text": "path length [mm]"}, "gridcolor": "#eee"},
-              "yaxis": {"title": {"text": "two sigma on the part [um]"}, "gridcolor": "#eee", "rangemode": "tozero"}}
+    length = 1e3 * corrected.predicted.path.length[corrected.predicted.targets]
+    series: list[Series] = [Line(words, length, 1e6 * SIGMAS * getattr(corrected.left, cause), COLOURS[cause], 1.2)
+                            for cause, words in CAUSES.items() if getattr(corrected.left, cause).any()]
+    series += [Line("all together", length, 1e6 * budget.two_sigma, "ink", 1.6),
+               Rule(1e6 * budget.tolerance, "tolerance", "bad")]
     return Figure("What the tolerance is spent on", "Expected on the part after the correction, by cause; causes are added as "
-                  "independent.", data, layout)
+                  "independent.", [Panel(series, Axis("path length [mm]"), Axis("two sigma on the part [um]", from_zero=True))])

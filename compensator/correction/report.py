@@ -1,26 +1,20 @@
-"""The report of `predict` and `correct`: the path coloured by its deviation, and the deviation along the path."""
+"""The report of `predict` and `correct`: the answer, the path in space, and what stands behind both."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from compensator.correction.budget import Budget
 from compensator.correction.budget_pages import budget_figure, budget_sentence, budget_tables
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
-from compensator.correction.feed_pages import feed_figures, feed_table
+from compensator.correction.feed_pages import feed_figures, feed_tables
+from compensator.correction.first_screen import keys_of, name_of, steps_of, verdict_of
+from compensator.correction.path_view import Quantity, components, path_view, spread
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
-from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-# What a browser draws fluently.
-MOST_POINTS = 20_000
+from identification.common.chart import AXES, AXIS_COLOURS, Axis, Figure, Line, Panel
+from identification.common.report import Page, ReportTable, View, render
 
 
 def budget_report(budget: Budget) -> str:
@@ -33,7 +27,7 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
     corrected = job if isinstance(job, Corrected) else None
     predicted = job.predicted if isinstance(job, Corrected) else job
     figures = job.as_dict()
-    name = Path(predicted.program.source or predicted.path.toolpath.source).name
+    name = name_of(predicted)
     deviation, std = figures["deviation_um"], figures["deviation_std_um"]
     lead = [
         f"{figures['predicted']} of {figures['targets']} targets of {name} carry force. Without correction the tool is pushed "
@@ -75,91 +69,69 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
             rows.append(["left between targets, largest / RMS [um]", f"{between['largest']:.2f} / {between['rms']:.2f}"])
             lead.append(f"Between the targets of the {between['moves']} moves that were looked at it leaves "
                         f"{between['largest']:.1f} um at most; zones are not counted.")
-    along = _along(predicted, corrected)
-    tables, drawn = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))], [_space(predicted), along]
+    tables = [ReportTable("In figures", ["what", "value"], rows, numbers=(1,))]
+    # Absurd numbers overflow on their way to a picture; the findings say so, NumPy need not.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        first = [_space(job, budget)]
+    others: list[Figure | View] = [_along(predicted, corrected)]
     findings = job.findings
     if budget is not None:
         lead.append(budget_sentence(budget))
         tables += budget_tables(budget)
-        drawn.append(budget_figure(budget))
+        others.insert(0, budget_figure(budget))
         findings, figures = (*findings, *budget.findings), figures | {"budget": budget.as_dict()}
     if corrected is not None and corrected.feed is not None:
-        tables.append(feed_table(corrected.feed))
-        drawn += feed_figures(corrected.feed)
-    return render(f"{'Corrected' if corrected else 'Predicted'}: {name}", lead, tables, drawn,
-                  findings, figures)
+        tables += feed_tables(corrected.feed)
+        others += feed_figures(corrected.feed)
+    return render(Page(f"{'Corrected' if corrected else 'Predicted'}: {name}", verdict_of(job, budget), keys_of(job, budget),
+                       steps_of(job, budget), lead, tables, first, others, findings, figures))
 
 
-def _kept(predicted: Predicted) -> tuple[Indices, str]:
-    """The targets that are drawn: all, or the ends and the largest deviation of equal stretches; and a word on it."""
-    count = len(predicted.path.toolpath)
-    if count <= MOST_POINTS:
-        return np.arange(count), ""
-    size = np.zeros(count)
-    size[predicted.targets] = np.linalg.norm(predicted.prediction.position, axis=1)
-    stretches = np.array_split(np.arange(count), MOST_POINTS // 2)
-    kept = np.unique([index for part in stretches for index in (part[0], part[np.argmax(size[part])])])
-    return kept, f" {len(kept)} of {count} targets are drawn: of each stretch the first and the one that deviates most."
-
-
-def _space(predicted: Predicted) -> Figure:
-    """The path in the base frame; colour: deviation along the direction in which the tool is pushed most."""
-    targets = predicted.targets
-    kept, note = _kept(predicted)
-    where = 1e3 * predicted.path.rest_from_tcp.position
-    known = predicted.path.known[kept]
-    air = np.where(known[:, None], where[kept], np.nan)
-    data: list[dict[str, Any]] = [
-        {"type": "scatter3d", "mode": "lines", "x": air[:, 0], "y": air[:, 1], "z": air[:, 2], "name": "path",
-         "line": {"color": "#bbb", "width": 1}, "hoverinfo": "skip"}]
-    drawn = np.flatnonzero(np.isin(targets, kept))
-    caption = "No target has force."
-    if len(drawn):
-        position = 1e6 * predicted.prediction.position
-        # The sign of the deviation is counted along its own main direction, so that the colours diverge about zero.
-        direction = np.linalg.svd(position, full_matrices=False)[2][0]
-        direction = direction * (np.sign(direction[np.argmax(np.abs(direction))]) or 1.0)
-        along = (position @ direction)[drawn]
-        limit = float(np.percentile(np.abs(along), 99)) or 1.0
-        clipped = int((np.abs(along) > limit).sum())
-        points = where[targets[drawn]]
-        data.append({
-            "type": "scatter3d", "mode": "markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
-            "name": "with force", "text": [f"target {t}, {a:.1f} um" for t, a in zip(
-                predicted.path.toolpath.number[targets[drawn]], along, strict=True)],
-            "hoverinfo": "text",
-            "marker": {"size": 2.5, "color": along, "colorscale": "RdBu", "reversescale": True, "cmin": -limit,
-                       "cmax": limit, "colorbar": {"title": {"text": "um"}}}})
-        caption = (f"Base frame. Colour: predicted deviation along ({', '.join(f'{x:.2f}' for x in direction)}), the direction "
-                   f"the tool is pushed in most; {clipped} of {len(along)} points are beyond the ends of the scale." + note)
-    axes = {f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}
-    camera = {"eye": {"x": 1.3, "y": -1.6, "z": 1.3}}
-    layout = {"scene": {"aspectmode": "data", "camera": camera, **axes}, "showlegend": False}
-    return Figure("The path and where the tool is pushed", caption, data, layout, height=560)
+def _space(job: Predicted | Corrected, budget: Budget | None) -> View:
+    """The path, with all that can be shown along it; of a budget that of the correction it is about."""
+    corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
+    predicted = corrected.predicted if corrected is not None else job
+    assert isinstance(predicted, Predicted)
+    path, targets, prediction = predicted.path, predicted.targets, predicted.prediction
+    count = len(path.toolpath)
+    size = np.linalg.norm(prediction.position, axis=1)
+    shown = [Quantity("deviation", "Deviation", "um", spread(1e6 * size, targets, count),
+                      "Predicted deviation of the tool without correction, its size."),
+             *components(predicted, prediction.position),
+             Quantity("sigma", "1 sigma", "um", spread(
+                 1e6 * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2)), targets, count),
+                 "How uncertain the predicted deviation is: 1 sigma of its size.")]
+    if corrected is not None:
+        offset = 1e3 * np.linalg.norm(corrected.correction.offset, axis=1)
+        shown += [Quantity("correction", "Correction", "mm", spread(offset, corrected.correction.targets, count),
+                           "How far the written target is from the planned one.", digits=4),
+                  Quantity("left", "Expected left", "um", spread(1e6 * corrected.left.std, targets, count),
+                           "What is expected to be left on the part after the correction, 1 sigma, all causes together.")]
+    if budget is not None:
+        shown.insert(0, Quantity(
+            "share", "Share of tolerance", "%", spread(1e2 * budget.two_sigma / budget.tolerance, targets, count),
+            f"Two sigma of what is expected on the part after the correction, as a share of {1e6 * budget.tolerance:g} um.",
+            "share", tolerance=100.0))
+    planned = corrected.planned if corrected is not None else predicted
+    findings = (*job.findings, *(budget.findings if budget is not None else ()))
+    return path_view("The path and where the tool is pushed", "Base frame, millimetres. Lines and targets are those of the "
+                     "program as given. Thin grey: no force. Marks: findings that name a line.", path, shown,
+                     planned.program.text,
+                     findings)
 
 
 def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:
-    kept, note = _kept(predicted)
-    targets = predicted.targets
-    count = len(predicted.path.toolpath)
-    length = 1e3 * predicted.path.length[kept]
-    values, sigma = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-    values[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
-    values, sigma = values[kept], sigma[kept]
-    data: list[dict[str, Any]] = []
-    for axis in range(3):
-        data.append({"type": "scatter", "mode": "lines", "x": length, "y": values[:, axis], "name": f"d{AXES[axis]}",
-                     "line": {"color": AXIS_COLOURS[axis], "width": 1.5}, "connectgaps": False})
-        for sign in (-2, 2):
-            data.append({"type": "scatter", "mode": "lines", "x": length, "y": values[:, axis] + sign * sigma[:, axis],
-                         "line": {"color": AXIS_COLOURS[axis], "width": 0.5, "dash": "dot"}, "showlegend": False,
-                         "hoverinfo": "skip", "connectgaps": False})
+    """The components of the deviation along the path."""
+    targets, count = predicted.targets, len(predicted.path.toolpath)
+    length = 1e3 * predicted.path.length
+    series = []
+    for axis, colour in enumerate(AXIS_COLOURS):
+        value, sigma = 1e6 * predicted.prediction.position[:, axis], 1e6 * predicted.prediction.std[:, axis]
+        series.append(Line(f"d{AXES[axis]}", length, spread(value, targets, count), colour))
+        series += [Line("", length, spread(value + sign * sigma, targets, count), colour, 0.6, dashed=True, legend=False)
+                   for sign in (-2, 2)]
     if corrected is not None:
-        left = np.full(count, np.nan)
-        left[targets] = 1e6 * corrected.residual
-        data.append({"type": "scatter", "mode": "lines", "x": length, "y": left[kept], "name": "left, same model",
-                     "line": {"color": "#222", "width": 1.5}, "connectgaps": False})
-    layout = {"xaxis": {"title": {"text": "path length [mm]"}, "gridcolor": "#eee"},
-              "yaxis": {"title": {"text": "deviation [um]"}, "gridcolor": "#eee", "zerolinecolor": "#888"}}
-    caption = "Predicted deviation of the uncorrected program, base frame; dotted: 2 sigma."
-    return Figure("Deviation along the path", caption + note, data, layout)
+        series.append(Line("left, same model", length, spread(1e6 * corrected.residual, targets, count), "ink"))
+    return Figure("Deviation along the path", "Predicted deviation of the uncorrected program, base frame; dashed: 2 sigma. Of "
+                  "very many targets the lowest and highest of each stretch are drawn.",
+                  [Panel(series, Axis("path length [mm]"), Axis("deviation [um]"))])

@@ -1,19 +1,23 @@
-"""The report of `learn`: what each part took of the measured deviation, and what is gained where it was not learned."""
+"""The report of `learn`: whether the part taught something, what each cause took, what is gained elsewhere."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from compensator.learning.learning import PARTS, Learning
-from identification.common.report import AXES, Figure, ReportTable, render
+from compensator.posting.suffixes import rapid_suffix, toolpath_stem
+from identification.common.chart import Axis, Figure, Line, Panel
+from identification.common.command_line import call
+from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
+from identification.common.scene import SpaceLine, scene
 
 # Places farther apart along the path [m] are not joined in a figure.
 GAP = 15e-3
-GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
-COLOURS = dict(zip(PARTS, ("#2b6ca3", "#6aa9d8", "#7d5ba6", "#c0392b", "#e07b00", "#222222"), strict=True))
+COLOURS = dict(zip(PARTS, ("s1", "s3", "s5", "s4", "s2", "ink"), strict=True))
+# The longest arrow of the remainder as a share of the part's size, and so many arrows at most.
+LONGEST, MOST_ARROWS = 0.12, 600
 
 
 def learn_report(learning: Learning) -> str:
@@ -38,8 +42,51 @@ def learn_report(learning: Learning) -> str:
         [[f"{joint}", f"{before:.3g}", f"{after:.3g}", f"{100 * std:.1f} %"] for joint, (before, after, std) in enumerate(
             zip(springs["before"], springs["in_motion"], springs["relative_std"], strict=True), start=1)], numbers=(1, 2, 3)))
     source = Path(learning.source).name
-    return render(f"Learned: {source}", learning.lines(), tables, [_along(learning), *_space(learning)], learning.findings,
-                  figures)
+    return render(Page(f"Learned: {source}", _verdict(learning), _keys(learning), _steps(learning), learning.lines(), tables,
+                       [_along(learning)], _space(learning), learning.findings, figures))
+
+
+def _verdict(learning: Learning) -> Verdict:
+    figures = learning.as_dict()
+    tried, gone = figures["held_out"], list(figures["gone"].values())
+    before = f"{figures['measured_um']:.0f} µm RMS were measured on the part"
+    if tried is None:
+        return Verdict("caution", "LEARNED, NOT TESTED", f"{before}; what was learned explains {100 * gone[-1]:.0f} % of it, "
+                                                         f"but "
+                       "the points are too few to test that on stretches that were left out.")
+    known, learned = tried["known_um"], tried["learned_um"]
+    sentence = (f"{before}. On stretches of the path that were left out {known:.0f} µm RMS stay with the model as it was, "
+                f"{learned:.0f} µm with what was learned.")
+    if learned >= known:
+        return Verdict("bad", "NOTHING GAINED", f"{sentence} Do not use it.")
+    doubts = count_words(learning.findings, "error", "warning")
+    if doubts or learned > 0.8 * known:
+        return Verdict("caution", f"LEARNED, WITH {doubts.upper()} TO READ FIRST" if doubts else "LEARNED LITTLE", sentence)
+    return Verdict("good", "LEARNED", sentence)
+
+
+def _keys(learning: Learning) -> list[Key]:
+    figures = learning.as_dict()
+    motion, tried = figures["motion"], figures["held_out"]
+    keys = [Key("measured on the part", f"{figures['measured_um']:.0f}", "µm", f"RMS over {figures['places']} places"),
+            Key("left when all is learned", f"{figures['parts_um']['left']:.0f}", "µm", "RMS, where it was learned")]
+    if tried is not None:
+        keys.append(Key("where it was not learned", f"{tried['known_um']:.0f} → {tried['learned_um']:.0f}", "µm",
+                        f"RMS, {tried['stretches']} stretches left out"))
+    return [*keys, Key("the moving robot gives way", f"{motion['scale']:.2f}", "times", f"as at rest; 1 sigma "
+                                                                                        f"{motion['std']:.2f}")]
+
+
+def _steps(learning: Learning) -> list[Step]:
+    planned = learning.predicted
+    program, cell, model = planned.program.source, planned.cell.source, planned.model.source
+    if program is None or model is None:
+        return []
+    files = (cell, program, "--stiffness", model, "--forces", planned.forces.log.source, *planned.settings.as_options(),
+             "--learned", "learned.json")
+    out = ("-o", f"{toolpath_stem(program)}_second{rapid_suffix(program)}")
+    return [Step("The same part again, set up alike and started as cold:", call("correct", *files, "--repeats", "job", *out)),
+            Step("Another set-up, or another program: what belongs to the job is left out.", call("correct", *files, *out))]
 
 
 def _along(learning: Learning) -> Figure:
@@ -49,32 +96,32 @@ def _along(learning: Learning) -> Figure:
     # No line is drawn over a stretch that was not measured.
     gaps = 1 + np.flatnonzero(np.diff(rows.length[order]) > GAP)
     length = np.insert(1e3 * rows.length[order], gaps, np.nan)
-    data: list[dict[str, Any]] = []
+    series = []
     for name, words in {"measured": "measured", **PARTS}.items():
         values = learning.measured if name == "measured" else learning.parts[name]
         square = np.bincount(rows.place, values**2, minlength=len(rows.length))
-        data.append({"type": "scatter", "mode": "lines", "x": length,
-                     "y": np.insert(1e6 * np.sqrt(square)[order], gaps, np.nan),
-                     "name": words, "line": {"color": COLOURS.get(name, "#999999"), "width": 2 if name == "measured" else 1.5}})
-    layout = {"xaxis": {"title": {"text": "path length [mm]"}, **GRID},
-              "yaxis": {"title": {"text": "size of the measured components [um]"}, "rangemode": "tozero", **GRID}}
+        series.append(Line(words, length, np.insert(1e6 * np.sqrt(square)[order], gaps, np.nan), COLOURS.get(name, "muted"),
+                           2.4 if name == "measured" else 1.4))
     return Figure("The measured deviation along the path, and what each part took",
                   "Size over the numbers measured at a place; the parts are vectors, so their sizes do not add up.",
-                  data, layout)
+                  [Panel(series, Axis("path length [mm]"), Axis("size of the measured components [um]", from_zero=True))])
 
 
-def _space(learning: Learning) -> list[Figure]:
-    """The smooth remainder where it was learned."""
+def _space(learning: Learning) -> list[Figure | View]:
+    """The smooth remainder where it was learned, as arrows."""
     remainder = learning.learned.remainder
     if not len(remainder.places):
         return []
     rows, size = learning.terms.rows, learning.learned.springs
     weights = learning.learned.mean[size + 9:].reshape(-1, 3)
-    vectors = 1e6 * remainder.basis(rows.position, rows.posture) @ weights
-    where = 1e3 * rows.position
-    data: list[dict[str, Any]] = [{
-        "type": "cone", **dict(zip("xyz", where.T, strict=True)), **dict(zip("uvw", vectors.T, strict=True)),
-        "colorscale": "Viridis", "sizemode": "scaled", "sizeref": 1.5, "colorbar": {"title": {"text": "um"}}}]
-    axes = {f"{axis}axis": {"title": {"text": f"{axis} [mm]"}} for axis in AXES}
-    return [Figure("The smooth remainder", "Base frame; which way the tool stands beside its plan, and how far.", data,
-                   {"scene": {"aspectmode": "data", **axes}}, height=520)]
+    some = slice(None, None, -(-len(rows.position) // MOST_ARROWS))
+    vectors = (1e6 * remainder.basis(rows.position, rows.posture) @ weights)[some]
+    where = 1e3 * rows.position[some]
+    largest = float(np.linalg.norm(vectors, axis=1).max(initial=0.0)) or 1.0
+    reach = LONGEST * float(np.linalg.norm(np.ptp(where, axis=0))) / largest
+    arrows = [SpaceLine(np.array([start, start + reach * vector]), "s4", 1.6) for start, vector in zip(where, vectors,
+                                                                                                       strict=True)]
+    return [scene("The smooth remainder", "Base frame, millimetres: which way the tool stands beside its plan, and how far. "
+                                          "The "
+                  f"dots are on the path; the longest arrow is {largest:.1f} um.", [SpaceLine(where, "muted", 0.0, 4.0),
+                                                                                    *arrows])]

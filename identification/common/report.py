@@ -1,38 +1,61 @@
-"""The report frame both packages use: one HTML file that opens offline."""
+"""The report frame both packages use: one HTML file that opens offline, its answer first."""
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from markupsafe import Markup
 
+from identification.common.chart import Figure
+from identification.common.chart_svg import drawn, legend
 from identification.common.findings import Finding, fold
+from identification.common.findings import Level as FindingLevel
 
-TEMPLATE = Path(__file__).parent / "report.html.j2"
-AXES = "xyz"
-AXIS_COLOURS = ("#1f77b4", "#e07b00", "#2a9d4a")
+FILES = Path(__file__).parent / "report_files"
+ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
+# A table of more rows is folded.
+FOLDED = 12
+SIGNS = {"good": "\u2713", "caution": "!", "bad": "\u2715", "open": "i"}
+Level = Literal["good", "caution", "bad", "open"]
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A plotly figure as plain data: title above, caption below it."""
+class Verdict:
+    """The answer: level gives colour and sign, word says the same to those who see neither, then one sentence."""
 
-    title: str
-    caption: str
-    data: list[dict[str, Any]]
-    layout: dict[str, Any]
-    height: int = 420
+    level: Level
+    word: str
+    sentence: str
 
     @property
-    def json(self) -> str:
-        """The figure for the page; NaN becomes null."""
-        base = {"margin": {"l": 70, "r": 20, "t": 30, "b": 50}, "plot_bgcolor": "#fff", "height": self.height}
-        return _embedded({"data": self.data, "layout": base | self.layout})
+    def sign(self) -> str:
+        """Beside the colour, for those who do not see it."""
+        return SIGNS[self.level]
+
+
+@dataclass(frozen=True)
+class Key:
+    """A figure that matters, as it is shown; note: what it is compared with."""
+
+    label: str
+    value: str
+    unit: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next; command: to copy, "" where none does it."""
+
+    words: str
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,8 +68,67 @@ class ReportTable:
     numbers: Sequence[int] = field(default=())
 
 
-def _embedded(content: Any) -> str:
-    """JSON that may stand inside a script element, whatever it holds: no `<` is left in it."""
+@dataclass(frozen=True)
+class View:
+    """Something in space. kind: what draws it in a browser that can ("scene", "path", "" for the picture alone), from data
+    (JSON values); picture: the same as SVG, for print and for other browsers. marks: the findings (places in the folded
+    findings of the page) that it can show."""
+
+    title: str
+    caption: str
+    kind: Literal["scene", "path", ""]
+    data: dict[str, Any]
+    picture: Markup
+    marks: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report. first: drawn above the words and tables; others: below them. result: what `--json` shows, embedded."""
+
+    title: str
+    verdict: Verdict
+    keys: Sequence[Key]
+    steps: Sequence[Step]
+    words: Sequence[str]
+    tables: Sequence[ReportTable]
+    first: Sequence[Figure | View]
+    others: Sequence[Figure | View]
+    findings: Sequence[Finding]
+    result: dict[str, Any]
+
+
+def render(page: Page) -> str:
+    """The page as HTML; everything in it is escaped, the JSON result holds no `<`."""
+    import jinja2
+
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    # The worst first; each keeps its place among the folded, by which views know it.
+    findings = sorted(enumerate(fold(tuple(page.findings))), key=lambda item: ORDER.index(item[1].level))
+    items = (*page.first, *page.others)
+    shown = [_shown(item, number) for number, item in enumerate(items)]
+    kinds = {item.kind for item in items if isinstance(item, View)} - {""}
+    scripts, styles, made_with = [], [_file("report.css")], ""
+    if kinds:
+        scripts, made_with = [_file("vendor/three.min.js"), _file("scene.js")], "three.js"
+    if "path" in kinds:
+        scripts += [_file("vendor/uPlot.iife.min.js"), _file("path_view.js")]
+        styles.append(_file("vendor/uPlot.min.css"))
+        made_with += " and uPlot"
+    return environment.from_string(_file("report.html.j2")).render(
+        page=page, first=shown[:len(page.first)], others=shown[len(page.first):], folded=FOLDED,
+        findings=findings, levels=_levels(page.findings), placed=frozenset().union(*(
+            item.marks for item in items if isinstance(item, View))), result=embedded(page.result), styles="\n".join(styles),
+        script=_file("report.js"), scripts=scripts, made_with=made_with, version=version("compstiff"))
+
+
+def count_words(findings: Sequence[Finding], *levels: str) -> str:
+    """The findings of these levels in words: "2 warnings"; "" for none."""
+    return ", ".join(_levels([finding for finding in findings if finding.level in levels]))
+
+
+def embedded(content: Any) -> str:
+    """JSON that may stand inside a script element, whatever it holds: no `<` is left in it; NaN becomes null."""
     def plain(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: plain(item) for key, item in value.items()}
@@ -61,15 +143,20 @@ def _embedded(content: Any) -> str:
     return json.dumps(plain(content), allow_nan=False).replace("<", "\\u003c")
 
 
-def render(
-    title: str, lead: Sequence[str], tables: Sequence[ReportTable], figures: Sequence[Figure],
-    findings: Sequence[Finding], result: dict[str, Any],
-) -> str:
-    """The page: plain words first, then tables, figures, findings; the JSON result embedded."""
-    import jinja2
-    from plotly.offline import get_plotlyjs
+def _levels(findings: Sequence[Finding]) -> list[str]:
+    """"1 error", "2 warnings", the worst first."""
+    counts = Counter(finding.level for finding in fold(tuple(findings)))
+    return [f"{counts[level]} {level}{'s' if counts[level] > 1 else ''}" for level in ORDER if counts[level]]
 
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
-        title=title, lead=lead, tables=tables, figures=figures, findings=fold(tuple(findings)), result=_embedded(result),
-        plotly_script=get_plotlyjs(), version=version("compstiff"))
+
+def _shown(item: Figure | View, number: int) -> dict[str, Any]:
+    """What the template needs of it."""
+    same = {"title": item.title, "caption": item.caption, "number": number}
+    if isinstance(item, Figure):
+        return same | {"view": "", "legend": legend(item), "panels": drawn(item), "beside": item.beside}
+    return same | {"view": item.kind, "legend": (), "panels": (), "beside": False, "picture": item.picture,
+                   "data": embedded(item.data | {"title": item.title})}
+
+
+def _file(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")

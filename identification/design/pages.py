@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.report import AXIS_COLOURS, Figure, ReportTable, render
+from identification.common.chart import AXIS_COLOURS, Axis, Bars, Figure, Line, Panel, Points, Series
+from identification.common.command_line import call
+from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
+from identification.common.scene import SpaceLine, scene
 from identification.design.discrimination import Discrimination
 from identification.design.domain import Domain
 from identification.design.forecast import Forecast, spread
@@ -19,27 +20,69 @@ from identification.design.sheet import Sheet
 from identification.model.kinematics import chain
 
 Array = NDArray[np.float64]
-GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
-PLAN, POSSIBLE, KEPT = "#c0392b", "#b8c4d0", "#777777"
 MOST_POINTS = 1500
 # Half the length of the bar that shows the line of a load [m].
 BAR_M = 0.15
-# Room below for the axis' title.
-ROOMY = {"l": 70, "r": 20, "t": 30, "b": 75}
 
 
 def design_report(plan: DesignPlan, program: RapidProgram | None = None) -> str:
     """The report of `design`; program: the one that was written with it, whose findings it shows."""
     design, expected, discrimination = plan.design, plan.forecast, plan.discrimination
-    figures = [_arms(design.task.domain, plan.sheet), _shares(design, plan.sheet), _certificate(design)]
+    figures = [_shares(design, plan.sheet), _certificate(design)]
     if expected.runs and discrimination is None:
         figures.append(_by_length(expected))
     tables = [_visits(plan.sheet), _joints(expected, plan.prepared.before), _causes(expected)]
     if discrimination is not None:
         tables.insert(1, _pairs(discrimination))
-    return render(f"Measurement plan: {len(design.task.demand)} runs, criterion {design.task.criterion.name}",
-                  [*plan.worth(joints=False), "Collisions were not checked: drive the poses in manual mode first."], tables,
-                  figures, (*plan.findings, *(program.findings if program else ())), plan.as_dict())
+    findings = (*plan.findings, *(program.findings if program else ()))
+    return render(Page(f"Measurement plan: {len(design.task.demand)} runs, criterion {design.task.criterion.name}",
+                       _verdict(plan, count_words(findings, "error", "warning")), _keys(plan), _steps(plan),
+                       [*plan.worth(joints=False), "Collisions were not checked: drive the poses in manual mode first."],
+                       tables,
+                       [_arms(design.task.domain, plan.sheet)], figures, findings, plan.as_dict()))
+
+
+def _verdict(plan: DesignPlan, doubts: str) -> Verdict:
+    weak = [f"k{joint.joint}" for joint in plan.forecast.joints if joint.grade != "reliable"]
+    efficiency = 100 * plan.design.certificate.efficiency
+    known = "all six stiffnesses will be known well" if not weak else (
+        f"{', '.join(weak)} will not be known well, the others will")
+    sentence = (f"{len(plan.sheet.label)} poses, about {plan.sheet.time[-1] / 60:.0f} min: {known}. At least "
+                f"{np.floor(efficiency):.0f} % as good as any plan of this length with the same loads.")
+    if len(weak) == 6:
+        return Verdict("bad", "THIS PLAN TELLS NO STIFFNESS WELL", sentence)
+    if weak or doubts:
+        return Verdict("caution", "PLANNED, BUT NOT EVERY JOINT WILL BE KNOWN" if weak else
+                       f"PLANNED, WITH {doubts.upper()} TO READ FIRST", sentence)
+    return Verdict("good", "PLANNED", sentence)
+
+
+def _keys(plan: DesignPlan) -> list[Key]:
+    joints = plan.forecast.joints
+    worst = max(joints, key=lambda joint: joint.after)
+    counts = plan.forecast.counts
+    keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {plan.sheet.time[-1] / 60:.0f} "
+                                                         f"min"),
+            Key("least certain afterwards", f"k{worst.joint}", "", spread(worst.after)),
+            Key("of the best possible", f"{np.floor(100 * plan.design.certificate.efficiency):.0f}", "%", "at least, by its "
+                                                                                                          "certificate"),
+            Key("causes it can name", f"{counts.get('identifiable', 0)}", "", f"of {len(plan.forecast.causes)}, at their "
+                                                                              f"typical size")]
+    prediction = plan.prediction_std_um
+    if prediction is not None:
+        keys[2:2] = [Key("along the program", f"{prediction[0]:.3g} → {prediction[1]:.2g}", "µm", "uncertainty of the "
+                                                                                                  "deflection, RMS")]
+    return keys[:5]
+
+
+def _steps(plan: DesignPlan) -> list[Step]:
+    cell = plan.design.task.domain.rig.cell.source
+    if plan.further:
+        return [Step("Drive the poses in manual mode first: collisions were not checked. Measure them, append the rows to your "
+                     "measurements, and diagnose again:", call("diagnose", cell, "measurements.csv", "-o", "diagnosis.json"))]
+    return [Step("Drive the poses in manual mode first: collisions were not checked. Measure, fill in dx_um dy_um dz_um of "
+                 "the plan, "
+                 "then:", call("identify", cell, "plan.csv", "-o", "stiffness.json", "--report", "identify.html"))]
 
 
 def _visits(sheet: Sheet) -> ReportTable:
@@ -82,26 +125,26 @@ def _causes(expected: Forecast) -> ReportTable:
                          ", ".join(cause.alike)] for cause in ranked], numbers=(1, 2, 3))
 
 
-def _arms(domain: Domain, sheet: Sheet) -> Figure:
+def _arms(domain: Domain, sheet: Sheet) -> View:
     """The arm at each pose as lines through its joints, the load's axis at the TCP."""
     robot = domain.rig.cell.robot
     frames = chain(robot, np.ascontiguousarray(robot.serial_angles(sheet.theta).T))
     tcp = domain.look(sheet.theta).tcp
-    data: list[dict[str, Any]] = []
-    for i, label in enumerate(sheet.label):
+    lines = []
+    for i in range(len(sheet.label)):
         # Axis 2 after its lateral offset, axis 3, wrist centre, flange, TCP.
         points = np.vstack([[0, 0, 0], frames.origins[0, :, i], frames.origins[1, :, i], frames.origins[2, :, i],
                             frames.origins[3, :, i], frames.origins[5, :, i], tcp[i]])
         force = np.abs(sheet.force[sheet.visit == i]).max(axis=0)
-        colour = KEPT if sheet.validate[i] else AXIS_COLOURS[int(np.argmax(force))]
-        data.append({"type": "scatter3d", "mode": "lines+markers", "x": points[:, 0], "y": points[:, 1], "z": points[:, 2],
-                     "name": f"{label} {sheet.along(i)}", "line": {"color": colour, "width": 5}, "marker": {"size": 2.5}})
-        data += [_load(tcp[i], force, colour) for force in _lines(sheet.force[sheet.visit == i])]
-    caption = ("The arm from its base to the TCP. Colour: the base axis nearest to its load (x blue, y orange, z green), grey: "
-            "kept back for validation. The thick bar at the TCP is the line of the load. Collisions were not checked.")
-    return Figure("The poses", caption, data,
-                  {"scene": {"aspectmode": "data", "xaxis": {"title": {"text": "x [m]"}}, "yaxis": {"title": {"text": "y [m]"}},
-                             "zaxis": {"title": {"text": "z [m]"}}}}, height=620)
+        colour = "muted" if sheet.validate[i] else AXIS_COLOURS[int(np.argmax(force))]
+        lines.append(SpaceLine(points, colour, 3.0, dots=5.0))
+        lines += [SpaceLine(tcp[i] + np.outer([-BAR_M, BAR_M], line), colour, 8.0)
+                  for line in _lines(sheet.force[sheet.visit == i])]
+    return scene("The poses", "The arm from its base to the TCP, base frame, metres. Colour: the base axis nearest to its "
+                              "load (x blue, "
+                 "y orange, z green), grey: kept back for validation. The thick bar at the TCP is the line of the load. "
+                 "Collisions "
+                 "were not checked.", lines)
 
 
 def _lines(forces: Array) -> list[Array]:
@@ -114,22 +157,14 @@ def _lines(forces: Array) -> list[Array]:
     return lines
 
 
-def _load(tcp: Array, line: Array, colour: str) -> dict[str, Any]:
-    ends = tcp + np.outer([-BAR_M, BAR_M], line)
-    return {"type": "scatter3d", "mode": "lines", "x": ends[:, 0], "y": ends[:, 1], "z": ends[:, 2], "showlegend": False,
-            "hoverinfo": "skip", "line": {"color": colour, "width": 14}, "opacity": 0.5}
-
-
 def _shares(design: Design, sheet: Sheet) -> Figure:
     """What each run adds to what is known of each stiffness: the precision of ln k with the others known."""
     fitted = sheet.of_purpose(validate=False)
     gains = np.diagonal(design.runs.information[fitted.run], axis1=1, axis2=2)
     share = 100 * gains / (np.diag(design.task.prior) + gains.sum(axis=0))
-    data = [{"type": "bar", "x": [f"k{i}" for i in range(1, 7)], "y": share[n], "name": f"{label} {fitted.along(n)}"}
-            for n, label in enumerate(fitted.label)]
-    return Figure("Which run tells of which joint", "Each run's share of the information on a stiffness, the others held.",
-                  data, {
-        "barmode": "stack", "yaxis": {"title": {"text": "share [%]"}, **GRID}})
+    bars = [Bars(f"{label} {fitted.along(n)}", share[n], f"s{1 + n % 8}") for n, label in enumerate(fitted.label)]
+    return Figure("Which run tells of which joint", "Each run's share of the information on a stiffness, the others held.", [
+        Panel(bars, Axis(categories=[f"k{i}" for i in range(1, 7)]), Axis("share [%]"), stacked=True)])
 
 
 def _certificate(design: Design) -> Figure:
@@ -144,20 +179,17 @@ def _certificate(design: Design) -> Figure:
     order = np.argsort(-gain)
     rows = order[np.unique(np.geomspace(1, len(order), min(MOST_POINTS, len(order))).astype(int) - 1)]
     plan = np.einsum("ij,nij->n", slope, design.runs.information) / level
+    series: list[Series] = [
+        Line("possible runs", 1 + np.searchsorted(-gain[order], -gain[rows]), gain[rows] / level, "possible", 3.0),
+        Points("this plan's runs", 1 + np.searchsorted(-gain[order], -plan * level), plan, "before", size=9)]
     return Figure("The certificate", "Worth of every run that was looked at, the best first, in units of the runs of the "
                   "continuous optimum. No run above 1 means that no plan is better than that optimum (equivalence theorem).", [
-                      {"type": "scatter", "mode": "lines", "x": 1 + np.searchsorted(-gain[order], -gain[rows]),
-                       "y": gain[rows] / level, "name": "possible runs", "line": {"color": POSSIBLE, "width": 3}},
-                      {"type": "scatter", "mode": "markers", "x": 1 + np.searchsorted(-gain[order], -plan * level), "y": plan,
-                       "name": "this plan's runs", "marker": {"color": PLAN, "size": 9}}], {
-                      "xaxis": {"type": "log", "title": {"text": "rank of the run"}, **GRID}, "margin": ROOMY,
-                      "yaxis": {"title": {"text": "worth of a run"}, "rangemode": "tozero", **GRID}})
+                      Panel(series, Axis("rank of the run", log=True), Axis("worth of a run", from_zero=True))])
 
 
 def _by_length(expected: Forecast) -> Figure:
+    stds = [100 * std for std in expected.stds]
+    labels = [f"{runs} runs: {std:.2g} %" for runs, std in zip(expected.runs, stds, strict=True)]
+    series: list[Series] = [Line("", expected.runs, stds, "before"), Points("", expected.runs, stds, "before", labels=labels)]
     return Figure("More or fewer runs", "Largest uncertainty of a stiffness after plans of other lengths, from the same search "
-                  "without refinement.", [
-                      {"type": "scatter", "mode": "lines+markers", "x": list(expected.runs),
-                       "y": [100 * std for std in expected.stds], "line": {"color": PLAN}}], {
-                      "xaxis": {"title": {"text": "runs"}, **GRID}, "margin": ROOMY,
-                      "yaxis": {"type": "log", "title": {"text": "1 sigma of ln k [%]"}, **GRID}})
+                  "without refinement.", [Panel(series, Axis("runs"), Axis("1 sigma of ln k [%]", log=True))])

@@ -1,4 +1,4 @@
-"""The report of `diagnose`: what is wrong, the cause in plain words, how it shows in the residual, the gain, what is next."""
+"""The report of `diagnose`: what is wrong, the cause in plain words and where it sits, how it shows, the gain, what is next."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import rms
-from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
+from identification.common.chart import AXES, AXIS_COLOURS, Axis, Band, Bars, Figure, Line, Panel, Points, Rule, Series
+from identification.common.report import Key, Page, ReportTable, Verdict, View, render
+from identification.diagnosis.arm_drawing import arm_drawing
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.judgement import Judgement
+from identification.diagnosis.next_steps import steps_of
 from identification.diagnosis.record import next_words, value
 from identification.fit.held_out import pose_names, poses
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EFFECTS, added
 
 Array = NDArray[np.float64]
-GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
-BEFORE, AFTER = "#c0392b", "#2b6ca3"
 MOST_POINTS = 3000
+# Beside each other no more poses have bars; rivals that are marked in the drawing.
+MOST_POSES, MOST_MARKED = 40, 4
 
 
 def diagnosis_report(diagnosis: Diagnosis) -> str:
@@ -33,15 +36,89 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     after = judgement.extended.residual if named else None
     tables = [table for table in (_mistakes(judgement), _causes(content), _ranking(judgement), _next(content),
                                   _parts(judgement)) if table]
-    figures = [_in_order(judgement.rows, before, after, allowed), _by_pose(judgement.rows, before, after, allowed),
-               _by_load(judgement.rows, before)]
-    if named:
-        figures.insert(0, _explained(judgement))
+    first: list[Figure | View] = [*_where(judgement), *_probabilities(judgement)]
     if judgement.gain is not None:
-        figures.append(_held_out(judgement.gain))
-    figures.append(_patterns(judgement))
-    return render(f"Diagnosis: {Path(diagnosis.measurements.source).name}", diagnosis.lines(), tables, figures,
-                  diagnosis.findings, content)
+        first.append(_held_out(judgement.gain, judgement))
+    if named:
+        first.append(_explained(judgement))
+    others = [_in_order(judgement.rows, before, after, allowed), _by_pose(judgement.rows, before, after, allowed),
+              _by_load(judgement.rows, before), _patterns(judgement)]
+    if not first:
+        first, others = [others[0]], others[1:]
+    return render(Page(f"Diagnosis: {Path(diagnosis.measurements.source).name}", _verdict(diagnosis), _keys(judgement, content),
+                       steps_of(diagnosis), diagnosis.lines(), tables, first, others, diagnosis.findings, content))
+
+
+def _verdict(diagnosis: Diagnosis) -> Verdict:
+    judgement = diagnosis.judgement
+    before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
+    sizes = f"six springs leave {before:.1f} µm RMS, the noise allows {allowed:.1f} µm"
+    if diagnosis.verdict == "adequate":
+        return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}.")
+    if diagnosis.verdict == "mistake":
+        return Verdict("bad", "A MISTAKE IN THE FILES", f"{judgement.mistakes[0].sentence}. Mend it first.")
+    if diagnosis.verdict == "unknown":
+        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains: {sizes}. Nothing is "
+                                         f"corrected "
+                       "for it.")
+    if diagnosis.verdict == "ambiguous":
+        names = [cause.label for cause in judgement.alternatives[:3]] + [mistake.key for mistake in judgement.mistakes[:1]]
+        return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {', '.join(names)}; {sizes}.")
+    gain = judgement.gain
+    names = [cause.sentence for cause in judgement.causes]
+    if not names:
+        return Verdict("caution", "READINGS LEFT OUT", f"Some readings do not belong to the others and were left out; {sizes}.")
+    words = "; ".join(names)
+    better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
+                                      f"on poses "
+                                      "that were not fitted")
+    return Verdict("caution", "CAUSE NAMED", f"{words[0].upper()}{words[1:]}{better}.")
+
+
+def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
+    keys = [Key("left by six springs", f"{1e6 * rms(judgement.plain.residual):.1f}", "µm",
+                f"RMS; the noise allows {1e6 * rms(judgement.expected_std):.1f} µm"),
+            Key("by chance", f"{'≤ ' if judgement.detection.p_value <= judgement.detection.resolution else ''}"
+                f"{judgement.detection.p_value:.2g}", "", "probability of such a misfit without any fault")]
+    if judgement.gain is not None:
+        gain = judgement.gain
+        keys.append(Key("on poses not fitted", f"{1e6 * gain.before:.1f} → {1e6 * gain.after:.1f}", "µm",
+                        f"RMS; factor {gain.ratio:.2g}, 95 % {gain.interval[0]:.2g} to {gain.interval[1]:.2g}"))
+    ranked = [*judgement.causes, *judgement.alternatives]
+    # Of an unknown cause the nearest names are none: their probabilities are among themselves.
+    if ranked and judgement.verdict != "unknown":
+        keys.append(Key("likeliest cause", f"{100 * ranked[0].probability:.0f}", "%", ranked[0].label))
+    if judgement.robot_difference is not None:
+        keys.append(Key("what is open makes", f"{1e6 * judgement.robot_difference:.1f}", "µm",
+                        "RMS, for a correction under the measured loads"))
+    elif content["causes"] and "largest_um" in content["causes"][0]:
+        keys.append(Key("the cause makes up to", f"{content['causes'][0]['largest_um']:.0f}", "µm", "in these measurements"))
+    return keys
+
+
+def _where(judgement: Judgement) -> list[View]:
+    """The arm with the place of the causes, or of the likeliest of those that are open."""
+    causes = judgement.causes or judgement.alternatives[:MOST_MARKED]
+    if not causes or judgement.verdict == "unknown":
+        return []
+    certain = bool(judgement.causes)
+    return [View("Where it sits" if certain else "Where it may sit", "Not to scale. " + (
+        "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."), "",
+                 {},
+        arm_drawing(causes, certain))]
+
+
+def _probabilities(judgement: Judgement) -> list[Figure]:
+    ranked = [*judgement.causes, *judgement.alternatives][:8]
+    if len(ranked) < 2 or judgement.verdict == "unknown":
+        return []
+    matters = "" if judgement.robot_difference is None else (
+        f" For a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured loads.")
+    bars = Bars("probability", [cause.probability for cause in ranked], "after")
+    return [Figure("How likely each cause is", "Of being at work, alone or with others." + matters, [
+        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[cause.label
+                                                                                               for cause in ranked]),
+              height=60 + 26 * len(ranked), sideways=True)])]
 
 
 def _mistakes(judgement: Judgement) -> ReportTable | None:
@@ -81,50 +158,45 @@ def _parts(judgement: Judgement) -> ReportTable | None:
 
 
 def _thinned(count: int) -> NDArray[np.intp]:
-    return np.arange(0, count, max(1, count // MOST_POINTS), dtype=np.intp)
+    return np.arange(0, count, max(1, -(-count // MOST_POINTS)), dtype=np.intp)
 
 
 def _in_order(rows: Measurements, before: Array, after: Array | None, allowed: Array) -> Figure:
     """Residuals by row, one panel an axis."""
     shown = _thinned(len(before))
     line = rows.line[shown]
-    data: list[dict[str, Any]] = []
-    layout: dict[str, Any] = {"grid": {"rows": 3, "columns": 1, "pattern": "independent"},
-                              "xaxis3": {"title": {"text": "line of the measurement file"}}}
+    panels = []
     for axis in range(3):
-        place = {"xaxis": f"x{axis + 1}", "yaxis": f"y{axis + 1}", "showlegend": axis == 0}
         edge = 1.96e6 * allowed[shown, axis]
-        data += [
-            {"type": "scatter", "mode": "lines", "x": line, "y": edge, "line": {"width": 0}, "hoverinfo": "skip", **place,
-             "showlegend": False},
-            {"type": "scatter", "mode": "lines", "x": line, "y": -edge, "line": {"width": 0}, "fill": "tonexty",
-             "fillcolor": "#e8e8e8", "name": "95 % of the noise", "hoverinfo": "skip", **place},
-            {"type": "scatter", "mode": "markers", "x": line, "y": 1e6 * before[shown, axis], "name": "plain model",
-             "marker": {"size": 5, "color": BEFORE}, **place}]
+        series: list[Series] = [Band("95 % of the noise", line, -edge, edge),
+                                Points("plain model", line, 1e6 * before[shown, axis], "before", size=5)]
         if after is not None:
-            data.append({"type": "scatter", "mode": "markers", "x": line, "y": 1e6 * after[shown, axis],
-                         "name": "extended model", "marker": {"size": 5, "color": AFTER}, **place})
-        layout[f"yaxis{axis + 1}"] = {"title": {"text": f"{AXES[axis]} [um]"}, **GRID}
-    return Figure("What the model leaves, in the order of the rows", "Grey: what the noise allows.", data, layout, height=620)
+            series.append(Points("extended model", line, 1e6 * after[shown, axis], "after", size=5))
+        panels.append(Panel(series, Axis("line of the measurement file" if axis == 2 else ""), Axis(f"{AXES[axis]} [um]"),
+                            height=210))
+    return Figure("What the model leaves, in the order of the rows", "Band: what the noise allows.", panels)
+
+
+def _ordered(names: list[str]) -> list[int]:
+    """Places of the names as people order them: P2 before P10."""
+    return sorted(range(len(names)), key=lambda i: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)",
+                                                                                                               names[i])])
 
 
 def _by_pose(rows: Measurements, before: Array, after: Array | None, allowed: Array) -> Figure:
-    groups, names = poses(rows), pose_names(rows)
-    # P2 before P10.
-    order = sorted(names, key=lambda name: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)])
+    groups, names = poses(rows), list(pose_names(rows))
+    order = _ordered(names)
 
-    def grouped(values: Array) -> list[float]:
-        return [1e6 * rms(values[groups == g]) for g in range(len(names))]
+    def grouped(values: Array) -> Array:
+        return 1e6 * np.array([rms(values[groups == g]) for g in order])
 
-    data: list[dict[str, Any]] = [{"type": "bar", "x": names, "y": grouped(before), "name": "plain model",
-                                   "marker": {"color": BEFORE}}]
+    place = np.arange(len(names))
+    series: list[Series] = [Bars("plain model", grouped(before), "before")]
     if after is not None:
-        data.append({"type": "bar", "x": names, "y": grouped(after), "name": "extended model", "marker": {"color": AFTER}})
-    data.append({"type": "scatter", "mode": "lines+markers", "x": names, "y": grouped(allowed), "name": "the noise allows",
-                 "line": {"color": "#888", "dash": "dot"}})
-    return Figure("By pose", "RMS of what is left at each pose.", data, {
-        "barmode": "group", "xaxis": {"type": "category", "categoryorder": "array", "categoryarray": order},
-        "yaxis": {"title": {"text": "RMS [um]"}, **GRID}})
+        series.append(Bars("extended model", grouped(after), "after"))
+    series.append(Line("the noise allows", place, grouped(allowed), "ink", 1.5, dashed=True))
+    return Figure("By pose", "RMS of what is left at each pose.", [
+        Panel(series, Axis(categories=[names[g] for g in order]), Axis("RMS [um]"))])
 
 
 def _by_load(rows: Measurements, before: Array) -> Figure:
@@ -133,53 +205,62 @@ def _by_load(rows: Measurements, before: Array) -> Figure:
     axis = np.argmax(np.abs(force), axis=1)
     along = force[np.arange(len(force)), axis]
     shown = _thinned(len(before))
-    data = [{"type": "scatter", "mode": "markers", "x": along[shown], "y": 1e6 * before[shown, k], "name": f"reading {AXES[k]}",
-             "marker": {"size": 6, "color": AXIS_COLOURS[k]},
-             "text": [f"load along {AXES[a]}" for a in axis[shown]]} for k in range(3)]
+    labels = [f"line {line}, load along {AXES[a]}" for line, a in zip(rows.line[shown], axis[shown], strict=True)]
+    series = [Points(f"reading {AXES[k]}", along[shown], 1e6 * before[shown, k], AXIS_COLOURS[k], labels=labels)
+              for k in range(3)]
     return Figure("By load", "What the plain model leaves against the load: a bend is a gear that is not linear, a loop "
-                  "one that does not come back the way it went.", data, {
-                      "xaxis": {"title": {"text": "load along its main axis [N]"}, **GRID},
-                      "yaxis": {"title": {"text": "measured minus plain model [um]"}, **GRID}})
+                  "one that does not come back the way it went.", [
+                      Panel(series, Axis("load along its main axis [N]"), Axis("measured minus plain model [um]"))])
 
 
 def _explained(judgement: Judgement) -> Figure:
-    """The named causes' contribution against what the springs alone leave."""
+    """The named causes' contribution against what the springs alone leave, and over the rows."""
     model = judgement.extended
     expected = added(model.load_state, model.terms, model.map[EFFECTS])[:, :3]
     left = model.residual + expected
     shown = _thinned(len(left))
-    data: list[dict[str, Any]] = [
-        {"type": "scatter", "mode": "markers", "x": 1e6 * expected[shown, k], "y": 1e6 * left[shown, k],
-         "name": f"reading {AXES[k]}", "marker": {"size": 6, "color": AXIS_COLOURS[k]}} for k in range(3)]
     reach = 1.05e6 * float(np.abs(expected).max(initial=1e-9))
-    data.append({"type": "scatter", "mode": "lines", "x": [-reach, reach], "y": [-reach, reach], "showlegend": False,
-                 "line": {"color": "#999", "width": 1}})
-    return Figure("The cause over what the springs leave", "On the line: explained by "
-                  + " and ".join(cause.label for cause in judgement.causes) + ". The scatter about it is noise.", data, {
-                      "xaxis": {"title": {"text": "the named cause gives [um]"}, **GRID},
-                      "yaxis": {"title": {"text": "measured minus springs [um]"}, **GRID}})
+    cloud: list[Series] = [Line("explained", [-reach, reach], [-reach, reach], "muted", 1.0)]
+    cloud += [Points(f"reading {AXES[k]}", 1e6 * expected[shown, k], 1e6 * left[shown, k], AXIS_COLOURS[k], size=5)
+              for k in range(3)]
+    # The reading in which the cause shows the most.
+    k = int(np.argmax(np.abs(expected).max(axis=0)))
+    line = judgement.rows.line[shown]
+    over: list[Series] = [Points("what the springs leave", line, 1e6 * left[shown, k], "before", size=5),
+                          Line("what the cause gives", line, 1e6 * expected[shown, k], "after", 1.6)]
+    names = " and ".join(cause.label for cause in judgement.causes)
+    return Figure("The signature of the cause over what the springs leave", f"Left, on the line: explained by {names}. Right: "
+                                                                            f"the same "
+                  f"in the order of the rows, reading {AXES[k]}, where it shows the most. The scatter about it is noise.", [
+                      Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
+                      Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)
 
 
-def _held_out(gain: Gain) -> Figure:
-    data = [{"type": "bar", "x": gain.poses, "y": 1e6 * gain.by_pose[k], "name": name, "marker": {"color": colour}}
-            for k, (name, colour) in enumerate((("plain model", BEFORE), ("extended model", AFTER)))]
-    return Figure("On rows that were not fitted", f"{gain.held_out}: {1e6 * gain.before:.2f} um RMS with the plain model, "
-                  f"{1e6 * gain.after:.2f} um with the extended one (ratio {gain.ratio:.2f}, 95 % {gain.interval[0]:.2f} to "
-                  f"{gain.interval[1]:.2f}).", data, {
-                      "barmode": "group", "xaxis": {"type": "category"}, "yaxis": {"title": {"text": "RMS [um]"}, **GRID}})
+def _held_out(gain: Gain, judgement: Judgement) -> Figure:
+    """The poses before and after, side by side over the same scale."""
+    names = list(gain.poses)
+    shown = [i for i in _ordered(names) if i in set(np.argsort(-gain.by_pose[0], kind="stable")[:MOST_POSES].tolist())]
+    top = 1.06e6 * float(np.nanmax(gain.by_pose, initial=1e-9))
+    noise = 1e6 * rms(judgement.expected_std)
+    panels = [Panel([Bars(name, 1e6 * gain.by_pose[k][shown], colour), Rule(noise, "the noise allows")],
+                    Axis("pose", categories=[names[i] for i in shown]), Axis("RMS [um]", limits=(0.0, max(top, 1.06 * noise))),
+                    height=260, words=f"{title}: {1e6 * size:.2f} um RMS") for k, (name, colour, title, size) in enumerate((
+                        ("plain model", "before", "Before, six springs", gain.before),
+                        ("extended model", "after", "After, with the cause", gain.after)))]
+    note = f" The {MOST_POSES} of {len(names)} poses with the largest are drawn." if len(shown) < len(names) else ""
+    return Figure("On rows that were not fitted", f"{gain.held_out}: ratio {gain.ratio:.2f}, 95 % {gain.interval[0]:.2f} to "
+                  f"{gain.interval[1]:.2f}." + note, panels, beside=True)
 
 
 def _patterns(judgement: Judgement) -> Figure:
     """How surprising each pattern is, plain and extended, with the level that 5 % of noise reaches."""
-    names = sorted(judgement.detection.patterns, key=lambda name: judgement.detection.patterns[name])
-    shown = [("plain model", judgement.detection, BEFORE)]
+    names = sorted(judgement.detection.patterns, key=lambda name: -judgement.detection.patterns[name])
+    shown = [("plain model", judgement.detection, "before")]
     if judgement.adequacy is not None:
-        shown.append(("best extended model", judgement.adequacy, AFTER))
-    data = [{"type": "bar", "orientation": "h", "y": names, "x": [detection.patterns.get(name, 0.0) for name in names],
-             "name": title, "marker": {"color": colour}} for title, detection, colour in shown]
-    layout = {"barmode": "group", "margin": {"l": 380, "r": 20, "t": 30, "b": 50},
-              "xaxis": {"title": {"text": "surprise: -log10 of its probability"}, **GRID},
-              "shapes": [{"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": judgement.detection.critical,
-                          "x1": judgement.detection.critical, "line": {"color": "#888", "dash": "dot"}}]}
-    return Figure("Patterns that noise does not make", "Dotted: what 5 % of data sets without any fault would show in the "
-                  "largest of all tests.", data, layout, height=460)
+        shown.append(("best extended model", judgement.adequacy, "after"))
+    series: list[Series] = [Bars(title, [detection.patterns.get(name, 0.0) for name in names], colour)
+                            for title, detection, colour in shown]
+    series.append(Rule(judgement.detection.critical, "level of 5 % of data sets without fault", upright=True))
+    return Figure("Patterns that noise does not make", "Dashed: what 5 % of data sets without any fault would show in the "
+                  "largest of all tests.", [Panel(series, Axis("surprise: -log10 of its probability", from_zero=True),
+                                                  Axis(categories=names), height=80 + 24 * len(names), sideways=True)])

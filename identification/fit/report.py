@@ -1,17 +1,35 @@
-"""The report of `identify`: stiffnesses with grades, residuals, agreement of parts of the data, correlations."""
+"""The report of `identify`: whether the stiffnesses can be used, their intervals, residuals, agreement of parts of the data."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from identification.common.report import AXES, AXIS_COLOURS, Figure, ReportTable, render
+from identification.common.chart import (
+    AXES,
+    AXIS_COLOURS,
+    Axis,
+    Band,
+    Bars,
+    Cells,
+    Figure,
+    Line,
+    Panel,
+    Points,
+    Rule,
+    Series,
+)
+from identification.common.command_line import call
+from identification.common.report import Key, Page, ReportTable, Step, Verdict, count_words, render
 from identification.fit.fit import Fit
 from identification.fit.visit_findings import mending
 from identification.measurements import Measurements
 from identification.model.cell import Cell
+
+JOINTS = [f"k{i}" for i in range(1, 7)]
+# More points a cloud are thinned evenly; more poses have no bar.
+MOST_POINTS, MOST_POSES = 3000, 60
 
 
 def identification_report(fit: Fit) -> str:
@@ -42,7 +60,7 @@ def identification_report(fit: Fit) -> str:
         ReportTable("Stiffnesses", ["joint", "k [N m/rad]", "95 % interval", "std of ln k", "prior median", "grade", "why"],
                     rows, numbers=(1, 2, 3, 4)),
         ReportTable("Do parts of the data agree?",
-                    ["rows", "against", "Mahalanobis distance", "directions", "p, corrected", ""],
+                    ["rows", "against", "Mahalanobis distance", "directions", "p, corrected", "verdict"],
                     [[c.part, c.rest, f"{c.distance:.1f}", f"{c.directions}", f"{c.corrected:.2g}",
                       "conflict" if c.is_conflict else "agree"] for c in fit.conflicts], numbers=(2, 3, 4)),
     ]
@@ -57,109 +75,143 @@ def identification_report(fit: Fit) -> str:
         order = light[np.argsort(fit.row_weight[light])][:20]
         tables.append(ReportTable("Rows that count less", ["line", "weight"], [
             [f"{measurements.line[i]}", f"{100 * fit.row_weight[i]:.0f} %"] for i in order], numbers=(0, 1)))
-    figures = [_intervals(cell, fit), _residuals(measurements, fit), _by_pose(measurements, fit), _against(measurements, fit),
-               _correlations(fit), _spectrum(fit)]
+    others = [_residuals(measurements, fit), _by_pose(measurements, fit), _correlations(fit), _spectrum(fit)]
     if fit.profiles:
-        figures.insert(1, _profiles(fit))
-    return render(f"Identified stiffnesses: {Path(measurements.source).name}", lead, tables, figures, fit.findings,
-                  fit.as_dict())
+        others.insert(0, _profiles(fit))
+    return render(Page(f"Identified stiffnesses: {Path(measurements.source).name}", _verdict(fit), _keys(fit), _steps(fit),
+                       lead,
+                       tables, [_intervals(cell, fit), _against(measurements, fit)], others, fit.findings, fit.as_dict()))
+
+
+def _verdict(fit: Fit) -> Verdict:
+    model = fit.model
+    left = f"{model.fit['residual_rms_um']:.1f} µm RMS of the measured deflections are left unexplained"
+    if model.rejected:
+        return Verdict("bad", "DO NOT USE YET", f"Six springs do not explain these measurements ({model.rejected}): find out "
+                                                f"why "
+                       "first.")
+    weak = [name for name, grade in zip(JOINTS, model.grades, strict=True) if grade != "reliable"]
+    doubts = count_words(fit.findings, "error", "warning")
+    if len(weak) == 6:
+        return Verdict("bad", "NO STIFFNESS IS RELIABLE", f"These measurements tell no joint well; {left}.")
+    if weak:
+        return Verdict("caution", "USE WITH CARE", f"{', '.join(weak)} {'is' if len(weak) == 1 else 'are'} not known well from "
+                       f"these measurements, the others are reliable; {left}.")
+    if doubts:
+        return Verdict("caution", f"IDENTIFIED, WITH {doubts.upper()} TO READ FIRST", f"All six stiffnesses are graded "
+                                                                                      f"reliable; {left}.")
+    return Verdict("good", "RELIABLE", f"All six stiffnesses are known; {left}.")
+
+
+def _keys(fit: Fit) -> list[Key]:
+    model = fit.model
+    noise, worst = model.fit["noise"], int(np.argmax(model.log_std))
+    keys = [Key("left unexplained", f"{model.fit['residual_rms_um']:.1f}", "µm", f"RMS of {model.fit['rows']} rows; sensor "
+                                                                                 f"noise "
+                f"{noise['sensor_scale']:.2f} times the stated")]
+    if fit.held_out is not None:
+        keys.append(Key("on rows not fitted", f"{1e6 * fit.held_out[0]:.1f} → {1e6 * fit.held_out[1]:.1f}", "µm",
+                        "RMS, with what was known before and now"))
+    return [*keys, Key("least certain joint", JOINTS[worst], "", f"1 sigma {100 * model.log_std[worst]:.1f} %"),
+            Key("reliable joints", f"{sum(grade == 'reliable' for grade in model.grades)} of 6", "",
+                f"{len(fit.bad_visits)} poses left out" if fit.bad_visits else "no pose left out")]
+
+
+def _steps(fit: Fit) -> list[Step]:
+    diagnose = Step("Ask whether springs are all there is, and what else the robot does:",
+                    call("diagnose", fit.cell.source, fit.measurements.source, "-o", "diagnosis.json", "--extended",
+                         "stiffness_extended.json", "--report", "diagnose.html"))
+    correct = Step("Correct a program with these stiffnesses:",
+                   call("correct", fit.cell.source, "PART.mod", "--stiffness", "stiffness.json", "--forces", "PART.forces.csv",
+                        "-o", "PART_corrected.mod", "--report", "correct.html"))
+    more = Step("Plan three more runs for the joints that are not known well:",
+                call("design", fit.cell.source, "--add", 3, fit.measurements.source, "-o", "more.csv"))
+    if fit.model.rejected:
+        return [diagnose]
+    return [diagnose, correct] if all(grade == "reliable" for grade in fit.model.grades) else [more, diagnose, correct]
+
+
+def _some(count: int) -> slice:
+    return slice(None, None, max(1, -(-count // MOST_POINTS)))
 
 
 def _intervals(cell: Cell, fit: Fit) -> Figure:
-    model, joints = fit.model, [f"k{i}" for i in range(1, 7)]
+    """Each stiffness on one logarithmic axis, with what was known before."""
+    model, prior = fit.model, cell.prior.stiffness
     low, high = model.interval_95.T
-    spread = np.exp(1.96 * cell.prior.log_std)
-    prior = cell.prior.stiffness
-    data = [
-        {"type": "scatter", "mode": "markers", "x": joints, "y": prior, "name": "prior, 95 %",
-         "marker": {"color": "#bbb", "size": 9, "symbol": "line-ew-open"},
-         "error_y": {"type": "data", "symmetric": False, "array": prior * spread - prior,
-                     "arrayminus": prior - prior / spread, "color": "#ccc", "thickness": 6, "width": 0}},
-        {"type": "scatter", "mode": "markers", "x": joints, "y": model.stiffness, "name": "identified, 95 %",
-         "marker": {"color": "#2b6ca3", "size": 9},
-         "error_y": {"type": "data", "symmetric": False, "array": high - model.stiffness,
-                     "arrayminus": model.stiffness - low, "color": "#2b6ca3"}},
-    ]
-    layout = {"yaxis": {"type": "log", "title": {"text": "stiffness [N m/rad]"}, "gridcolor": "#eee"}}
-    return Figure("Stiffness with its interval", "Grey: what was known before. Blue: after the measurements.", data, layout)
+    spread, place = np.exp(1.96 * cell.prior.log_std), np.arange(6)
+    labels = [f"{name}: {k:.4g} N m/rad, 95 % {a:.4g} to {b:.4g}, {grade}" for name, k, a, b, grade in zip(
+        JOINTS, model.stiffness, low, high, model.grades, strict=True)]
+    series: list[Series] = [
+        Points("known before, 95 %", place, prior, "possible", "dash", interval=(prior / spread, prior * spread)),
+        Points("identified, 95 %", place, model.stiffness, "after", size=9, labels=labels, interval=(low, high))]
+    return Figure("Stiffness with its interval", "A dot smaller than its bar is less certain than it looks; point at one for "
+                                                 "its "
+                  "numbers.", [Panel(series, Axis(categories=JOINTS), Axis("stiffness [N m/rad]", log=True))])
 
 
 def _residuals(measurements: Measurements, fit: Fit) -> Figure:
-    row = np.arange(len(measurements))
-    thinned = row if len(row) <= 5000 else np.unique(np.linspace(0, len(row) - 1, 5000).astype(int))
-    data: list[dict[str, Any]] = [
-        {"type": "scatter", "mode": "markers", "x": measurements.line[thinned], "y": 1e6 * fit.residual[thinned, axis],
-         "name": f"{AXES[axis]}", "marker": {"size": 6, "color": AXIS_COLOURS[axis]}} for axis in range(3)]
-    share = fit.residual / fit.std
-    inside = 100 * float(np.nanmean(np.abs(share) <= 1.96))
-    data += [{"type": "scatter", "mode": "lines", "x": measurements.line[thinned], "y": sign * 1.96e6 * fit.std[thinned, 2],
-              "line": {"color": "#2b6ca3", "width": 1, "shape": "hvh"}, "showlegend": sign > 0, "name": "95 %, z",
-              "hoverinfo": "skip"} for sign in (1, -1)]
-    layout = {
-        "xaxis": {"title": {"text": "line of the measurement file"}, "gridcolor": "#eee"},
-        "yaxis": {"title": {"text": "measured minus predicted [um]"}, "gridcolor": "#eee", "zerolinecolor": "#888"},
-    }
-    note = "" if len(thinned) == len(row) else f" {len(thinned)} of {len(row)} rows are drawn, evenly spaced."
-    return Figure("Residuals in the order of the rows", "Lines: 95 % of the estimated noise (sensor, force error, "
-                  f"re-seating), drawn for z; {inside:.0f} % of all components are inside their own." + note, data, layout)
+    some = _some(len(measurements))
+    line = measurements.line[some]
+    edge = 1.96e6 * fit.std[some, 2]
+    series: list[Series] = [Band("95 % of the noise, z", line, -edge, edge)]
+    series += [Points(AXES[axis], line, 1e6 * fit.residual[some, axis], AXIS_COLOURS[axis], size=5) for axis in range(3)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        inside = 100 * float(np.nanmean(np.abs(fit.residual / fit.std) <= 1.96))
+    note = "" if len(line) == len(measurements) else f" {len(line)} of {len(measurements)} rows are drawn, evenly spaced."
+    return Figure("Residuals in the order of the rows", "Band: 95 % of the estimated noise (sensor, force error, re-seating), "
+                  f"drawn for z; {inside:.0f} % of all components are inside their own." + note, [
+                      Panel(series, Axis("line of the measurement file"), Axis("measured minus predicted [um]"))])
 
 
 def _by_pose(measurements: Measurements, fit: Fit) -> Figure:
-    visits = np.unique(measurements.visit)[:2000]
-    names = [f"{int(measurements.line[measurements.visit == visit][0])}" for visit in visits]
-    data = []
-    for axis in range(3):
-        rms = [1e6 * float(np.sqrt(np.mean(np.nan_to_num(fit.residual[measurements.visit == visit, axis]) ** 2)))
-               for visit in visits]
-        data.append({"type": "bar", "x": names, "y": rms, "name": AXES[axis], "marker": {"color": AXIS_COLOURS[axis]}})
-    layout = {"barmode": "group", "xaxis": {"title": {"text": "pose, by the line of its first row"}, "type": "category"},
-              "yaxis": {"title": {"text": "residual RMS [um]"}, "gridcolor": "#eee"}}
-    return Figure("Residual by pose and axis", "A pose or an axis that stands out points to what the model leaves out.", data,
-                  layout)
+    visits = np.unique(measurements.visit)
+    _, first = np.unique(measurements.visit, return_index=True)
+    square = np.nan_to_num(fit.residual[:, :]) ** 2
+    place = np.searchsorted(visits, measurements.visit)
+    count = np.bincount(place)
+    sizes = [1e6 * np.sqrt(np.bincount(place, square[:, axis]) / count) for axis in range(3)]
+    shown = np.sort(np.argsort(-np.max(sizes, axis=0), kind="stable")[:MOST_POSES])
+    bars = [Bars(AXES[axis], sizes[axis][shown], AXIS_COLOURS[axis]) for axis in range(3)]
+    names = [f"{measurements.line[first[visit]]}" for visit in shown]
+    note = f" The {MOST_POSES} of {len(visits)} poses with the largest are drawn." if len(shown) < len(visits) else ""
+    return Figure("Residual by pose and axis", "A pose or an axis that stands out points to what the model leaves out." + note,
+                  [
+        Panel(bars, Axis("pose, by the line of its first row", categories=names), Axis("residual RMS [um]"))])
 
 
 def _correlations(fit: Fit) -> Figure:
-    std, joints = fit.model.log_std, [f"k{i}" for i in range(1, 7)]
-    matrix = fit.model.covariance / np.outer(std, std)
-    data = [{"type": "heatmap", "x": joints, "y": joints, "z": matrix, "zmin": -1, "zmax": 1, "colorscale": "RdBu",
-             "reversescale": True, "text": [[f"{value:.2f}" for value in row] for row in matrix], "texttemplate": "%{text}"}]
-    return Figure("Correlations of ln k", fit.ellipsoid.sentence[0].upper() + fit.ellipsoid.sentence[1:] + ".", data,
-                  {"yaxis": {"autorange": "reversed"}})
+    std = fit.model.log_std
+    return Figure("Correlations of ln k", fit.ellipsoid.sentence[0].upper() + fit.ellipsoid.sentence[1:] + ".", [
+        Panel([Cells(fit.model.covariance / np.outer(std, std))], Axis(categories=JOINTS), Axis(categories=JOINTS),
+              height=290)])
 
 
 def _spectrum(fit: Fit) -> Figure:
-    data = [{"type": "bar", "x": [f"{i}" for i in range(1, 7)], "y": np.maximum(fit.spectrum, 1e-6),
-             "marker": {"color": "#2b6ca3"}}]
-    layout = {"yaxis": {"type": "log", "title": {"text": "information of the data over the prior's"}, "gridcolor": "#eee"},
-              "xaxis": {"title": {"text": "direction, best known first"}},
-              "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 1, "y1": 1,
-                          "line": {"color": "#b33", "dash": "dot"}}]}
-    return Figure("Information spectrum", "Below the dotted line the prior says more than the data.", data, layout)
+    series: list[Series] = [Bars("information", np.maximum(fit.spectrum, 1e-6), "after"), Rule(1.0, "as much as was known "
+                                                                                                    "before")]
+    return Figure("Information spectrum", "Below the dashed line what was known before says more than the data.", [
+        Panel(series, Axis("direction, best known first", categories=[f"{i}" for i in range(1, 7)]),
+              Axis("information of the data over the prior's", log=True))])
 
 
 def _profiles(fit: Fit) -> Figure:
-    data: list[dict[str, Any]] = [
-        {"type": "scatter", "mode": "lines", "x": profile.stiffness, "y": np.minimum(profile.drop, 10),
-         "name": f"k{profile.joint}: {profile.kind}"} for profile in fit.profiles]
-    layout = {"xaxis": {"type": "log", "title": {"text": "stiffness [N m/rad]"}, "gridcolor": "#eee"},
-              "yaxis": {"title": {"text": "drop of ln likelihood"}, "gridcolor": "#eee"},
-              "shapes": [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 1.92, "y1": 1.92,
-                          "line": {"color": "#b33", "dash": "dot"}}]}
-    return Figure("Profile likelihood", "What the data alone say, without the prior; the dotted line bounds the 95 % interval.",
-                  data, layout)
+    series: list[Series] = [Line(f"k{profile.joint}: {profile.kind}", profile.stiffness, np.minimum(profile.drop, 10),
+                                 f"s{profile.joint}") for profile in fit.profiles]
+    series.append(Rule(1.92, "bound of the 95 % interval"))
+    return Figure("Profile likelihood", "What the data alone say, without the prior.",
+                  [Panel(series, Axis("stiffness [N m/rad]", log=True), Axis("drop of ln likelihood", from_zero=True))])
 
 
 def _against(measurements: Measurements, fit: Fit) -> Figure:
     predicted = measurements.deflection - fit.residual
-    data: list[dict[str, Any]] = []
-    for name, rows, symbol in (("fitted", ~measurements.validate, "circle"), ("validation", measurements.validate, "x")):
-        picked = np.flatnonzero(rows)[:: max(1, int(rows.sum()) // 3000)]
-        data += [{"type": "scatter", "mode": "markers", "x": 1e6 * predicted[picked, axis],
-                  "y": 1e6 * measurements.deflection[picked, axis], "name": f"{AXES[axis]}, {name}",
-                  "marker": {"size": 6, "symbol": symbol, "color": AXIS_COLOURS[axis]}} for axis in range(3) if len(picked)]
+    series: list[Series] = []
     reach = 1.05e6 * float(np.nanmax(np.abs(predicted), initial=0.0))
-    data.append({"type": "scatter", "mode": "lines", "x": [-reach, reach], "y": [-reach, reach], "showlegend": False,
-                 "line": {"color": "#999", "width": 1}})
-    layout = {"xaxis": {"title": {"text": "predicted deflection [um]"}, "gridcolor": "#eee"},
-              "yaxis": {"title": {"text": "measured deflection [um]"}, "gridcolor": "#eee"}}
-    return Figure("Measured against predicted", "Points on the line are explained by the model.", data, layout)
+    series.append(Line("explained", [-reach, reach], [-reach, reach], "muted", 1.0))
+    for name, rows in (("fitted", ~measurements.validate), ("validation", measurements.validate)):
+        picked = np.flatnonzero(rows)[_some(int(rows.sum()))]
+        series += [Points(f"{AXES[axis]}, {name}", 1e6 * predicted[picked, axis], 1e6 * measurements.deflection[picked, axis],
+                          AXIS_COLOURS[axis], "dot" if name == "fitted" else "cross", 5 if name == "fitted" else 7)
+                   for axis in range(3) if len(picked)]
+    return Figure("Measured against predicted", "Points on the line are explained by the model.", [
+        Panel(series, Axis("predicted deflection [um]"), Axis("measured deflection [um]"), height=360)])

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from identification.common.report import Figure, ReportTable, render
+from identification.common.chart import Axis, Bars, Figure, Panel, Points
+from identification.common.command_line import call
+from identification.common.report import Key, Level, Page, ReportTable, Step, Verdict, render
 from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis
 from identification.motion.diagnosis import JointLogDiagnosis
 from identification.motion.fit import JointLogFit
 from identification.motion.stiffness import AxisStiffness
 
-GRID = {"gridcolor": "#eee", "zerolinecolor": "#888"}
-BEFORE, AFTER = "#c0392b", "#2b6ca3"
 MOST_POINTS = 1500
 
 
@@ -25,14 +25,56 @@ def diagnosis_report(diagnosis: JointLogDiagnosis) -> str:
     tables = [ReportTable("Causes by probability", ["where", "effect", "in words", "parameters", "probability"], rows, (4,)),
               _stiffnesses([axis.stiffness for axis in diagnosis.axes])]
     figures = [figure for axis in diagnosis.axes for figure in (_torque(axis), _time(axis), _spectrum(axis))]
-    return render(f"Diagnosis: {diagnosis.logs[0].source}", diagnosis.lines(), tables, figures, diagnosis.findings,
-                  diagnosis.as_dict())
+    content = diagnosis.as_dict()
+    logs = diagnosis.logs
+    again = call("identify", diagnosis.cell.source, logs[0].source, *(
+        word for log in logs[1:] for word in ("--also", log.source)), "-o", "stiffness.json")
+    return render(Page(f"Diagnosis: {logs[0].source}", _verdict(diagnosis), _keys(diagnosis, content),
+                       [Step("The stiffnesses from these logs:", again)], diagnosis.lines(), tables, figures[:1], figures[1:],
+                       diagnosis.findings, content))
 
 
 def stiffness_report(fit: JointLogFit) -> str:
     """The report of `identify` on logs."""
-    return render("Stiffness from joint deflection logs", fit.lines(), [_stiffnesses(fit.joints)], [], fit.findings,
-                  fit.as_dict())
+    refused = [f"k{joint.joint}" for joint in fit.joints if joint.refused]
+    stated = [f"k{joint.joint}" for joint in fit.joints if not joint.refused]
+    if refused:
+        verdict = Verdict("caution" if stated else "bad", "NOT ALL STIFFNESSES CAN BE STATED", f"{', '.join(refused)} "
+                                                                                               f"refused: these "
+                          f"logs do not tell the stiffness from what else moves with the load; stated: "
+                          f"{', '.join(stated) or 'none'}.")
+    else:
+        verdict = Verdict("good", "STATED", f"The stiffnesses {', '.join(stated)} come from these logs; the other joints stay "
+                                            f"at what "
+                          "was known before.")
+    keys = [Key(f"k{joint.joint}", "refused" if joint.refused else f"{1 / joint.compliance:.3g}",
+                "" if joint.refused else "N m/rad", joint.grade) for joint in fit.joints]
+    return render(Page("Stiffness from joint deflection logs", verdict, keys, [], fit.lines(), [_stiffnesses(fit.joints)], [],
+                       [],
+                       fit.findings, fit.as_dict()))
+
+
+def _verdict(diagnosis: JointLogDiagnosis) -> Verdict:
+    said: dict[str, tuple[Level, str, str]] = {
+            "adequate": ("good", "ADEQUATE", "Plain springs explain the logs to their noise"),
+            "named": ("caution", "CAUSE NAMED", "The logs show more than springs, and its cause has a name"),
+            "ambiguous": ("caution", "AMBIGUOUS", "The logs show more than springs; several causes would explain it"),
+            "unknown": ("bad", "UNKNOWN", "The logs show more than springs, and no cause in the dictionary explains it")}
+    level, word, sentence = said[diagnosis.verdict]
+    names = list(dict.fromkeys(cause.sentence for axis in diagnosis.axes for cause in axis.causes))
+    return Verdict(level, word, sentence + (": " + "; ".join(names[:3]) if names else "") + ".")
+
+
+def _keys(diagnosis: JointLogDiagnosis, content: dict[str, Any]) -> list[Key]:
+    keys = [Key("left by plain springs", f"{content['misfit']['rms_urad']:.0f} → {content['misfit']['left_rms_urad']:.0f}",
+                "µrad",
+                "RMS; with the named causes")]
+    gain = content["gain"]
+    if gain is not None:
+        keys.append(Key("on rows not fitted", f"{gain['rms_before_urad']:.0f} → {gain['rms_after_urad']:.0f}", "µrad",
+                        f"RMS, {gain['held_out']}"))
+    return [*keys, *(Key(f"joint {axis.joint}", axis.verdict, "", ", ".join(cause.shape.name for cause in axis.causes))
+                     for axis in diagnosis.axes[:3])]
 
 
 def _stiffnesses(joints: Sequence[AxisStiffness]) -> ReportTable:
@@ -42,40 +84,32 @@ def _stiffnesses(joints: Sequence[AxisStiffness]) -> ReportTable:
     return ReportTable("Stiffness", ["joint", "k [N m/rad]", "95 % interval", "grade", "why"], rows, (1,))
 
 
-def _every(count: int) -> slice:
-    return slice(None, None, max(1, count // MOST_POINTS))
-
-
-def _points(x: Any, y: Any, name: str, colour: str) -> dict[str, Any]:
-    some = _every(len(x))
-    return {"type": "scatter", "mode": "markers", "x": x[some], "y": y[some], "name": name,
-            "marker": {"size": 4, "color": colour}}
+def _points(x: Any, y: Any, name: str, colour: str) -> Points:
+    some = slice(None, None, max(1, len(x) // MOST_POINTS))
+    return Points(name, x[some], y[some], colour, size=4)
 
 
 def _torque(diagnosis: AxisDiagnosis) -> Figure:
     torque = np.concatenate([log.torque for log in diagnosis.axis.logs])
     spring = diagnosis.stiffness.compliance * (torque - torque.mean())
-    data = [_points(torque, MICRO * (diagnosis.deflection - diagnosis.deflection.mean()), "as measured", BEFORE),
-            _points(torque, MICRO * (spring + diagnosis.residuals[:, 1]), "without the named causes", AFTER)]
-    return Figure(f"Joint {diagnosis.joint}: deflection against torque",
-                  "A spring is a line; a cloud is not the spring alone.", data, {
-        "xaxis": {"title": {"text": "gear-side torque [N m]"}, **GRID},
-        "yaxis": {"title": {"text": "motor minus link [urad]"}, **GRID}})
+    series = [_points(torque, MICRO * (diagnosis.deflection - diagnosis.deflection.mean()), "as measured", "before"),
+              _points(torque, MICRO * (spring + diagnosis.residuals[:, 1]), "without the named causes", "after")]
+    return Figure(f"Joint {diagnosis.joint}: deflection against torque", "A spring is a line; a cloud is not the spring alone.",
+                  [Panel(series, Axis("gear-side torque [N m]"), Axis("motor minus link [urad]"), height=360)])
 
 
 def _time(diagnosis: AxisDiagnosis) -> Figure:
     time = np.concatenate([log.time for log in diagnosis.axis.logs])
-    data = [_points(time, MICRO * diagnosis.residuals[:, k], name, colour) for k, (name, colour) in enumerate(
-        (("plain spring", BEFORE), ("extended model", AFTER)))]
-    return Figure(f"Joint {diagnosis.joint}: what is left, over time", "", data, {
-        "xaxis": {"title": {"text": "time [s]"}, **GRID}, "yaxis": {"title": {"text": "residual [urad]"}, **GRID}})
+    series = [_points(time, MICRO * diagnosis.residuals[:, k], name, colour) for k, (name, colour) in enumerate(
+        (("plain spring", "before"), ("extended model", "after")))]
+    return Figure(f"Joint {diagnosis.joint}: what is left, over time", "", [
+        Panel(series, Axis("time [s]"), Axis("residual [urad]"))])
 
 
 def _spectrum(diagnosis: AxisDiagnosis) -> Figure:
     names = [f"{low:g}-{high:g} Hz" for low, high, _ in diagnosis.left.spectrum]
-    shares = [100 * share for _, _, share in diagnosis.left.spectrum]
     frequency, share = diagnosis.left.line
-    data = [{"type": "bar", "x": names, "y": shares, "marker": {"color": AFTER}}]
+    bars = Bars("share", [100 * share for _, _, share in diagnosis.left.spectrum], "after")
     return Figure(f"Joint {diagnosis.joint}: spectrum of what is left",
-                  f"Strongest narrow line: {frequency:.1f} Hz with {100 * share:.0f} % of the variance.", data,
-                  {"yaxis": {"title": {"text": "share of the variance [%]"}, **GRID}}, height=300)
+                  f"Strongest narrow line: {frequency:.1f} Hz with {100 * share:.0f} % of the variance.",
+                  [Panel([bars], Axis(categories=names), Axis("share of the variance [%]"), height=240)])

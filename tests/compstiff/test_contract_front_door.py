@@ -89,7 +89,7 @@ def test_the_help_says_what_the_commands_say() -> None:
                                   "None, False)"])
 def test_the_door_opens_before_anything_is_loaded(code: str) -> None:
     """Neither the import nor the help loads a package that takes time: numpy alone is over the 60 ms that both may take."""
-    slow = ("numpy", "scipy", "pandas", "pyarrow", "plotly", "pydantic", "pymodbus", "toppra", "rich", "yaml", "jinja2")
+    slow = ("numpy", "scipy", "pandas", "pyarrow", "pydantic", "pymodbus", "toppra", "rich", "yaml", "jinja2")
     done = subprocess.run([sys.executable, "-c", f"{code}\nimport sys; print([n for n in {slow!r} if n in sys.modules])"],
                           capture_output=True, text=True, check=True, env=os.environ)
     assert done.stdout.splitlines()[-1] == "[]"

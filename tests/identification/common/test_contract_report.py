@@ -1,17 +1,27 @@
-"""What comes from files stays text in a report, wherever it stands."""
+"""What comes from files stays text in a report, wherever it stands; and a report keeps what it promises without a browser."""
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from html.parser import HTMLParser
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from identification.common import report
+from identification.common.chart import Axis, Bars, Figure, Line, Panel, Points, Rule
 from identification.common.findings import Finding
-from identification.common.report import Figure, ReportTable, render
+from identification.common.report import Key, Page, ReportTable, Step, Verdict, render
+from identification.common.scene import SpaceLine, scene
 
-HOSTILE = "<!--<script></script><img src=x onerror=alert(1)>' \" </title>"
+HOSTILE = "<!--<script></script><img src=x onerror=alert(1)>' \" </title></svg>"
+VENDOR = Path(report.FILES) / "vendor"
 
 
-class Page(HTMLParser):
+class Markup(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
         self.tags: list[str] = []
@@ -26,12 +36,19 @@ class Page(HTMLParser):
         self.text.append(data)
 
 
-def page_of(words: str) -> tuple[str, Page]:
-    figure = Figure(words, words, [{"x": [1, 2], "name": words}], {"title": {"text": words}})
-    table = ReportTable(words, [words, "b"], [[words, "1"]])
-    text = render(words, [words], [table], [figure], [Finding("CS0001", "warning", words, file=words, hint=words)],
-                  {"name": words, words: 1})
-    page = Page()
+def page_of(words: str) -> tuple[str, Markup]:
+    """These words in every place that takes words."""
+    panel = Panel([Points(words, [1, 2], [3, 4], labels=[words, words]), Line(words, [1, 2], [1, 2]), Rule(2.0, words)],
+                  Axis(words), Axis(words), words=words)
+    bars = Panel([Bars(words, [1.0, 2.0])], Axis(words), Axis(categories=[words, f"{words} 2"]), sideways=True)
+    view = scene(words, words, [SpaceLine(np.eye(3), "before", dots=3)])
+    findings = [Finding("CS0001", "warning", words, file=words, line=3, hint=words)]
+    text = render(Page(words, Verdict("good", words, words), [Key(words, words, words, words)], [Step(words, words)] * 2,
+                       [words],
+                       [ReportTable(words, [words, "b"], [[words, "1"]] * count) for count in (2, 40)],
+                       [view, Figure(words, words, [panel, bars])], [Figure(words, words, [panel], beside=True)], findings,
+                       {"name": words, words: 1}))
+    page = Markup()
     page.feed(text)
     return text, page
 
@@ -39,10 +56,42 @@ def page_of(words: str) -> tuple[str, Page]:
 def test_nothing_from_a_file_becomes_markup() -> None:
     """The same elements whatever the words, no handler, and the embedded result is what went in."""
     text, page = page_of(HOSTILE)
-    _, plain = page_of("words")
+    _, plain = page_of("w" * len(HOSTILE))
     assert page.tags == plain.tags
     assert not page.handlers
     # A script element that holds `<!--<script` does not end where it says: a browser would take the rest of the page into it.
     assert "<!--<script" not in text
     results = [json.loads(part) for part in page.text if part.strip().startswith('{"name"')]
     assert results == [{"name": HOSTILE, HOSTILE: 1}]
+
+
+def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:
+    text = render(Page("part.mod", Verdict("bad", "NOT ACCEPTED", "3 of 9 exceed it."), [Key("largest", "0.34", "mm")],
+                       [Step("Do this:", "compstiff verify a b")], ["a sentence"], [], [], [],
+                       [Finding("CS0001", "note", "n"), Finding("CS0002", "error", "e"), Finding("CS0002", "error", "e")], {}))
+    order = [text.index(words) for words in ("NOT ACCEPTED", "3 of 9", "0.34", "1 error", "compstiff verify a b", "a sentence",
+                                             'id="findings"', "CS0002", "CS0001")]
+    assert order == sorted(order), "verdict, figures, findings by level, the command, then the rest; the worst finding first"
+    assert "\u2715" in text[:order[0]]
+
+
+def test_a_page_without_views_carries_no_library() -> None:
+    bars = Figure("f", "", [Panel([Bars("b", [1.0])])])
+    text = render(Page("t", Verdict("open", "w", "s"), [], [], [], [], [], [bars], [], {}))
+    assert len(text) < 60_000
+    assert "THREE" not in text
+
+
+def test_no_address_is_opened() -> None:
+    """No src, no link but within the page, and a policy under which a browser would load nothing."""
+    text, _ = page_of("words")
+    assert re.findall(r'\bsrc\s*=\s*"', text.split("<script>")[0]) == []
+    assert set(re.findall(r'href="([^"]*)"', text)) == {"#findings"}
+    assert "default-src 'none'" in text
+
+
+@pytest.mark.parametrize("line", (VENDOR / "SHA256SUMS").read_text().splitlines())
+def test_the_libraries_are_those_that_are_named(line: str) -> None:
+    total, name = line.split()
+    assert hashlib.sha256((VENDOR / name).read_bytes()).hexdigest() == total
+    assert f"`{name}`" in (VENDOR / "README.md").read_text()

@@ -71,4 +71,4 @@ def test_a_plain_job_starts_without_pandas_scipy_and_toppra(tmp_path: Path) -> N
     code, loaded = json.loads(done.stdout.splitlines()[-1])
     assert code == 0, done.stderr
     assert "numpy" in loaded
-    assert not {"pandas", "scipy", "toppra", "plotly", "openpyxl", "httpx", "pymodbus"} & set(loaded)
+    assert not {"pandas", "scipy", "toppra", "openpyxl", "httpx", "pymodbus"} & set(loaded)

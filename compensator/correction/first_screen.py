@@ -1,0 +1,130 @@
+"""The top of the report of `predict` and `correct`: the answer, the figures that matter, and what to do next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from compensator.correction.budget import Budget
+from compensator.correction.correct import Corrected
+from compensator.correction.predict import Predicted
+from compensator.correction.settings import EXACTLY_ONE
+from compensator.posting.suffixes import rapid_suffix, toolpath_stem
+from identification.common.arrays import Array, rms
+from identification.common.command_line import call
+from identification.common.findings import counted
+from identification.common.report import Key, Step, Verdict, count_words
+
+
+def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
+    """Of a program: with a tolerance whether it is kept, without one what is expected."""
+    figures = job.as_dict()
+    before = figures["deviation_um"]
+    if not figures["predicted"]:
+        return Verdict("caution", "NOTHING PREDICTED", "No target of this program has a force that counts.")
+    if budget is not None:
+        return _against(budget)
+    if isinstance(job, Predicted):
+        return Verdict("open", "NOT CORRECTED", f"Without correction the tool is pushed off its path by up to "
+                       f"{before['largest']:.0f} µm ({before['rms']:.0f} µm RMS).")
+    left = figures["expected_left_um"]
+    sentence = (f"The tool was pushed off its path by {before['rms']:.0f} µm RMS, {before['largest']:.0f} µm at most. After "
+                f"this "
+                f"correction {2 * left['rms']:.0f} µm RMS are expected on the part, {2 * left['largest']:.0f} µm at most (2 "
+                f"sigma).")
+    slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
+    doubts = count_words(job.findings, "error", "warning")
+    if slow:
+        return Verdict("caution", "CORRECTED, BUT THE FEED CANNOT BE HELD EVERYWHERE", sentence)
+    if doubts:
+        return Verdict("caution", f"CORRECTED, WITH {doubts.upper()} TO READ FIRST", sentence)
+    if 2 * left["rms"] > before["rms"]:
+        return Verdict("caution", "CORRECTED, BUT MOST OF IT IS UNCERTAIN", sentence)
+    return Verdict("good", "CORRECTED", sentence)
+
+
+def _against(budget: Budget) -> Verdict:
+    figures = budget.as_dict()
+    limit, over, targets = figures["tolerance_um"], figures["over"], figures["targets"]
+    if not over:
+        return Verdict("good", "WITHIN THE TOLERANCE ONCE CORRECTED", f"Corrected, all {targets} targets with force are "
+                                                                      f"expected "
+                       f"within {limit:g} µm by two sigma; uncorrected {figures['uncorrected_over']} would not be.")
+    place = max(budget.places, key=lambda one: one.two_sigma)
+    return Verdict("bad" if over > 0.05 * targets else "caution", "THE TOLERANCE MAY FAIL EVEN CORRECTED",
+                   f"{over} of {targets} targets are expected over {limit:g} µm by two sigma, the worst at "
+                   f"{place.words().replace(' um', ' µm')}.")
+
+
+def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
+    """Deviation before and after, the worst place, what is uncertain, the share of the tolerance."""
+    figures = job.as_dict()
+    before, std = figures["deviation_um"], figures["deviation_std_um"]
+    keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
+    corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
+    if corrected is None:
+        assert isinstance(job, Predicted)
+        keys += _worst(job, np.linalg.norm(job.prediction.position, axis=1), "largest at")
+        return [*keys, Key("uncertainty of that", f"{std['largest']:.0f}", "µm", "1 sigma, largest"),
+                Key("targets with force", f"{figures['predicted']}", "", f"of {figures['targets']}")]
+    left = corrected.left
+    keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
+                    f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
+    if budget is not None:
+        share = 1e2 * float(budget.two_sigma.max(initial=0.0)) / budget.tolerance
+        keys.append(Key("share of the tolerance", f"{share:.0f}", "%", f"of {1e6 * budget.tolerance:g} µm, at the worst place"))
+    else:
+        keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
+                        f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
+                                                             else "")))
+    return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
+
+
+def _worst(predicted: Predicted, sizes: Array, label: str) -> list[Key]:
+    """Where something is largest: its line in the program as given."""
+    if not len(sizes):
+        return []
+    target = predicted.targets[int(np.argmax(sizes))]
+    toolpath = predicted.path.toolpath
+    return [Key(label, f"line {toolpath.line[target]}", "", f"target {toolpath.number[target]}")]
+
+
+def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
+    """What to do now, with the files of this job."""
+    planned = budget.corrected.planned if budget is not None else job.planned if isinstance(job, Corrected) else job
+    program, cell = planned.program.source, planned.cell.source
+    if program is None or cell is None or planned.model.source is None:
+        return []
+    stem = toolpath_stem(program)
+    inputs = (cell, program, "--stiffness", planned.model.source, "--forces", planned.forces.log.source,
+              *planned.settings.as_options())
+    correct = call("correct", *inputs, "-o", f"{stem}_corrected{rapid_suffix(program)}", "--offsets", f"{stem}.offsets.csv",
+                   "--report", f"{stem}.correct.html")
+    tolerance = call("predict", *inputs, "-o", f"{stem}.deviation.csv", "--budget", "--tolerance-um", 100, "--report",
+                     f"{stem}.budget.html")
+    if isinstance(job, Corrected):
+        scaled = planned.settings.correction.scale == EXACTLY_ONE
+        return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
+                     "same "
+                     "places, and ask what the correction was worth" + (" and which --scale the moving robot needs:" if scaled
+                                                                       else ":"),
+                     call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
+                          100,
+                          "--report", f"{stem}.verify.html")),
+                Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
+                     tolerance)]
+    if budget is None:
+        return [Step("Write the corrected program:", correct),
+                Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]
+    remedies = budget.as_dict()["remedies"]
+    if budget.as_dict()["over"] and remedies:
+        first = remedies[0]
+        return [Step(f"First what would help most: {first['do']} ({first['effort']}; gains {first['gain_um']:.1f} µm). Then "
+                     f"correct; {counted(first['over'], 'target')} would be left over the tolerance:", correct)]
+    return [Step("Write the corrected program:", correct)]
+
+
+def name_of(planned: Predicted) -> str:
+    """The program's name."""
+    return Path(planned.program.source or planned.path.toolpath.source).name

@@ -1,0 +1,88 @@
+"""Lines in space: as a picture from one side, and as data for the browser to turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from identification.common.chart_svg import polyline
+from identification.common.report import View
+
+Array = NDArray[np.float64]
+# From where pictures look, as scene.js does at first.
+FROM = np.array([0.62, -0.68, 0.5])
+WIDTH, HEIGHT, EDGE = 920.0, 460.0, 34.0
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceLine:
+    """Points (n, 3), joined by a line of this width [px], 0 for none; dots: the size [px] of a mark at each, 0 for none."""
+
+    points: Array
+    colour: str
+    width: float = 2.0
+    dots: float = 0.0
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Space to the pixels of a picture: parallel, seen from FROM, z upwards, x to y turning left as seen from above."""
+
+    across: Array
+    up: Array
+    scale: float
+    centre: Array
+
+    @staticmethod
+    def fitting(points: Array) -> Projection:
+        """In which all points (n, 3) are in the picture."""
+        towards = FROM / np.linalg.norm(FROM)
+        across = np.cross([0.0, 0.0, 1.0], towards)
+        across /= np.linalg.norm(across)
+        up = np.cross(towards, across)
+        flat = np.column_stack([points @ across, points @ up])
+        flat = flat[np.isfinite(flat).all(axis=1)]
+        low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (np.zeros(2), np.ones(2))
+        size = np.maximum(high - low, 1e-9)
+        return Projection(across, up, float(min((WIDTH - 2 * EDGE) / size[0], (HEIGHT - 2 * EDGE) / size[1])),
+                          0.5 * (low + high))
+
+    def __call__(self, points: Array) -> tuple[Array, Array]:
+        """Pixels x, y (n,)."""
+        return (0.5 * WIDTH + self.scale * (points @ self.across - self.centre[0]),
+                0.5 * HEIGHT - self.scale * (points @ self.up - self.centre[1]))
+
+
+def stroke(name: str, width: float, x: Array, y: Array) -> Markup:
+    """A line of the picture; NaN is a gap."""
+    return Markup('<path class="line stroke-{}" stroke-width="{:g}" d="{}"/>').format(name, width, polyline(x, y))
+
+
+def picture(parts: Sequence[Markup], project: Projection, label: str) -> Markup:
+    """An SVG of the parts with the directions of the axes."""
+    axes = []
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        tip = 34 * np.array([axis @ project.across, -axis @ project.up])
+        axes.append(Markup('<path class="stroke-muted" stroke-width="1.5" d="M{0:.1f} {1:.1f}l{2:.1f} {3:.1f}"/><text '
+                           'x="{4:.1f}" y="{5:.1f}" text-anchor="middle">{6}</text>').format(
+            WIDTH - 60, HEIGHT - 55, *tip, WIDTH - 60 + 1.3 * tip[0], HEIGHT - 51 + 1.3 * tip[1], name))
+    return Markup('<svg class="scene" role="img" aria-label="{}" viewBox="0 0 {:g} {:g}">{}{}</svg>').format(
+        label, WIDTH, HEIGHT, Markup("").join(parts), Markup("").join(axes))
+
+
+def scene(title: str, caption: str, lines: Sequence[SpaceLine]) -> View:
+    """Lines that a browser can turn, and their picture."""
+    project = Projection.fitting(np.concatenate([line.points for line in lines]) if lines else np.zeros((1, 3)))
+    drawn = [stroke(line.colour, line.width, *project(line.points)) for line in lines if line.width]
+    for line in lines:
+        if line.dots:
+            d = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in zip(*project(line.points), strict=True))
+            drawn.append(Markup('<path class="dots stroke-{}" stroke-width="{:g}" d="{}"/>').format(line.colour, line.dots, d))
+    data: dict[str, Any] = {"lines": [{"points": np.round(line.points, 5).tolist(), "colour": line.colour, "width": line.width,
+                                       "dots": line.dots} for line in lines]}
+    return View(title, caption, "scene", data, picture(drawn, project, title))

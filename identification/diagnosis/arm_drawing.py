@@ -1,0 +1,78 @@
+"""A six-axis arm under test as a small drawing, the part that is to blame marked: one joint, the base, the tool, a sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from markupsafe import Markup
+
+from identification.diagnosis.judgement import Cause
+
+# Pixels of the drawing, seen from the side: the joints by number, then everything else that may be to blame.
+JOINTS = {1: (150, 226), 2: (172, 188), 3: (138, 84), 4: (214, 74), 5: (300, 66), 6: (318, 92)}
+PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (112, 150), "spring": (196, 150),
+         "tool": (322, 146), "force sensor": (320, 116), "load": (322, 232), "deflection sensor": (372, 180)}
+# Of the links that may bend, by the joint they follow.
+LINKS = {2: (152, 134), 3: (256, 70)}
+OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
+             "force measurement": "force sensor", "deflection measurement": "deflection sensor"}
+# Effects that sit at another place than their family.
+OF_EFFECT = {"soft_track": "track", "parallelogram": "rod", "gravity_compensator": "spring",
+             "force_sensor_compliance": "force sensor",
+             "tool_point": "tool", "wrist_coupling": "wrist"}
+WORDS = {"base": "base and floor", "track": "track", "link": "links", "rod": "rod", "spring": "gravity compensator",
+         "tool": "tool",
+         "force sensor": "force sensor", "load": "load", "deflection sensor": "sensor and its stand", "wrist": "wrist"}
+
+
+def places(causes: Sequence[Cause]) -> list[tuple[str, tuple[int, int]]]:
+    """What each cause is to be marked with, in words, and where; each place once."""
+    marked: dict[str, tuple[int, int]] = {}
+    for cause in causes:
+        name = OF_EFFECT.get(cause.effect.name, "")
+        if name == "wrist":
+            marked["wrist"] = JOINTS[5]
+        elif cause.effect.name == "link_bending" and cause.joint in LINKS:
+            marked[f"link {cause.joint}"] = LINKS[cause.joint]
+        elif name:
+            marked[WORDS[name]] = PARTS[name]
+        elif cause.joint:
+            marked[f"joint {cause.joint}"] = JOINTS[cause.joint]
+        else:
+            part = OF_FAMILY[cause.effect.family]
+            marked[WORDS[part]] = PARTS[part]
+    return list(marked.items())
+
+
+def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
+    """The drawing; certain: the causes are named, else they are what it may be, and the marks are broken rings."""
+    marked = places(causes)
+    kind = "bad" if certain else "warn"
+    rings = [Markup('<circle class="line stroke-{}{}" stroke-width="4" cx="{}" cy="{}" r="21" fill="none"/>').format(
+        kind, "" if certain else " dashed", *where) for _, where in marked]
+    names = [Markup('<path class="stroke-{0}" stroke-width="1.5" d="M{1} {2}L{3} {4}"/><text class="name" x="{5}" '
+                    'y="{6}">{7}</text>').format(
+        kind, x + 21, y, 436, 40 + 30 * row, 442, 44 + 30 * row, name) for row, (name, (x, y)) in enumerate(marked)]
+    joints = [Markup('<circle class="joint" cx="{}" cy="{}" r="{}"/><text x="{}" y="{}" text-anchor="middle">{}</text>').format(
+        x, y, 11 if number < 4 else 9, x, y + 4, number) for number, (x, y) in JOINTS.items()]
+    label = ("The arm under test; marked: " if certain else "The arm under test; it may be: ") + (
+        ", ".join(name for name, _ in marked) or "nothing")
+    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="0 0 640 320">{}{}{}{}</svg>').format(
+        label, ARM, Markup("").join(joints), Markup("").join(rings), Markup("").join(names))
+
+
+# Floor, rails, base, column, upper arm with rod and compensator, forearm, hand, sensor, tool, rope and weight, dial gauge.
+ARM = Markup(
+    '<path class="stroke-muted" stroke-width="2" d="M20 308H420"/>'
+    '<path class="body" d="M70 296h160v8H70Z"/><path class="body" d="M104 246h92l14 48H90Z"/><path class="body" d="M128 '
+    '196h46v50h-46Z"/>'
+    '<path class="limb" stroke-width="26" d="M172 188L138 84"/><path class="limb" stroke-width="7" d="M128 202L104 100L138 '
+    '84"/>'
+    '<path class="stroke-muted" stroke-width="4" d="M190 206L202 128L150 100"/>'
+    '<path class="limb" stroke-width="22" d="M138 84L214 74L300 66"/>'
+    '<path class="limb" stroke-width="16" d="M300 66L318 92L320 106"/>'
+    '<path class="body" d="M307 108h27v14h-27Z"/><path class="body" d="M312 122h18v26h-18Z"/><path class="body" d="M317 '
+    '148h8v26h-8Z"/>'
+    '<path class="stroke-ink" stroke-width="1.5" d="M321 174V214"/><path class="body" d="M306 214h30v34h-30Z"/>'
+    '<path class="stroke-muted" stroke-width="5" d="M392 308V180"/><path class="stroke-ink" stroke-width="2" d="M392 180H330"/>'
+    '<circle class="body" cx="372" cy="180" r="12"/>')

@@ -1,0 +1,35 @@
+"""What a user does after a diagnosis, as sentences with commands to copy."""
+
+from __future__ import annotations
+
+from identification.common.command_line import call
+from identification.common.report import Step
+from identification.diagnosis.diagnose import Diagnosis
+from identification.diagnosis.record import next_measurements, next_words
+
+
+def steps_of(diagnosis: Diagnosis) -> list[Step]:
+    """By the verdict, the first thing first."""
+    cell, source, verdict = diagnosis.cell.source, diagnosis.measurements.source, diagnosis.verdict
+    again = ("diagnose", cell, source, "-o", "diagnosis.json")
+    listed = next_measurements(diagnosis.judgement)
+    checks = [Step(f"Check: {what} ({about}).") for what, about in map(next_words, listed[:4])]
+    if verdict == "adequate":
+        return [Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report",
+                                                  "identify.html"))]
+    if verdict == "mistake":
+        return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
+                                  call(*again, "--mend", "MENDED", "--force"))]
+    if verdict == "ambiguous":
+        return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
+                     call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
+    if verdict == "unknown":
+        return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+    of_robot = any(cause.effect.of_robot for cause in diagnosis.causes)
+    return [Step("Write the stiffness file that carries what the robot does:" if of_robot else
+                 "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
+                 call(*again, "--extended", "stiffness_extended.json", "--force")),
+            Step("Then correct a program with it:",
+                 call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
+                      "-o",
+                      "PART_corrected.mod", "--report", "correct.html")), *checks]

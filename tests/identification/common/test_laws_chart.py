@@ -1,0 +1,111 @@
+"""Charts put values where they belong: read back from the SVG, whatever the numbers."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
+from identification.common.chart_svg import WIDE, draw, extremes, legend, number, ticks
+
+FINITE = st.floats(-1e9, 1e9)
+
+
+def shown(panel: Panel) -> ET.Element:
+    return ET.fromstring(str(draw(panel, WIDE, "label")))
+
+
+def scale_of(picture: ET.Element, kind: str) -> np.ndarray:
+    """Slope and offset from pixels to values, by the numbers at the marks of an axis."""
+    pairs = []
+    for text in picture.iter("text"):
+        words = (text.text or "").replace("\u202f", "").replace("−", "-")
+        if re.fullmatch(r"-?[\d.]+", words) and (text.get("text-anchor") == ("middle" if kind == "x" else "end")):
+            pairs.append((float(text.get(kind)) - (0 if kind == "x" else 4), float(words)))
+    pixels, values = np.array(pairs).T
+    return np.polyfit(pixels, values, 1)
+
+
+def test_points_stand_where_the_axes_say() -> None:
+    x, y = np.array([-3.0, 10.0, 41.5]), np.array([120.0, -80.0, 7.0])
+    picture = shown(Panel([Points("p", x, y, labels=list("abc"))], Axis("x [mm]"), Axis("y [um]")))
+    circles = [(float(one.get("cx")), float(one.get("cy"))) for one in picture.iter("circle")]
+    assert np.polyval(scale_of(picture, "x"), [cx for cx, _ in circles]) == pytest.approx(x, abs=0.1)
+    assert np.polyval(scale_of(picture, "y"), [cy for _, cy in circles]) == pytest.approx(y, abs=0.5)
+    assert [one[0].text for one in picture.iter("circle")] == list("abc")
+
+
+def test_bars_begin_at_zero_and_are_as_long_as_their_values() -> None:
+    values = np.array([4.0, -2.0, 1.0])
+    for sideways in (False, True):
+        names = Axis(categories=list("abc"))
+        panel = Panel([Bars("b", values)], Axis() if sideways else names, names if sideways else Axis(), sideways=sideways)
+        lengths = [float(bar.get("width" if sideways else "height")) for bar in shown(panel).iter("rect")]
+        assert np.array(lengths) / lengths[0] == pytest.approx(np.abs(values) / 4, abs=0.01)
+
+
+def test_bars_that_stand_on_each_other_do_not_overlap() -> None:
+    picture = shown(Panel([Bars("a", [1.0]), Bars("b", [3.0])], Axis(categories=["k"]), Axis(), stacked=True))
+    lower, upper = [(float(bar.get("y")), float(bar.get("height"))) for bar in picture.iter("rect")]
+    assert upper[0] + upper[1] == pytest.approx(lower[0], abs=0.11)
+    assert upper[1] == pytest.approx(3 * lower[1], rel=0.01)
+
+
+def test_a_gap_is_a_gap() -> None:
+    picture = shown(Panel([Line("l", [0, 1, 2, 3, 4], [0, 1, np.nan, 1, 0])]))
+    line = next(one for one in picture.iter("path") if "line" in one.get("class"))
+    assert line.get("d").count("M") == 2
+
+
+@given(st.lists(FINITE | st.just(float("nan")), min_size=1, max_size=6000), st.integers(1, 50))
+def test_thinning_keeps_the_extremes(values: list[float], columns: int) -> None:
+    array = np.array(values)
+    kept = extremes(array, columns)
+    assert (np.diff(kept) > 0).all()
+    assert len(kept) <= max(4 * columns + 4, len(array) if len(array) <= 4 * columns else 0)
+    if np.isfinite(array).any():
+        assert np.nanmax(array[kept]) == np.nanmax(array)
+        assert np.nanmin(array[kept]) == np.nanmin(array)
+
+
+@given(st.floats(-1e12, 1e12), st.floats(1e-9, 1e12), st.integers(2, 12))
+def test_ticks_are_round_and_inside(low: float, span: float, most: int) -> None:
+    high = low + span
+    if high - low <= 1e-9 * max(abs(low), abs(high)):
+        return
+    marks = ticks(low, high, most)
+    assert len(marks) <= most + 1
+    if len(marks) > 2:
+        steps = np.diff(marks)
+        assert steps == pytest.approx(steps[0], rel=1e-3)
+
+
+@pytest.mark.parametrize(("value", "words"), [
+    (0.0, "0"), (-0.5, "−0.5"), (1234.0, "1234"), (12345.0, "12\u202f345"), (1e6, "10⁶"), (2.5e-7, "2.5·10⁻⁷"), (0.1 + 0.2,
+                                                                                                                 "0.3")])
+def test_numbers_are_the_same_in_every_country(value: float, words: str) -> None:
+    assert number(value) == words
+
+
+@pytest.mark.parametrize("values", [[np.nan, np.nan], [], [1e300, -1e300], [5.0, 5.0], [1e-320, 2e-320]])
+def test_odd_numbers_make_a_chart_and_no_warning(values: list[float]) -> None:
+    x = np.arange(len(values))
+    for log in (False, True):
+        text = str(draw(Panel([Line("l", x, values), Points("p", x, values, interval=(values, values)), Band("b", x, values,
+                                                                                                             values),
+                               Rule(1.0)], Axis(log=log), Axis(log=log)), WIDE, ""))
+        assert "nan" not in text
+        assert "inf" not in text
+        ET.fromstring(text)
+
+
+def test_the_legend_names_each_series_once() -> None:
+    panel = Panel([Line("a", [0], [0]), Line("a", [0], [0]), Line("", [0], [0]), Line("b", [0], [0], legend=False), Rule(1.0,
+                                                                                                                         "r"),
+                   Cells([[1.0]])])
+    assert [name for name, _, _ in legend(Figure("", "", [panel, panel]))] == ["a", "r"]

@@ -1,0 +1,44 @@
+"""The drawing of the arm has a place for every cause of the dictionary, and marks the joint that is named."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from identification.diagnosis.arm_drawing import JOINTS, arm_drawing, places
+from identification.model.effects import effects
+
+
+def cause(name: str, joint: int | None) -> Any:
+    return SimpleNamespace(effect=effects()[name], joint=joint)
+
+
+@pytest.mark.parametrize("name", sorted(effects()))
+def test_every_cause_has_a_place(name: str) -> None:
+    for joint in effects()[name].joints or (None,):
+        (_, (x, y)), = places([cause(name, joint)])
+        assert 0 < x < 640
+        assert 0 < y < 320
+        ET.fromstring(str(arm_drawing([cause(name, joint)], certain=True)))
+
+
+def test_the_joint_is_marked_where_it_stands_and_told_in_words() -> None:
+    for joint in (1, 2, 3, 4, 5, 6):
+        picture = ET.fromstring(str(arm_drawing([cause("backlash", joint)], certain=True)))
+        ring = next(one for one in picture.iter("circle") if one.get("r") == "21")
+        assert (int(ring.get("cx")), int(ring.get("cy"))) == JOINTS[joint]
+        number = next(text for text in picture.iter("text") if text.text == str(joint))
+        assert abs(float(number.get("x")) - float(ring.get("cx"))) < 1
+        assert f"joint {joint}" in picture.get("aria-label")
+
+
+def test_what_is_open_is_drawn_otherwise_than_what_is_named() -> None:
+    both = [cause("backlash", 2), cause("base_rocking", None)]
+    named, opened = (str(arm_drawing(both, certain)) for certain in (True, False))
+    assert named.count('r="21"') == opened.count('r="21"') == 2
+    assert "dashed" in opened
+    assert "dashed" not in named
+    assert "may be" in opened

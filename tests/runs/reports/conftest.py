@@ -1,0 +1,47 @@
+"""The reports of the sample job, written once, and one browser for all of their tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import compstiff
+from compensator.correction.correct import Corrected
+from identification.common.scene import SpaceLine, scene
+from tests.runs.reports.browser import chromium
+from tests.runs.reports.pages import page_with, turned_measurements, verification
+
+
+@pytest.fixture(scope="session")
+def launch() -> Iterator[Callable[..., Any]]:
+    with chromium() as start:
+        yield start
+
+
+@pytest.fixture(scope="session")
+def browser(launch: Callable[..., Any]) -> Iterator[Any]:
+    one = launch()
+    yield one
+    one.close()
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory, sample: Corrected) -> Path:
+    """correct, predict, budget, identify, diagnose, verify and corner, each .html."""
+    where, cell = tmp_path_factory.mktemp("reports"), sample.planned.cell
+    turned = compstiff.read_measurements(turned_measurements(where), cell.robot)
+    results = {
+        "correct": sample, "predict": sample.planned, "budget": compstiff.error_budget(sample.planned, 50e-6),
+        "identify": compstiff.fit_stiffness(cell, turned), "diagnose": compstiff.diagnose(cell, turned, replicates=19),
+        "verify": verification(where, cell)}
+    pages = {name: compstiff.report(result) for name, result in results.items()}
+    # An L: 80 along x, then 30 along y.
+    corner = SpaceLine(np.array([[0.0, 0, 0], [80, 0, 0], [80, 30, 0]]), "before", 4.0)
+    pages["corner"] = page_with([scene("A corner", "", [corner])])
+    for name, text in pages.items():
+        (where / f"{name}.html").write_text(text, encoding="utf-8")
+    return where

@@ -1,0 +1,220 @@
+"""Reports in a real browser: nothing from the network, nothing wrong on the console, pictures that are there and the right
+way round, controls that move together, light, dark, paper, telephone, and no serious obstacle for those who do not see."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compensator.correction.correct import Corrected
+from identification.common.packed import packed
+from tests.runs.reports.browser import opened
+
+NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner")
+AXE = Path(__file__).parent / "vendor" / "axe.min.js"
+# The pixels of a canvas.
+PIXELS = """canvas => {
+  const copy = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+  const pen = copy.getContext("2d");
+  pen.drawImage(canvas, 0, 0);
+  const bytes = pen.getImageData(0, 0, canvas.width, canvas.height).data;
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 30000) text += String.fromCharCode(...bytes.subarray(i, i + 30000));
+  return [canvas.width, canvas.height, btoa(text)];
+}"""
+
+
+def pixels(page: Any) -> np.ndarray:
+    """(height, width, 3) of the view in space."""
+    width, height, data = page.eval_on_selector(".stage canvas", PIXELS)
+    return np.frombuffer(base64.b64decode(data), np.uint8).astype(float).reshape(height, width, 4)[:, :, :3]
+
+
+def coloured(picture: np.ndarray) -> np.ndarray:
+    """Where a picture is not grey."""
+    return np.ptp(picture, axis=2) > 60
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: str) -> None:
+    """And no page is wider than its window, nor than a telephone or A4."""
+    found = opened(browser, folder / f"{name}.html")
+    assert found.requests == [(folder / f"{name}.html").as_uri()]
+    assert found.complaints == []
+    for width, media in ((1200, "screen"), (390, "screen"), (690, "print")):
+        found.page.emulate_media(media=media)
+        found.page.set_viewport_size({"width": width, "height": 800})
+        over = found.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        assert over <= 0, f"{name} is {over} px too wide for {width} px, {media}"
+    found.page.close()
+
+
+@pytest.mark.parametrize(("name", "scheme"), [*((name, "light") for name in NAMES), ("budget", "dark"), ("diagnose", "dark")])
+def test_no_serious_obstacle(browser: Any, folder: Path, name: str, scheme: Any) -> None:
+    """By axe-core: names of controls, order of headings, tables, contrast."""
+    found = opened(browser, folder / f"{name}.html", color_scheme=scheme)
+    # By DevTools, since the page lets no script in.
+    found.page.evaluate(AXE.read_text(encoding="utf-8"))
+    done = found.page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    assert done["testEngine"]["name"] == "axe-core"
+    serious = [(one["id"], [node["target"] for node in one["nodes"]][:3]) for one in done["violations"]
+               if one["impact"] in ("serious", "critical")]
+    assert serious == []
+    found.page.close()
+
+
+def test_the_way_round(browser: Any, folder: Path) -> None:
+    """An L, 80 along x then 30 along y, seen from above: it goes right, then up, at one scale."""
+    found = opened(browser, folder / "corner.html")
+    found.page.get_by_role("button", name="Top").click()
+    found.page.wait_for_timeout(200)
+    rows, columns = np.nonzero(coloured(pixels(found.page)))
+    width, height = np.ptp(columns), np.ptp(rows)
+    assert width > 200, "blank, or nothing but grey"
+    assert width / height == pytest.approx(80 / 30, rel=0.05)
+    left = rows[columns < columns.min() + 0.5 * width]
+    assert left.min() > rows.max() - 0.1 * height, "the left half is the lower edge alone"
+    upper = columns[rows < rows.min() + 0.5 * height]
+    assert upper.min() > columns.max() - 0.1 * width, "the upper half is the right edge alone"
+    # The same in the picture for print: from the front and the right, x goes down to the right, y up to the right.
+    path = found.page.eval_on_selector(".picture path.line", "one => one.getAttribute('d')")
+    (x0, y0), (x1, y1), (x2, y2) = [tuple(map(float, pair)) for pair in re.findall(r"([\d.]+) ([\d.]+)", path)]
+    assert x1 > x0
+    assert y1 > y0
+    assert x2 > x1
+    assert y2 < y1
+    found.page.close()
+
+
+def test_picture_plot_and_line_move_together(browser: Any, folder: Path, sample: Corrected) -> None:
+    """The readout is the program's own line with that number, the target's place and its value as the library gives them."""
+    found = opened(browser, folder / "correct.html")
+    page = found.page
+    program = sample.planned.program.text.source.data.decode().splitlines()
+    predicted = sample.predicted
+    size = 1e6 * np.linalg.norm(predicted.prediction.position, axis=1)
+    toolpath = predicted.path.toolpath
+    most = predicted.targets[int(np.argmax(size))]
+    readout, slider = page.locator(".readout"), page.get_by_label("Along the path", exact=True)
+
+    def where() -> tuple[int, int]:
+        line, target = re.findall(r"Line (\d+), target (\d+)", readout.inner_text())[0]
+        assert readout.locator("code").inner_text() == program[int(line) - 1].strip()[:160]
+        return int(line), int(target)
+
+    assert where() == (toolpath.line[most], toolpath.number[most]), "it begins where the deviation is largest"
+    assert f"{size.max():.1f} µm" in readout.inner_text()
+    before = pixels(page)
+    assert coloured(before).sum() > 3000, "the cut is drawn in colour"
+    slider.press("End")
+    last = len(toolpath) - 1
+    assert where() == (toolpath.line[last], toolpath.number[last])
+    x, y, z = 1e3 * predicted.path.base_from_tcp.position[last]
+    assert f"{x:.2f}" in readout.inner_text().replace("\u202f", "")
+    assert f"{z:.2f}" in readout.inner_text().replace("\u202f", "")
+    assert y == pytest.approx(page.evaluate("document.querySelector('figure').view.place.at(-1)[1]"), abs=1e-3)
+    page.get_by_label("Line", exact=True).fill("700")
+    page.keyboard.press("Enter")
+    assert abs(where()[0] - 700) <= 1
+    # Another quantity: other colours, its own scale, its own largest place.
+    page.locator(".choices label", has_text="Expected left").click()
+    left = 1e6 * sample.left.std
+    at = predicted.targets[int(np.argmax(left))]
+    button = page.locator("button.largest")
+    assert button.inner_text() == f"Largest: {left.max():.1f} µm, line {toolpath.line[at]}"
+    button.click()
+    assert where()[0] == toolpath.line[at]
+    page.wait_for_timeout(200)
+    assert (np.abs(pixels(page) - before).max(axis=2) > 40).sum() > 1000
+    # A finding leads to its line.
+    finding = page.locator("button.show-place").first
+    line = int(re.findall(r"\d+", finding.get_attribute("aria-label"))[0])
+    finding.click()
+    assert where()[0] == line
+    # A click on the plot goes there.
+    box = page.locator(".u-over").bounding_box()
+    page.mouse.click(box["x"] + 0.02 * box["width"], box["y"] + 0.5 * box["height"])
+    assert where()[0] < 400
+    assert found.complaints == []
+    page.close()
+
+
+def test_keys_turn_the_view(browser: Any, folder: Path) -> None:
+    found = opened(browser, folder / "correct.html")
+    before = pixels(found.page)
+    found.page.locator(".stage canvas").focus()
+    for _ in range(4):
+        found.page.keyboard.press("ArrowRight")
+    found.page.wait_for_timeout(200)
+    assert (np.abs(pixels(found.page) - before).max(axis=2) > 40).sum() > 1000
+    found.page.close()
+
+
+def test_light_and_dark(browser: Any, folder: Path) -> None:
+    """As the system is, and by the switch; the view in space follows."""
+    for scheme, dark in (("dark", True), ("light", False)):
+        found = opened(browser, folder / "correct.html", color_scheme=scheme)
+        for _ in range(2):
+            ground = found.page.evaluate("getComputedStyle(document.body).backgroundColor")
+            assert (sum(map(int, re.findall(r"\d+", ground)[:3])) < 200) == dark
+            found.page.wait_for_timeout(150)
+            assert (pixels(found.page)[5, 5].sum() < 300) == dark
+            found.page.locator("#theme").click()
+            dark = not dark
+        found.page.close()
+
+
+@pytest.mark.parametrize("name", ["correct", "diagnose"])
+def test_on_paper(browser: Any, folder: Path, name: str) -> None:
+    """Pictures in place of what moves, on white, and nothing cut: no chart is higher than a page."""
+    found = opened(browser, folder / f"{name}.html", color_scheme="dark", width=690)
+    found.page.emulate_media(media="print", color_scheme="dark")
+    assert found.page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    seen = "[...document.querySelectorAll('%s')].filter(one => one.getBoundingClientRect().height > 0)"
+    assert found.page.evaluate(f"{seen % '.live, button, input'}.length") == 0
+    heights = found.page.evaluate(f"{seen % 'main svg.chart, main svg.scene'}.map(one => one.getBoundingClientRect().height)")
+    assert len(heights) >= 2
+    assert min(heights) > 80
+    assert max(heights) < 900
+    assert found.page.pdf(format="A4")[:5] == b"%PDF-"
+    found.page.close()
+
+
+def test_without_webgl_the_picture_stays(launch: Callable[..., Any], folder: Path) -> None:
+    browser = launch("--disable-3d-apis")
+    page = browser.new_page()
+    page.goto((folder / "correct.html").as_uri())
+    page.wait_for_timeout(300)
+    assert page.locator(".picture svg").is_visible()
+    assert not page.locator(".live").is_visible()
+    browser.close()
+
+
+def test_a_command_is_copied(browser: Any, folder: Path) -> None:
+    context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
+    page = context.new_page()
+    page.goto((folder / "predict.html").as_uri())
+    page.locator("button.copy").first.click()
+    page.get_by_text("Command copied").wait_for(state="attached")
+    command = page.locator(".command code").first.inner_text()
+    assert command.startswith("compstiff correct ")
+    assert page.evaluate("navigator.clipboard.readText()") == command
+    context.close()
+
+
+def test_numbers_arrive_as_they_were_packed(browser: Any, folder: Path) -> None:
+    """Python packs, the browser unpacks: whole steps, gaps, and steps over all 32 bits."""
+    found = opened(browser, folder / "corner.html")
+    rng = np.random.default_rng(3)
+    values = np.concatenate([rng.normal(0, 1e3, (40, 3)), [[2.1e6, -2.1e6, np.nan], [-2.1e6, 2.1e6, 0.0], [np.inf, 3e6, 1e-9]]])
+    got = found.page.evaluate("async text => Array.from(await integers(text, 3))", packed(values, 1e-3))
+    expected = [[-2**31 if not np.isfinite(v) or abs(v) > 2.147e6 else int(np.rint(v / 1e-3)) for v in column]
+                for column in values.T]
+    assert np.array(got).reshape(3, -1).tolist() == expected
+    found.page.close()
