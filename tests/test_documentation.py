@@ -1,9 +1,9 @@
 """Every ```bash block of the README and of docs/ runs, page by page in the order of the text, and ends as the page says.
 
 What a page may say of its blocks, in HTML comments: `folder: samples`, `prepared` (more small files) or `empty` once, where its
-blocks begin; `measured PLAN to SHEET on ROBOT` where a reader would measure, done by the virtual arm; `milled FOLDER on ROBOT`
-where a reader would mill and log, which puts a program with its log there; before a block `exit N`, or `not run: why`. A ```text
-block behind `prints` stands in the output of the block before it, line by line, where `...` stands for anything.
+blocks begin; `measured PLAN to SHEET on ROBOT` where a reader would measure, done by the virtual arm; `milled FOLDER on
+ROBOT` where a reader would mill and log, which puts a program with its log there; before a block `exit N`, or `not run: why`. A
+```text block behind `prints` stands in the output of the block before it, line by line, where `...` stands for anything.
 """
 
 from __future__ import annotations

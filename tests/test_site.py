@@ -47,8 +47,8 @@ def test_a_page_a_command_with_its_options_and_an_example(site: Path, name: str)
     said = CliRunner().invoke(compstiff, [name, "--help"]).output
     for option in set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", said)):
         assert option in page, option
-    text = re.sub(r"<[^>]+>", "", page)
-    assert f"compstiff {name}" in text.partition("A worked example")[2].partition("Options")[0]
+    example = page.partition('<h2 id="a-worked-example"')[2].partition('<h2 id="options"')[0]
+    assert f"compstiff {name}" in re.sub(r"<[^>]+>", "", example)
 
 
 def test_every_finding_is_there_in_the_words_of_explain(site: Path) -> None:
@@ -73,6 +73,17 @@ def test_every_cause_has_its_picture_or_says_why_not(site: Path) -> None:
     assert len(pictures) > 15
     shown = set(re.findall(r'<h2 id="(\w+)"', page))
     assert pictures <= shown <= set(effects())
+
+
+def test_the_pictures_of_the_conventions_are_drawn_from_the_kinematics() -> None:
+    """docs/pictures has what the script draws."""
+    sys.path.insert(0, str(ROOT / "docs/site"))
+    try:
+        from convention_pictures import FOLDER, PICTURES
+    finally:
+        sys.path.pop(0)
+    for name, draw in PICTURES.items():
+        assert draw() == (FOLDER / name).read_text(encoding="utf-8"), name
 
 
 def test_the_pages_open_offline(site: Path) -> None:

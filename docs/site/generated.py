@@ -9,11 +9,12 @@ from pathlib import Path
 import click
 
 ROOT = Path(__file__).resolve().parents[2]
-FAMILIES = {"00": "Files and calls", "01": "Cells", "02": "Tables", "10": "Measurements and identification", "11": "Robots",
-            "12": "Stiffness files", "15": "Logs in motion, masses, plans", "16": "Plans and designs",
-            "17": "Diagnosis", "20": "RAPID", "21": "APT", "30": "Force logs", "31": "Two force logs", "32": "The cut",
-            "40": "Correction", "41": "Correction", "42": "Programs and posting", "43": "Targets, zones and parts", "44": "Feed",
-            "45": "External axes", "50": "Modbus", "53": "Learning", "60": "Verification and batches", "61": "Upload"}
+FAMILIES = {
+    "00": "Files and calls", "01": "Cells", "02": "Tables", "10": "Measurements and identification", "11": "Robots",
+    "12": "Stiffness files", "15": "Logs in motion, masses, plans", "16": "Plans and designs", "17": "Diagnosis", "20": "RAPID",
+    "21": "APT", "30": "Force logs", "31": "Two force logs", "32": "The cut", "40": "Correction", "41": "Correction",
+    "42": "Programs and posting", "43": "Targets, zones and parts", "44": "Feed", "45": "External axes", "50": "Modbus",
+    "53": "Learning", "60": "Verification and batches", "61": "Upload"}
 
 
 def commands() -> list[str]:
@@ -71,8 +72,8 @@ def findings_page() -> str:
     """The catalogue, by number."""
     from identification.common.catalogue import catalogue
 
-    parts = ["# Findings", "Everything that a command may say of its input, with the words of `compstiff explain CODE`. Whether a "
-             "finding is a note, a warning or an error stands in the message itself."]
+    parts = ["# Findings", "Everything that a command may say of its input, with the words of `compstiff explain CODE`. Whether "
+             "a finding is a note, a warning or an error stands in the message itself."]
     family = ""
     for code, page in sorted(catalogue().items()):
         if (title := FAMILIES.get(code[2:4], "Further findings")) != family:
@@ -109,8 +110,8 @@ An editor with a YAML language server completes and checks cell.yaml by a line a
 # yaml-language-server: $schema=cell.schema.json
 ```
 
-A schema says which keys and types a file may have. What it cannot say, such as a quaternion of norm 1, `compstiff check` says. What
-the keys mean stands in [Files and commands](formats.md).
+A schema says which keys and types a file may have. What it cannot say, such as a quaternion of norm 1, `compstiff check` says.
+What the keys mean stands in [Files and commands](formats.md).
 """
 
 

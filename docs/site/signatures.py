@@ -46,13 +46,13 @@ def signatures_page() -> dict[str, str]:
 
 INTRODUCTION = """# How each cause shows
 
-At one pose of the sample cell, an IRB 6660, the tool is pushed along base x, y and z in turn, up to 300 N, through zero to -300 N
-and back to zero. Each picture has what the cause at its typical size adds to the deflection, along the direction in which it adds
-most: a straight line is one more spring, a step at zero is play, a loop is something that remembers, and what does not follow the
-load at all is the sensor or the time.
+At one pose of the sample cell, an IRB 6660, the tool is pushed along base x, y and z in turn, up to 300 N, through zero to
+-300 N and back to zero. Each picture has what the cause at its typical size adds to the deflection, along the direction in which
+it adds most: a straight line is one more spring, a step at zero is play, a loop is something that remembers, and what does not
+follow the load at all is the sensor or the time.
 
-What is listed as alike is what `diagnose` cannot tell from it with the poses and loads of the sample's plan; another plan may. What
-[the dictionary](effects.md) says of each cause is not repeated here."""
+What is listed as alike is what `diagnose` cannot tell from it with the poses and loads of the sample's plan; another plan may.
+What [the dictionary](effects.md) says of each cause is not repeated here."""
 
 
 def picture(one: Outlook, states: list[LoadState]) -> str:
@@ -65,7 +65,7 @@ def picture(one: Outlook, states: list[LoadState]) -> str:
         added = 1e6 * effect.contribution(state, joint, effect.typical(state, joint))[:, :3]
         _, _, main = np.linalg.svd(added - added[0], full_matrices=False)
         along = main[0] * (1 if main[0][np.argmax(np.abs(main[0]))] > 0 else -1)
-        series.append(Series(CYCLE, added @ along, COLOURS["xyz".index(axis)], f"load along {axis}", line=True))
+        series.append(Series(CYCLE, added @ along, COLOURS["xyz".index(axis)], f"along {axis}", line=True))
     if not all(np.isfinite(line.y).all() for line in series) or max(np.ptp(line.y) for line in series) < 1e-3:
         return ""
     return svg([Panel(one.entry.label, "load [N]", "added deflection [um]", series)])
