@@ -20,7 +20,7 @@ TOOL = Frame.from_quaternion(np.array([0.12, 0.0, 0.25]), (1.0, 0.0, 0.0, 0.0))
 
 
 def arm(q_deg: Iterable[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, 3) [m] along an IRB 6660 from its foot to the flange, the flange's axes (3, 3), and the TCP (3,)."""
+    """Points (n, 3) [m] along an IRB 6660 from foot to flange, the flange's axes (3, 3), and the TCP (3,)."""
     robot = read_robot(built_in_robots()["irb6660-205-1.90"])
     state = load_state(robot, TOOL, np.radians([list(q_deg)]), np.zeros((1, 6)), np.full(6, 1e-6))
     origins, flange = state.origins[0], state.flange[0]
@@ -28,7 +28,8 @@ def arm(q_deg: Iterable[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     # The wrist stands d4 along the forearm and a4 above the elbow: the corner between them.
     reach = wrist - elbow
     turn = float(np.arctan2(robot.a[3], robot.d[3]))
-    forward = np.array([np.cos(turn) * reach[0] + np.sin(turn) * reach[2], 0, np.cos(turn) * reach[2] - np.sin(turn) * reach[0]])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    forward = np.array([cosine * reach[0] + sine * reach[2], 0, cosine * reach[2] - sine * reach[0]])
     corner = wrist - robot.d[3] * forward / np.linalg.norm(forward)
     return np.array([[0, 0, 0], [0, 0, shoulder[2]], shoulder, elbow, corner, wrist, origins[5]]), flange, state.tcp[0]
 
@@ -56,7 +57,8 @@ def arrow(start: Point, end: Point, colour: str, width: float = 2.0) -> str:
 
 def text(place: Point, words: str, colour: str = "#222", size: int = 11, anchor: str = "start") -> str:
     """Words."""
-    return f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" fill="{colour}" font-size="{size}" text-anchor="{anchor}">{words}</text>'
+    where = f'x="{place[0]:.1f}" y="{place[1]:.1f}"'
+    return f'<text {where} fill="{colour}" font-size="{size}" text-anchor="{anchor}">{words}</text>'
 
 
 def page(width: int, height: int, parts: Iterable[str]) -> str:
@@ -92,7 +94,7 @@ def frames() -> str:
     part = (FOOT[0] + SCALE * 1.55, FOOT[1] - SCALE * 0.25)
     parts.append(f'<rect x="{part[0]:.0f}" y="{part[1]:.0f}" width="120" height="34" fill="#eef1f4" stroke="{ARM}"/>')
     parts += triad(at(np.zeros(3)), np.eye(3), "base", below=True)
-    parts += triad((24, 350), np.eye(3), "", 26) + [text((60, 366), "world", GREY)]
+    parts += [*triad((24, 350), np.eye(3), "", 26), text((60, 366), "world", GREY)]
     parts += triad(at(points[-1]), flange, "flange")
     parts += triad(at(tcp), flange, "tool (TCP)", below=True)
     parts += triad(part, np.eye(3), "work object", below=True)
@@ -104,9 +106,10 @@ def joints() -> str:
     """The positive sense of each axis of an ABB arm."""
     points, _, _ = arm([0, 0, 0, 0, 0, 0])
     parts = [line([at(point) for point in points], ARM, 9)]
-    places = [at(points[1] * 0.5), at(points[2]), at(points[3]), at(0.6 * points[4] + 0.4 * points[5]), at(points[5]), at(points[6])]
-    words = ["1: anticlockwise, seen from above", "2: lower arm to the front", "3: forearm down", "4: right-hand about the forearm",
-             "5: wrist down", "6: right-hand about the flange"]
+    places = [at(point) for point in (0.5 * points[1], points[2], points[3], 0.6 * points[4] + 0.4 * points[5], points[5],
+                                      points[6])]
+    words = ["1: anticlockwise, seen from above", "2: lower arm to the front", "3: forearm down",
+             "4: right-hand about the forearm", "5: wrist down", "6: right-hand about the flange"]
     shifts = [(26, 30), (18, 30), (-75, -28), (-8, -40), (-20, 52), (24, 6)]
     for number, (place, word, shift) in enumerate(zip(places, words, shifts, strict=True)):
         if number in (1, 2, 4):     # across the picture: positive turns the front down, clockwise as seen here
@@ -136,12 +139,13 @@ def rod() -> str:
 def forces() -> str:
     """Whose force, whose deflection, and where the correction goes."""
     parts = [f'<rect x="250" y="90" width="160" height="110" fill="#eef1f4" stroke="{ARM}"/>', text((330, 220), "part", GREY),
-             f'<rect x="190" y="40" width="60" height="120" fill="#fff" stroke="{ARM}" stroke-width="2"/>', text((198, 34), "tool", GREY),
+             f'<rect x="190" y="40" width="60" height="120" fill="#fff" stroke="{ARM}" stroke-width="2"/>',
+             text((198, 34), "tool", GREY),
              arrow((220, 120), (110, 120), RED, 3), text((20, 112), "force ON the tool: on_tool", RED),
              arrow((270, 140), (380, 140), GREY, 3), text((278, 158), "by the tool: by_tool", GREY),
              arrow((220, 180), (170, 180), BLUE, 3), text((20, 198), "deviation: where the tool yields to", BLUE),
              arrow((220, 215), (270, 215), GREEN, 3), text((20, 232), "correction: commanded minus planned, against it", GREEN),
-             text((20, 262), "deflection (measurements.csv) = loaded minus unloaded TCP, base frame: along the force on the tool", "#222")]
+             text((20, 262), "deflection (measurements.csv) = loaded minus unloaded TCP, base frame: along the force")]
     return page(640, 280, parts)
 
 
@@ -153,11 +157,12 @@ def quaternions() -> str:
                                                  (((half, 0.0, half, 0.0)), "[0.7071, 0, 0.7071, 0]: 90 deg about y"),
                                                  (((0.0, 1.0, 0.0, 0.0)), "[0, 1, 0, 0]: 180 deg about x, z down"))):
         turned = Frame.from_quaternion(np.zeros(3), quaternion).rotation
-        parts += triad((100 + 210 * place, 110), turned, "", 48) + [text((100 + 210 * place, 190), words, anchor="middle")]
+        parts += [*triad((100 + 210 * place, 110), turned, "", 48), text((100 + 210 * place, 190), words, anchor="middle")]
     return page(640, 210, parts)
 
 
-PICTURES = {"frames.svg": frames, "joints.svg": joints, "parallel-rod.svg": rod, "forces.svg": forces, "quaternions.svg": quaternions}
+PICTURES = {"frames.svg": frames, "joints.svg": joints, "parallel-rod.svg": rod, "forces.svg": forces,
+            "quaternions.svg": quaternions}
 
 
 def main() -> None:

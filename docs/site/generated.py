@@ -72,7 +72,7 @@ def findings_page() -> str:
     """The catalogue, by number."""
     from identification.common.catalogue import catalogue
 
-    parts = ["# Findings", "Everything that a command may say of its input, with the words of `compstiff explain CODE`. Whether "
+    parts = ["# Findings", "Everything that a command may say of its input, in the words of `compstiff explain CODE`. Whether "
              "a finding is a note, a warning or an error stands in the message itself."]
     family = ""
     for code, page in sorted(catalogue().items()):

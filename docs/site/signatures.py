@@ -47,9 +47,9 @@ def signatures_page() -> dict[str, str]:
 INTRODUCTION = """# How each cause shows
 
 At one pose of the sample cell, an IRB 6660, the tool is pushed along base x, y and z in turn, up to 300 N, through zero to
--300 N and back to zero. Each picture has what the cause at its typical size adds to the deflection, along the direction in which
-it adds most: a straight line is one more spring, a step at zero is play, a loop is something that remembers, and what does not
-follow the load at all is the sensor or the time.
+-300 N and back to zero. Each picture has what the cause at its typical size adds to the deflection, along the direction in
+which it adds most: a straight line is one more spring, a step at zero is play, a loop is something that remembers, and what
+does not follow the load at all is the sensor or the time.
 
 What is listed as alike is what `diagnose` cannot tell from it with the poses and loads of the sample's plan; another plan may.
 What [the dictionary](effects.md) says of each cause is not repeated here."""

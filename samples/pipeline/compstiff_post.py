@@ -1,8 +1,8 @@
 """A RoboDK post processor around your ABB post: what it saves is corrected at once where a force log of the program is there.
 
-Copy this file into RoboDK's folder of posts and choose it for the robot. It lets POST write the program as ever. The first time there
-is no log: the program is the planned one, to be milled and logged. With LOGS/name.forces.csv there, the next generation writes
-name_corrected.mod beside it, and that is what RoboDK sends to the robot. If compstiff refuses, nothing is handed on to be sent.
+Copy this file into RoboDK's folder of posts and choose it for the robot. It lets POST write the program as ever. The first time
+there is no log: the program is the planned one, to be milled and logged. With LOGS/name.forces.csv there, the next generation
+writes name_corrected.mod beside it, and that is what RoboDK sends to the robot. If compstiff refuses, nothing is handed on.
 The lines in capitals are yours to set; environment variables COMPSTIFF_CELL and so on win over them.
 """
 
@@ -31,7 +31,7 @@ _Written = import_module(POST).RobotPost
 class RobotPost(_Written):  # type: ignore[misc, valid-type]
     """The user's post, with a corrected program behind each that it saves."""
 
-    def ProgSave(self, folder: str, progname: str, ask_user: bool = False, show_result: bool | str = False) -> None:  # noqa: N802
+    def ProgSave(self, folder: str, progname: str, ask_user: bool = False, show_result: bool | str = False) -> None:
         """Saves the planned program, then the corrected one where it was logged."""
         super().ProgSave(folder, progname, ask_user, show_result)
         saved = self.PROG_FILES if isinstance(self.PROG_FILES, list) else [self.PROG_FILES]
@@ -42,7 +42,7 @@ class RobotPost(_Written):  # type: ignore[misc, valid-type]
         """The file to hand on: corrected, planned where there is no log yet, or None where the correction was refused."""
         logs = [path for ending in ("csv", "parquet") if (path := Path(LOGS) / f"{planned.stem}.forces.{ending}").is_file()]
         if not logs:
-            print(f"compstiff: no log {planned.stem}.forces.csv in {LOGS}: this is the planned program, to be milled and logged")
+            print(f"compstiff: no log {planned.stem}.forces.csv in {LOGS}: this is the planned program, to mill and log")
             return planned
         corrected = planned.with_name(f"{planned.stem}_corrected{planned.suffix}")
         # Generated anew: the corrected program of the last time is replaced.

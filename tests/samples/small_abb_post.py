@@ -25,27 +25,27 @@ class RobotPost:
         self.moves: list[str] = []
         self.speed = "v50"
 
-    def ProgStart(self, name: str) -> None:  # noqa: N802
+    def ProgStart(self, name: str) -> None:
         self.name = name
 
-    def ProgFinish(self, name: str) -> None: ...  # noqa: N802
+    def ProgFinish(self, name: str) -> None: ...
 
-    def setFrame(self, pose: object, *_: object) -> None:  # noqa: N802
+    def setFrame(self, pose: object, *_: object) -> None:
         self.data["wobjdata wPart"] = f'[FALSE,TRUE,"",{frame(pose)},[[0,0,0],[1,0,0,0]]]'
 
-    def setTool(self, pose: object, *_: object) -> None:  # noqa: N802
+    def setTool(self, pose: object, *_: object) -> None:
         self.data["tooldata tMill"] = f"[TRUE,{frame(pose)},[80,[0,0,120],[1,0,0,0],0,0,0]]"
 
-    def setSpeed(self, mm_s: float) -> None:  # noqa: N802
+    def setSpeed(self, mm_s: float) -> None:
         self.speed = f"v{mm_s:g}"
 
-    def MoveL(self, pose: object, joints: list[float], conf: list[int]) -> None:  # noqa: N802
+    def MoveL(self, pose: object, joints: list[float], conf: list[int]) -> None:
         quarter = [math.floor(joints[k] / 90) for k in (0, 3, 5)]
         conf_data = ",".join(map(str, [*quarter, 4 * conf[0] + 2 * conf[1] + conf[2]]))
         inner = frame(pose)[1:-1]
         self.moves.append(f"    MoveL [{inner},[{conf_data}],[9E9,9E9,9E9,9E9,9E9,9E9]],{self.speed},z1,tMill\\WObj:=wPart;")
 
-    def ProgSave(self, folder: str, name: str, ask_user: bool = False, show_result: bool = False) -> None:  # noqa: N802
+    def ProgSave(self, folder: str, name: str, ask_user: bool = False, show_result: bool = False) -> None:
         data = [f"PERS {kind}:={value};" for kind, value in self.data.items()]
         file = Path(folder) / f"{name}.{self.PROG_EXT}"
         file.write_text("\n".join([f"MODULE MOD_{name}", *data, f"PROC {name}()", *self.moves, "ENDPROC", "ENDMODULE"]) + "\n")

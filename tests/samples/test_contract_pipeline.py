@@ -50,7 +50,8 @@ def intermediate(folder: Path) -> Path:
     lines = ["import sys", f"sys.path[:0] = [{str(folder)!r}]", "from robodk.robomath import KUKA_2_Pose",
              "from compstiff_post import RobotPost",
              "def p(*xyzrpw): return KUKA_2_Pose(list(xyzrpw))",
-             "r = RobotPost(r'compstiff_post', r'IRB 6660', 6)", "r.ProgStart(r'part')", f"r.setFrame(p({numbers(USER)}), -1, 'f')",
+             "r = RobotPost(r'compstiff_post', r'IRB 6660', 6)", "r.ProgStart(r'part')",
+             f"r.setFrame(p({numbers(USER)}), -1, 'f')",
              f"r.setTool(p({numbers(TOOL)}), 1, 't')", "r.setSpeed(50)",
              *(f"r.MoveL(p({numbers(pose)}), [{joints(pose)}], [0,0,0])" for pose in poses),
              "r.ProgFinish(r'part')", f"r.ProgSave(r'{folder}', r'part', False, False)", "print('HANDED ON:', r.PROG_FILES)"]
@@ -147,12 +148,13 @@ def test_the_container_s_call_runs_without_root_and_its_health_is_the_lock(cell:
     text = re.sub(r"\\\n", " ", (PIPELINE / "Dockerfile").read_text())
     last = text.rpartition("\nFROM ")[2]
     assert re.search(r"^USER (?!root|0)\w+$", last, re.M)
-    words = {key: json.loads(found[1]) for key in ("CMD", "ENTRYPOINT") if (found := re.search(rf"^{key} (\[.*\])$", last, re.M))}
+    words = {key: json.loads(found) for key, found in re.findall(r"^(CMD|ENTRYPOINT) (\[.*\])$", last, re.M)}
     check = re.search(r"^HEALTHCHECK .*? CMD (\[.*\])$", last, re.M)
     assert check
     health = json.loads(check[1])
     for instruction in re.findall(r"^([A-Z]+) ", text, re.M):
-        assert instruction in {"FROM", "WORKDIR", "COPY", "RUN", "USER", "ENV", "HEALTHCHECK", "STOPSIGNAL", "ENTRYPOINT", "CMD"}
+        assert instruction in {"FROM", "WORKDIR", "COPY", "RUN", "USER", "ENV", "HEALTHCHECK", "STOPSIGNAL", "ENTRYPOINT",
+                               "CMD"}
     assert words["ENTRYPOINT"] == ["compstiff"]
     if not shutil.which("flock"):
         pytest.skip("flock is not there")
