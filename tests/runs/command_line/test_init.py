@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import pty
 import re
 import select
 import subprocess
@@ -63,8 +62,10 @@ def test_what_init_writes_is_checked_sound(cell: Path) -> None:
     kinds = {Path(one["file"]).name: (one["kind"], one["verdict"]) for one in checked.json["result"]["files"]}
     assert kinds == {"cell.yaml": ("cell", "ok"), "measurements.csv": ("measurements", "note")}
     assert kit.codes(checked) == {"CS0112"}
-    described = kit.table(cell / "measurements.csv")
-    assert described == []
+    assert kit.table(cell / "measurements.csv") == []
+    early = kit.run("identify", cell / "cell.yaml", cell / "measurements.csv", "-o", cell / "stiffness.json")
+    assert early.code == 1
+    assert "the sheet is empty" in early.err
 
 
 def test_the_chain_from_the_plan_to_a_part_that_lands(cell: Path) -> None:
@@ -101,6 +102,8 @@ def test_the_chain_from_the_plan_to_a_part_that_lands(cell: Path) -> None:
             errors.append(np.linalg.norm(loaded - aim.p))
     assert min(without) > 100e-6
     assert max(left) < 0.1 * max(without)
+    assert "no TARE" not in done.stderr
+    assert "no TARE" in make(cell, "correct").stderr, "a sensor's zero that nobody named is said"
     unchanged = make(cell, "diagnose")
     assert unchanged.returncode == 0
     assert "compstiff diagnose" not in unchanged.stdout, "nothing has changed"
@@ -204,6 +207,7 @@ def test_the_twin_in_powershell_calls_what_make_calls(cell: Path) -> None:
 
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     """A person at a terminal: a question mark lists the robots, a wrong answer is asked again, Enter takes what is shown."""
+    pty = pytest.importorskip("pty", reason="a terminal of POSIX")
     primary, secondary = pty.openpty()
     process = subprocess.Popen([sys.executable, "-m", "compstiff", "init", str(tmp_path / "asked"), "--spindle-rpm", "9000"],
                                stdin=secondary, stdout=secondary, stderr=secondary, close_fds=True, start_new_session=True)
