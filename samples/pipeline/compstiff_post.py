@@ -28,7 +28,7 @@ OPTIONS = _setting("OPTIONS", "--tare 0:2")                     # as on the comm
 _Written = import_module(POST).RobotPost
 
 
-class RobotPost(_Written):  # type: ignore[misc, valid-type]
+class RobotPost(_Written):
     """The user's post, with a corrected program behind each that it saves."""
 
     def ProgSave(self, folder: str, progname: str, ask_user: bool = False, show_result: bool | str = False) -> None:
