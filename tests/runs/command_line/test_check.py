@@ -107,14 +107,25 @@ def test_a_log_is_held_against_the_program_of_its_name(folder: Path) -> None:
     assert verdicts(run)["part.forces.csv"] == ("force log", "error")
 
 
+def test_a_tare_in_the_cut_is_wrong_here_as_there(folder: Path) -> None:
+    assert same_code_as_correct(folder, "--tare", "4:6") == 1
+
+
 def test_a_refusal_exits_3(folder: Path) -> None:
-    """A tare in the cut: correct refuses it, and so does check, with its exit code."""
-    correct = kit.run("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json",
-                      "--tare", "4:6", "-o", folder / "out.mod")
-    assert correct.code in (1, 3)
-    run = check(folder, folder / "part.mod", folder / "part.forces.csv", "--tare", "4:6")
-    assert run.code == correct.code
-    assert run.json["status"] == ("refused" if run.code == 3 else "failed")
+    """A log with time alone of one steady force, which nothing places: no file is wrong, and the answer is no."""
+    lines = ["time_s,fx_n,fy_n,fz_n", *(f"{k / 500},60,-80,{k % 7}" for k in range(1000))]
+    (folder / "part.forces.csv").write_text("\n".join(lines) + "\n")
+    assert same_code_as_correct(folder) == 3
+
+
+def same_code_as_correct(folder: Path, *words: str) -> int:
+    """The exit code of check, which is correct's."""
+    correct = kit.run("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json", *words,
+                      "-o", folder / "out.mod")
+    run = check(folder, folder / "part.mod", folder / "part.forces.csv", *words)
+    assert run.code == correct.code, run
+    assert run.json["status"] == {1: "failed", 3: "refused"}[run.code]
+    return run.code
 
 
 def test_a_stiffness_file_its_own_measurements_reject_is_said(folder: Path) -> None:
