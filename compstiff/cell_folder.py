@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -180,4 +181,5 @@ def _steps(folder: Path, rapid: bool, weights: str) -> list[str]:
     if rapid:
         corrected = call("correct", cell, folder / "programs", "--stiffness", extended, "-o", f"{folder / 'corrected'}/")
         steps.append(f"mill once; put part.mod and its log part.forces.csv into {folder / 'programs'}, then: {corrected}")
-    return [*steps, f"or let make do each step: make -C {folder} lists them (on Windows {folder / 'chain.ps1'})"]
+    make = shlex.join(["make", "-C", str(folder)])
+    return [*steps, f"or let make do each step: {make} lists them (on Windows {folder / 'chain.ps1'})"]

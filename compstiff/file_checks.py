@@ -13,7 +13,7 @@ import numpy as np
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
-from identification.common.findings import CompstiffError, Finding, Refused
+from identification.common.findings import CompstiffError, Finding, Refused, error
 from identification.model.cell import Cell, ForceLogFile, read_cell
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
@@ -132,8 +132,8 @@ def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
         return _attempt(file, kind, lambda: _robot(file))
     if kind == "joint log":
         return _attempt(file, kind, lambda: _joint_log(file))
-    if kind == "record":
-        return FileCheck(file, kind, "what a program was made from")
+    if kind in ("record", "result"):
+        return FileCheck(file, kind, {"record": "what a program was made from", "result": "what a command said"}[kind])
     if kind == "cell":
         return _attempt(file, kind, lambda: (_cell_in_words(read_cell(file)), ()))
     if cell is None:
@@ -169,7 +169,12 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
     from identification.measurements import read_measurements
 
     count = len(read_table(file, required=()))
-    plan = read_measurements(file, cell, planned=True) if count else None
+    try:
+        plan = read_measurements(file, cell, planned=True)
+    except CompstiffError as stopped:
+        if count or any(finding.code != "CS1005" for finding in stopped.findings):
+            raise
+        plan = None
     if plan is None or np.isnan(plan.deflection).all():
         return f"{count} rows, none filled in", (*(plan.findings if plan else ()), Finding(
             "CS0112", "note", "no deflection is filled in yet" if plan else "no row is filled in yet", file=str(file),
@@ -185,9 +190,13 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     from compensator.posting.read_toolpath import read_toolpath
 
     program = read_toolpath(file, cell, settings.posting)
-    path = robot_path(program.toolpath, cell)
-    reached = int(path.reached.sum())
-    words = f"{len(program.toolpath)} targets, {reached} reached, {path.length[-1]:.3g} m" if len(program.toolpath) else "empty"
+    if not len(program.toolpath):
+        raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
+    # Absurd numbers overflow on their way to a finding; NumPy need not say so too.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        path = robot_path(program.toolpath, cell)
+        length = float(np.nanmax(path.length, initial=0.0))
+    words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
     findings = (*program.toolpath.findings, *path.findings)
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
@@ -206,7 +215,8 @@ def _force_log(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[F
     from compensator.forces.log import read_force_log
 
     log = read_force_log(file, cell.force_log.form, log_format=settings.log.log_format, spindle_rpm=settings.log.spindle_rpm)
-    largest = float(np.linalg.norm(log.force, axis=1).max())
+    with np.errstate(over="ignore", invalid="ignore"):
+        largest = float(np.linalg.norm(log.force, axis=1).max())
     return f"{int(log.weight.sum())} samples placed by {log.key}, largest {largest:.3g} N", log.findings
 
 
@@ -293,7 +303,8 @@ def _placed(log_file: Path, program: Path, cell: Cell, settings: Settings) -> tu
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
 
-    path = robot_path(read_toolpath(program, cell, settings.posting).toolpath, cell)
     log = read_force_log(log_file, cell.force_log.form, log_format=settings.log.log_format,
                          spindle_rpm=settings.log.spindle_rpm)
-    return "", place_forces(log, path, cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare).findings
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        path = robot_path(read_toolpath(program, cell, settings.posting).toolpath, cell)
+        return "", place_forces(log, path, cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare).findings

@@ -13,7 +13,7 @@ from identification.common.yaml_source import read_mapping
 from identification.model.cell import ForceLogFile
 
 Kind = Literal["cell", "robot", "measurements", "joint log", "toolpath", "force log", "stiffness", "learned", "diagnosis",
-               "record", "offsets", "measured part"]
+               "record", "result", "offsets", "measured part"]
 TABLES = (".csv", ".parquet", ".pq", ".xlsx")
 FORMATS: dict[str, Kind] = {"compstiff-stiffness": "stiffness", "compstiff-learned": "learned",
                             "compstiff-diagnosis": "diagnosis", "compstiff-correction": "record", "compstiff-post": "record"}
@@ -53,6 +53,8 @@ def _of_json(file: Path) -> Kind:
     except (ValueError, RecursionError) as reason:
         raise error("CS0110", f"is not JSON: {reason}", file=str(file), hint="compstiff writes this file") from reason
     written = content.get("format") if isinstance(content, dict) else None
+    if isinstance(written, str) and written.startswith("compstiff-") and "exit_code" in content:
+        return "result"         # the document that `--json` prints
     if not isinstance(written, str) or written not in FORMATS:
         raise _unknown(file, f"its format is {written!r}, expected one of {', '.join(FORMATS)}")
     return FORMATS[written]

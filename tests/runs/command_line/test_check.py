@@ -43,6 +43,7 @@ def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
     (folder / "before.csv").write_text("target,dx_um,dy_um,dz_um\n0,1,2,3\n1,2,3,4\n")
     (folder / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,10,5\n")
     (folder / "notes.txt").write_text("not asked\n")
+    (folder / "said.json").write_text(kit.run("check", folder / "cell.yaml", "--json").out)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     run = check(folder, folder, "--tare", "0:1")
     assert run.code == 0, run
@@ -51,7 +52,7 @@ def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
         "cell.yaml": "cell", "measurements.csv": "measurements", "stiffness.json": "stiffness", "part.mod": "toolpath",
         "corrected.mod": "toolpath", "part.forces.csv": "force log", "along.csv": "force log", "diagnosis.json": "diagnosis",
         "corrected.mod.json": "record", "offsets.csv": "offsets", "motion.csv": "joint log", "before.csv": "measured part",
-        "points.csv": "measured part"}
+        "points.csv": "measured part", "said.json": "result"}
     assert run.json["result"]["passed_over"] == 1
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
 
@@ -156,6 +157,22 @@ def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     half = check(folder, sheet)
     assert half.code == 1
     assert "CS1004" in kit.codes(half)
+
+
+def test_an_empty_sheet_still_needs_its_columns(folder: Path) -> None:
+    (folder / "measurements.csv").write_text("q1_deg,dx_um\n")
+    run = check(folder, folder / "measurements.csv")
+    assert run.code == 1
+    assert "CS0202" in kit.codes(run)
+
+
+@pytest.mark.parametrize("text", ["", "MODULE A\nENDMODULE\n"])
+def test_a_program_without_a_move_is_none(folder: Path, text: str) -> None:
+    """As correct says it."""
+    (folder / "empty.mod").write_text(text)
+    run = check(folder, folder / "empty.mod")
+    assert run.code == 1
+    assert kit.codes(run) == {"CS4202"}
 
 
 @pytest.mark.parametrize(("name", "content"), [
