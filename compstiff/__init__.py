@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from compstiff.batch.programs import Shared
     from compstiff.batch.running import correct_programs
     from compstiff.batch.watch import watch_folder
+    from compstiff.cell_folder import CellAnswers, new_cell
+    from compstiff.file_checks import check_files
     from compstiff.milling_poses import milling_poses
     from compstiff.writing import report, write
     from identification.common.catalogue import explain_code
@@ -83,6 +85,8 @@ _FILES = {
     "compstiff.batch.programs": ("Shared",),
     "compstiff.batch.running": ("correct_programs",),
     "compstiff.batch.watch": ("watch_folder",),
+    "compstiff.cell_folder": ("CellAnswers", "new_cell"),
+    "compstiff.file_checks": ("check_files",),
     "compstiff.milling_poses": ("milling_poses",),
     "compstiff.writing": ("report", "write"),
     "identification.common.catalogue": ("explain_code",),
@@ -104,12 +108,12 @@ _FILES = {
 }
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
-    "Address", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
-    "built_in_robots", "check_robot", "convert_log", "correct", "correct_files", "correct_programs", "design_plan",
-    "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness",
-    "judge_plan", "learn", "milling_poses", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell",
-    "read_force_log", "read_learned", "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath",
-    "report", "still_payload", "upload", "verify", "watch_folder", "write",
+    "Address", "CellAnswers", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings",
+    "Shared", "built_in_robots", "check_files", "check_robot", "convert_log", "correct", "correct_files", "correct_programs",
+    "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs",
+    "fit_stiffness", "judge_plan", "learn", "milling_poses", "new_cell", "offsets_csv", "paired", "post_files", "predict",
+    "push", "read_cell", "read_force_log", "read_learned", "read_measurements", "read_motion_log", "read_offsets",
+    "read_stiffness", "read_toolpath", "report", "still_payload", "upload", "verify", "watch_folder", "write",
 ]
 
 

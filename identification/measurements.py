@@ -155,7 +155,8 @@ def _check_sizes(table: Table, wrench: Array, deflection: Array) -> None:
     (CS1006)."""
     if not np.any(wrench != 0):
         raise error("CS1005", f"none of the {len(table)} rows has a load: there is nothing to identify", file=table.source,
-                    hint="fx_n fy_n fz_n are the forces on the tool in newton, mass_kg what hangs at it in kilograms")
+                    hint="fx_n fy_n fz_n are the forces on the tool in newton, mass_kg what hangs at it in kilograms"
+                    if len(table) else "the sheet is empty: write a row a reading, or save the filled-in plan under this name")
     if np.abs(wrench).max() > LARGEST_LOAD:
         row, axis = (int(index) for index in np.argwhere(np.abs(wrench) > LARGEST_LOAD)[0])
         name = (*FORCES, *MOMENTS)[axis]

@@ -36,7 +36,7 @@ def ticks(low: float, high: float) -> list[float]:
     raw = (high - low) / 4
     step = 10 ** np.floor(np.log10(raw))
     step *= min((m for m in (1, 2, 5, 10)), key=lambda m: abs(m * step - raw))
-    return [float(value) for value in np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step]
+    return [float(value) + 0.0 for value in np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step]
 
 
 def svg(panels: Sequence[Panel]) -> str:

@@ -156,7 +156,7 @@ def main(group: click.Group) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        code = group.main(standalone_mode=False)
+        code = group.main(prog_name="compstiff", standalone_mode=False)
     except SystemExit as done:
         code = done.code
     except click.ClickException as wrong:

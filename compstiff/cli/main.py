@@ -12,6 +12,7 @@ from compstiff.cli.console import CONTEXT
 # Each command, in the file of its name, and the first sentence of its help, which a test holds against the command's own.
 COMMANDS = {
     "cell": "Serve the register map: the embedded Modbus cell, until Ctrl-C or SIGTERM.",
+    "check": "Check the files of a cell, and say all that is wrong with them, without computing.",
     "convert": "Turn a public or a sensor's own log into columns that the other commands read.",
     "correct": "Correct a milling program for the deflection under its logged forces.",
     "demo": "Run identify and correct on the shipped samples, into DIR.",
@@ -19,6 +20,7 @@ COMMANDS = {
     "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
     "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
     "identify": "Learn the joint stiffnesses from measured loads and deflections.",
+    "init": "Begin a new cell: cell.yaml, a measurement sheet, and the chain for make and PowerShell.",
     "learn": "Learn from a measured part what the next program should know.",
     "post": "Post an APT or CSV toolpath as the planned RAPID program.",
     "predict": "Predict how far the tool is pushed off its path.",

@@ -121,7 +121,7 @@ _feed = functools.partial(option, "Feed")
 _output = functools.partial(option, "Output")
 
 # How the force log is read and placed: `predict` and `correct`.
-LOG_OPTIONS: tuple[Decorator, ...] = (
+READING_OPTIONS: tuple[Decorator, ...] = (
     click.option("--tare", type=TargetRange(), multiple=True,
                  help="Targets of an air move: their mean force is the sensor's bias. May be given several times."),
     _log("--trust-tare", is_flag=True, help="Use a tare that the log speaks against, or not for; else it is refused."),
@@ -129,6 +129,9 @@ LOG_OPTIONS: tuple[Decorator, ...] = (
          help="A public form of the force log, as `convert` reads it; CSV and Parquet need none."),
     _log("--spindle-rpm", type=click.FloatRange(min=0, min_open=True),
          help="Spindle speed; forces are averaged over its whole revolutions. Else it is looked for in the log."),
+)
+LOG_OPTIONS: tuple[Decorator, ...] = (
+    *READING_OPTIONS,
     _correction("--scale", type=ScaledEstimate(1.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
     _correction("--accept-rejected", is_flag=True,

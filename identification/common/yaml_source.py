@@ -92,6 +92,20 @@ _Loader.add_implicit_resolver(
 
 def read_yaml(file: str | Path, model: type[Model]) -> Model:
     """The file as `model`. Raises CompstiffError (CS0101 not YAML, CS0102 wrong content) with every place at fault."""
+    content, places = _mapping(file)
+    try:
+        return model.model_validate(content)
+    except ValidationError as reason:
+        raise CompstiffError(*(_complaint(item, model, places, str(file)) for item in reason.errors())) from reason
+
+
+def read_mapping(file: str | Path) -> dict[str, Any]:
+    """The keys and values of a file, whatever they are. Raises CompstiffError (CS0101 not YAML, CS0102 no mapping)."""
+    return _mapping(file)[0]
+
+
+def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
+    """The content of a file, and where each of its keys stands."""
     name = str(file)
     try:
         text = Path(file).read_bytes().decode("utf-8-sig")
@@ -114,10 +128,7 @@ def read_yaml(file: str | Path, model: type[Model]) -> Model:
     if not isinstance(content, dict):
         raise error("CS0102", f"must be a mapping of keys to values, found {type(content).__name__}", file=name, line=1,
                     hint=MEANT)
-    try:
-        return model.model_validate(content)
-    except ValidationError as reason:
-        raise CompstiffError(*(_complaint(item, model, places, name) for item in reason.errors())) from reason
+    return content, places
 
 
 def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> Any:

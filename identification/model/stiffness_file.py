@@ -55,7 +55,9 @@ class _Effect(_File):
     joint: StrictInt | None = None
 
 
-class _StiffnessFile(_File):
+class StiffnessFile(_File):
+    """stiffness.json."""
+
     format: str
     version: int
     robot: str
@@ -102,7 +104,7 @@ def same_tool(tool: Frame, other: Frame) -> bool:
     return off <= SAME_TOOL_POSITION and turned <= SAME_TOOL_ROTATION
 
 
-def _parse(file: str | Path, name: str) -> _StiffnessFile:
+def _parse(file: str | Path, name: str) -> StiffnessFile:
     try:
         content = json.loads(Path(file).read_bytes())
     except OSError as reason:
@@ -120,13 +122,13 @@ def _parse(file: str | Path, name: str) -> _StiffnessFile:
         raise error("CS1201", f"has version {content.get('version')!r}, this program reads version 1", file=name,
                     hint="update compstiff")
     try:
-        return _StiffnessFile.model_validate(content)
+        return StiffnessFile.model_validate(content)
     except ValidationError as reason:
         first = reason.errors()[0]
         raise error("CS1201", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason
 
 
-def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
+def _check_robot(file: StiffnessFile, cell: Cell, name: str) -> None:
     robot = cell.robot
     hint = "use the stiffness file that was identified on this robot, or identify again"
     if file.robot != robot.name:
@@ -140,7 +142,7 @@ def _check_robot(file: _StiffnessFile, cell: Cell, name: str) -> None:
                     f"{str(file.robot_sha256)[:12]}..., the cell's is {robot.sha256[:12]}...", file=name, hint=hint)
 
 
-def _check_tool(file: _StiffnessFile, cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
+def _check_tool(file: StiffnessFile, cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
     of_tool = [term.label for term in in_force if term.effect.of_tool]
     if not of_tool or file.tool is None:
         return
@@ -184,7 +186,7 @@ def _effect(item: _Effect, name: str) -> EffectInForce:
     return EffectInForce(effect, item.joint)
 
 
-def _check_parameters(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> None:
+def _check_parameters(file: StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> None:
     """Names, order and units of the parameters."""
     names = [parameter.name for parameter in file.parameters]
     if names[SPRINGS] != list(JOINT_NAMES):
@@ -203,7 +205,7 @@ def _check_parameters(file: _StiffnessFile, in_force: tuple[EffectInForce, ...],
             raise error("CS1201", f"{parameter.name} is in {parameter.unit}, expected {unit}", file=name)
 
 
-def _posterior(file: _StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> tuple[Array, Array]:
+def _posterior(file: StiffnessFile, in_force: tuple[EffectInForce, ...], name: str) -> tuple[Array, Array]:
     """Mean and covariance of (ln c, parameters): the file's own, or from the covariance in k (log-normal moments inverted)."""
     estimate = np.array([parameter.estimate for parameter in file.parameters])
     median = estimate[SPRINGS]

@@ -55,6 +55,14 @@ def test_the_readme_shows_what_the_demo_prints(demo: tuple[Path, kit.Run]) -> No
             assert piece == "..." or piece in result.out, piece
 
 
+def test_the_readme_s_picture_is_of_this_demo(demo: tuple[Path, kit.Run]) -> None:
+    """samples/demo_picture.py draws it from the offsets that the demo writes."""
+    from samples.demo_picture import PICTURE, picture
+
+    folder, _ = demo
+    assert picture(folder / "offsets.csv") == PICTURE.read_text(encoding="utf-8")
+
+
 def test_demo_does_not_overwrite(demo: tuple[Path, kit.Run]) -> None:
     folder, _ = demo
     before = {p.name: p.read_bytes() for p in folder.iterdir()}

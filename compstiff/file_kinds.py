@@ -1,0 +1,94 @@
+"""What kind of file a file is, told by its suffix and by what stands in it: `compstiff check` reads each as its own kind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, toolpath_suffix
+from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS
+from identification.common.findings import CompstiffError, error
+from identification.common.yaml_source import read_mapping
+from identification.model.cell import ForceLogFile
+
+Kind = Literal["cell", "robot", "measurements", "joint log", "toolpath", "force log", "stiffness", "learned", "diagnosis",
+               "record", "result", "offsets", "measured part"]
+TABLES = (".csv", ".parquet", ".pq", ".xlsx")
+FORMATS: dict[str, Kind] = {"compstiff-stiffness": "stiffness", "compstiff-learned": "learned",
+                            "compstiff-diagnosis": "diagnosis", "compstiff-correction": "record", "compstiff-post": "record"}
+# Every suffix that may be read: what a folder's other files are is not asked.
+SUFFIXES = (*RAPID_SUFFIXES, *APT_SUFFIXES, *TABLES, ".yaml", ".yml", ".json", ".mat")
+LOG_NAME = ".forces."
+
+
+def kind_of(file: Path, form: ForceLogFile) -> Kind:
+    """The kind of a file. form: how the cell's logger writes, for a log without a header.
+
+    Raises CompstiffError: CS0110 none of the kinds that are read, and what the readers of headers, YAML and JSON raise.
+    """
+    suffix = toolpath_suffix(file)
+    if suffix in (*RAPID_SUFFIXES, *APT_SUFFIXES):
+        return "toolpath"
+    if suffix in (".yaml", ".yml"):
+        return "robot" if "joints" in read_mapping(file) else "cell"
+    if suffix == ".mat":
+        return "joint log"
+    if suffix == ".json":
+        return _of_json(file)
+    if suffix in TABLES:
+        return _of_table(file, form)
+    raise _unknown(file, f"'{suffix}' is no suffix that is read, expected one of {', '.join(SUFFIXES)}")
+
+
+def _of_json(file: Path) -> Kind:
+    content: Any = None
+    try:
+        content = json.loads(file.read_bytes())
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror}", file=str(file)) from reason
+    except json.JSONDecodeError as reason:
+        raise error("CS0110", f"is not JSON: {reason.msg}", file=str(file), line=reason.lineno, column=reason.colno,
+                    hint="compstiff writes this file; make it anew") from reason
+    except (ValueError, RecursionError) as reason:
+        raise error("CS0110", f"is not JSON: {reason}", file=str(file), hint="compstiff writes this file") from reason
+    written = content.get("format") if isinstance(content, dict) else None
+    if isinstance(written, str) and written.startswith("compstiff-") and "exit_code" in content:
+        return "result"         # the document that `--json` prints
+    if not isinstance(written, str) or written not in FORMATS:
+        raise _unknown(file, f"its format is {written!r}, expected one of {', '.join(FORMATS)}")
+    return FORMATS[written]
+
+
+def columns_of(file: Path) -> tuple[str, ...]:
+    """The names in the header of a table. Raises CompstiffError: CS0005, CS0201, CS0202, CS3020 no header."""
+    if file.suffix.lower() in (".parquet", ".pq"):
+        from identification.common.number_blocks import parquet_names
+
+        return parquet_names(file)[0]
+    from identification.common.table_layout import read_layout
+
+    return read_layout(file).names
+
+
+def _of_table(file: Path, form: ForceLogFile) -> Kind:
+    if form.columns is not None and LOG_NAME in file.name.lower():
+        return "force log"      # its columns stand in cell.yaml, whatever its first line says
+    names = set(columns_of(file))
+    if any(name.endswith(("_motor_deg", "_link_deg")) for name in names):
+        return "joint log"
+    if {JOINTS[0], DEFLECTIONS[0]} <= names or {JOINTS[0], MASS} <= names:
+        return "measurements"
+    if "ox_mm" in names:
+        return "offsets"
+    if names & {*DEFLECTIONS, "dn_um", "d_um"}:
+        return "measured part"
+    if names & {FORCES[0], "fx_counts"}:
+        return "force log"
+    if {"x_mm", "y_mm", "z_mm", "q1", "q2", "q3", "q4"} <= names:
+        return "toolpath"
+    raise _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names)[:12])}")
+
+
+def _unknown(file: Path, found: str) -> CompstiffError:
+    return error("CS0110", found, file=str(file), hint="docs/formats.md of the project has the files and their columns")

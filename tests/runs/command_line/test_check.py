@@ -1,0 +1,192 @@
+"""`check`: what is wrong with all files of a cell is said in one go, with the words of the commands that would read them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.identification.motion import simulated_joint
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.workshop import workshop
+
+ROBOT = "irb6660-205-1.90"
+SAMPLES = Path(__file__).parents[3] / "samples"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A sound job: cell, measurements, stiffness, a program with its log."""
+    for name, content in workshop(ROBOT).files.items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "forces.csv").rename(tmp_path / "part.forces.csv")
+    return tmp_path
+
+
+def check(folder: Path, *words: object) -> kit.Run:
+    return kit.run("check", folder / "cell.yaml", *words, "--json")
+
+
+def verdicts(run: kit.Run) -> dict[str, tuple[str, str]]:
+    return {Path(one["file"]).name: (one["kind"], one["verdict"]) for one in run.json["result"]["files"]}
+
+
+def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
+    """Those that users write, and those that the commands make of them."""
+    assert kit.run("diagnose", folder / "cell.yaml", folder / "measurements.csv", "-o", folder / "diagnosis.json").code == 0
+    done = kit.run("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json",
+                   "--tare", "0:1", "-o", folder / "corrected.mod", "--offsets", folder / "offsets.csv")
+    assert done.code == 0, done
+    simulated_joint.write(folder / "motion.csv", simulated_joint.columns(1, {}))
+    (folder / "before.csv").write_text("target,dx_um,dy_um,dz_um\n0,1,2,3\n1,2,3,4\n")
+    (folder / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um,std_um\n1,2,3,10,5\n")
+    (folder / "notes.txt").write_text("not asked\n")
+    (folder / "said.json").write_text(kit.run("check", folder / "cell.yaml", "--json").out)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    run = check(folder, folder, "--tare", "0:1")
+    assert run.code == 0, run
+    kinds = {name: kind for name, (kind, _) in verdicts(run).items()}
+    assert kinds == {
+        "cell.yaml": "cell", "measurements.csv": "measurements", "stiffness.json": "stiffness", "part.mod": "toolpath",
+        "corrected.mod": "toolpath", "part.forces.csv": "force log", "along.csv": "force log", "diagnosis.json": "diagnosis",
+        "corrected.mod.json": "record", "offsets.csv": "offsets", "motion.csv": "joint log", "before.csv": "measured part",
+        "points.csv": "measured part", "said.json": "result"}
+    assert run.json["result"]["passed_over"] == 1
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
+
+
+def test_everything_that_is_wrong_is_said_in_one_go(folder: Path) -> None:
+    """Six files spoilt, each in its own way; the exit code is 1, and every place stands in the findings."""
+    content = json.loads((folder / "stiffness.json").read_text())
+    (folder / "stiffness.json").write_text(json.dumps(content | {"robot": "irb4400-60"}))
+    (folder / "measurements.csv").write_text((folder / "measurements.csv").read_text().replace(",fx_n", ",force_x"))
+    (folder / "part.mod").write_text((folder / "part.mod").read_text().replace("ENDMODULE", ""))
+    (folder / "along.csv").write_text("x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n1,2,3,4,5,six\n")
+    (folder / "mine.yaml").write_text("name: mine\njoints: 7\n")
+    (folder / "broken.json").write_text('{"format": ')
+    run = check(folder, folder)
+    assert run.code == 1
+    wrong = {name for name, (_, verdict) in verdicts(run).items() if verdict == "error"}
+    assert wrong >= {"stiffness.json", "measurements.csv", "along.csv", "mine.yaml", "broken.json"}
+    assert {"CS1202", "CS0202", "CS0203", "CS0102", "CS0110"} <= kit.codes(run)
+    assert run.json["status"] == "failed"
+    placed = {Path(finding["file"]).name: finding["line"] for finding in run.json["findings"] if finding["level"] == "error"}
+    assert placed["along.csv"] == 2
+    assert placed["measurements.csv"] == 1
+
+
+def test_each_reader_s_findings_are_those_of_its_command(folder: Path) -> None:
+    """An angle beyond the limits, as identify says it: same code, same line and column, same words."""
+    sheet = folder / "measurements.csv"
+    header, first, *rest = sheet.read_text().splitlines()
+    sheet.write_text("\n".join([header, ",".join(["400", *first.split(",")[1:]]), *rest]) + "\n")
+    said = [finding for finding in kit.run("identify", folder / "cell.yaml", sheet, "-o", folder / "s.json", "--json")
+            .json["findings"] if finding["level"] == "error"]
+    assert said[0]["code"] == "CS1002"
+    found = [finding for finding in check(folder, sheet).json["findings"] if finding["level"] == "error"]
+    assert found == said
+
+
+def test_a_cell_that_cannot_be_read_leaves_the_rest_open(folder: Path) -> None:
+    (folder / "cell.yaml").write_text("robott: irb6660-205-1.90\n")
+    run = check(folder, folder / "measurements.csv", folder / "part.mod")
+    assert run.code == 1
+    assert kit.codes(run) == {"CS0102", "CS0111"}
+    assert verdicts(run)["measurements.csv"] == ("measurements", "warning")
+
+
+def test_a_log_is_held_against_the_program_of_its_name(folder: Path) -> None:
+    """Targets beyond the program: as correct says it; by itself the log is sound."""
+    log = folder / "part.forces.csv"
+    log.write_text(log.read_text() + "40,1,2,3\n")
+    assert check(folder, log).code == 0
+    run = check(folder, log, folder / "part.mod")
+    assert run.code == 1
+    assert "CS3004" in kit.codes(run)
+    assert verdicts(run)["part.forces.csv"] == ("force log", "error")
+
+
+def test_a_tare_in_the_cut_is_wrong_here_as_there(folder: Path) -> None:
+    assert same_code_as_correct(folder, "--tare", "4:6") == 1
+
+
+def test_a_refusal_exits_3(folder: Path) -> None:
+    """A log with time alone of one steady force, which nothing places: no file is wrong, and the answer is no."""
+    lines = ["time_s,fx_n,fy_n,fz_n", *(f"{k / 500},60,-80,{k % 7}" for k in range(1000))]
+    (folder / "part.forces.csv").write_text("\n".join(lines) + "\n")
+    assert same_code_as_correct(folder) == 3
+
+
+def same_code_as_correct(folder: Path, *words: str) -> int:
+    """The exit code of check, which is correct's."""
+    correct = kit.run("correct", folder / "cell.yaml", folder / "part.mod", "--stiffness", folder / "stiffness.json", *words,
+                      "-o", folder / "out.mod")
+    run = check(folder, folder / "part.mod", folder / "part.forces.csv", *words)
+    assert run.code == correct.code, run
+    assert run.json["status"] == {1: "failed", 3: "refused"}[run.code]
+    return run.code
+
+
+def test_a_stiffness_file_its_own_measurements_reject_is_said(folder: Path) -> None:
+    content = json.loads((folder / "stiffness.json").read_text())
+    content["fit"] = {"model_check": {"rejected": True, "p_value": 0.001, "seen": "a trend"}}
+    (folder / "stiffness.json").write_text(json.dumps(content))
+    run = check(folder, folder / "stiffness.json")
+    assert run.code == 0
+    assert "CS0113" in kit.codes(run)
+
+
+def test_targets_out_of_reach_are_counted(folder: Path) -> None:
+    text = (folder / "cell.yaml").read_text() + "base_frame: {position_mm: [-3000, 0, 0]}\n"
+    (folder / "cell.yaml").write_text(text)
+    run = check(folder, folder / "part.mod")
+    assert run.code == 0
+    assert "CS0114" in kit.codes(run)
+
+
+def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
+    sheet = folder / "measurements.csv"
+    header, *rows = sheet.read_text().splitlines()
+    sheet.write_text("\n".join([header, *(",".join(row.split(",")[:9]) + ",,," for row in rows)]) + "\n")
+    run = check(folder, sheet)
+    assert run.code == 0
+    assert kit.codes(run) == {"CS0112"}
+    sheet.write_text("\n".join([header, rows[0], *(",".join(row.split(",")[:9]) + ",,," for row in rows[1:])]) + "\n")
+    half = check(folder, sheet)
+    assert half.code == 1
+    assert "CS1004" in kit.codes(half)
+
+
+def test_an_empty_sheet_still_needs_its_columns(folder: Path) -> None:
+    (folder / "measurements.csv").write_text("q1_deg,dx_um\n")
+    run = check(folder, folder / "measurements.csv")
+    assert run.code == 1
+    assert "CS0202" in kit.codes(run)
+
+
+@pytest.mark.parametrize("text", ["", "MODULE A\nENDMODULE\n"])
+def test_a_program_without_a_move_is_none(folder: Path, text: str) -> None:
+    """As correct says it."""
+    (folder / "empty.mod").write_text(text)
+    run = check(folder, folder / "empty.mod")
+    assert run.code == 1
+    assert kit.codes(run) == {"CS4202"}
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("part.step", "ISO-10303-21;"), ("table.csv", "a,b\n1,2\n"), ("other.json", "{}"), ("list.json", "[1]")])
+def test_a_file_of_no_kind_is_said_where_it_is_named(folder: Path, name: str, content: str) -> None:
+    (folder / name).write_text(content)
+    run = check(folder, folder / name)
+    assert run.code == 1
+    assert kit.codes(run) == {"CS0110"}
+
+
+def test_the_samples_are_sound(tmp_path: Path) -> None:
+    for name in ("cell.yaml", "measurements.csv", "insert.mod"):
+        shutil.copy(SAMPLES / name, tmp_path)
+    run = check(tmp_path, tmp_path)
+    assert run.code == 0
+    assert set(verdicts(run).values()) == {("cell", "ok"), ("measurements", "ok"), ("toolpath", "ok")}
