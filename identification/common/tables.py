@@ -231,15 +231,19 @@ def with_decimal_points(lines: Sequence[str]) -> list[str]:
 
 @contextlib.contextmanager
 def parquet_complaints(file: Path) -> Iterator[None]:
-    """Raises CompstiffError where reading a Parquet file fails: CS0005 cannot be read, CS0201 not Parquet."""
+    """Raises CompstiffError where reading a Parquet file fails: CS0005 cannot be read, CS0201 not Parquet, or damaged."""
     import pyarrow as pa
 
     try:
         yield
-    except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(file)) from reason
-    except pa.ArrowInvalid as reason:
-        raise error("CS0201", f"is not a Parquet file: {reason}", file=str(file)) from reason
+    except CompstiffError:
+        raise
+    except (OSError, pa.ArrowException, MemoryError, UnicodeDecodeError) as reason:
+        # Damaged pages are an OSError too, one that the system did not make.
+        if isinstance(reason, OSError) and reason.errno is not None:
+            raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(file)) from reason
+        said = str(reason).strip().split("\n")[0] or type(reason).__name__
+        raise error("CS0201", f"is not a Parquet file, or a damaged one: {said}", file=str(file)) from reason
 
 
 def opened(file: Path) -> IO[bytes]:
@@ -273,7 +277,7 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     import pyarrow.parquet as pq
 
     with parquet_complaints(file):
-        frame = pq.read_table(file).to_pandas()
+        frame = pq.read_table(file, use_threads=False).to_pandas(ignore_metadata=True)
     # A Parquet file has no lines; rows are counted as if a header stood above them.
     return frame, np.arange(2, len(frame) + 2), 1
 
