@@ -36,7 +36,7 @@ from benchmarks.fuzz_doors import Door, doors
 from benchmarks.unbreakable import BYTES, NUMBER, VALUES
 from identification.common.findings import CompstiffError
 
-HANG_S, GROWTH_MB, ADDRESSES = 5.0, 400, 6 << 30
+GROWTH_MB, ADDRESSES = 400, 6 << 30
 LARGEST = 1 << 18               # bytes of a file that is changed; larger ones are `GIANTS` in tests/runs/faults
 MOST_KEPT = 400                 # inputs of a door
 NUMBERS = re.compile(NUMBER.pattern.encode())
@@ -131,7 +131,7 @@ def enter(door: Door, data: bytes, folder: Path) -> tuple[str, str]:
     file.write_bytes(data)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     signal.signal(signal.SIGALRM, _rang)
-    signal.setitimer(signal.ITIMER_REAL, HANG_S)
+    signal.setitimer(signal.ITIMER_REAL, door.patience)
     try:
         try:
             answer = f"taken {door.enter(file)}"
@@ -140,7 +140,7 @@ def enter(door: Door, data: bytes, folder: Path) -> tuple[str, str]:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0)
     except Hang:
-        return f"over {HANG_S:g} s", _where()
+        return f"over {door.patience:g} s", _where()
     except KeyboardInterrupt:
         raise
     except BaseException as defect:

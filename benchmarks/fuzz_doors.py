@@ -49,7 +49,7 @@ class Unsound(AssertionError):
 class Door:
     """name, suffix of its file, sound files, words of its language, productions of its grammar (empty: none), and `enter`:
     raises CompstiffError where the file is refused, Unsound where what it makes of it is not valid; returns what tells one
-    answer from another."""
+    answer from another. patience [s]: what takes longer hangs."""
 
     name: str
     suffix: str
@@ -57,6 +57,7 @@ class Door:
     words: tuple[str, ...]
     enter: Callable[[Path], object]
     grammar: dict[str, tuple[str, ...]]
+    patience: float = 5.0
 
 
 def sound(condition: bool, what: str) -> None:
@@ -388,7 +389,7 @@ def doors(folder: Path) -> dict[str, Door]:
         Door("lvm", ".lvm", (LVM.encode(),), LVM_WORDS, converted("lvm"), {}),
         Door("metallicadour", ".csv", (METALLICADOUR.encode(),), CSV_WORDS, converted("metallicadour"), {}),
         Door("net_ft", ".bin", (NET_FT,), ("\x00\x00\x00\x00", "\x7f"), converted("net-ft"), {}),
-        Door("kuka", ".mat", (_matlab(),), ("\x00", "\x01"), converted("kuka-kr300"), {}),
+        Door("kuka", ".mat", (_matlab(),), ("\x00", "\x01"), converted("kuka-kr300"), {}, patience=30.0),   # a process each
         Door("journal", ".jsonl", (JOURNAL.encode(),), JSON_WORDS, journal, {}),
     ]
     for name, (names, _) in COMMANDS.items():

@@ -29,7 +29,7 @@ class Receiver:
         # The dry run has written it already: the same call with --apply must not stumble over it.
         if not (self.file.is_file() and self.file.read_bytes() == content):
             check_writable([self.file], overwrite=self.overwrite)
-            write_whole({self.file: content})
+            write_whole({self.file: content}, overwrite=self.overwrite)
 
 
 def receiver_text(tables: list[wire.OffsetTable], limit: float, name: str, source: str, *, corrwrite: bool) -> str:

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from compstiff.batch.finished_files import FileStamp, Settled, file_stamp, lacks_its_end
+from compstiff.batch.finished_files import Settled, lacks_its_end
 from compstiff.batch.journal import Journal, sync_folder
 from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired, programs_in
 from compstiff.batch.programs import ProgramResult, Shared, correct_program
 from compstiff.outcome import DONE, INTERRUPTED, Outcome
-from identification.common.files import sha256
+from identification.common.files import FileStamp, file_stamp, sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness

@@ -193,4 +193,4 @@ def _numbers_of(
 ) -> dict[str, Array]:
     """The wanted columns of a part of a Parquet file. Raises CompstiffError (CS0203)."""
     numbers = _all_sound({name: floats_of(part[name]) for name in wanted})
-    return as_numbers(part.to_pandas(ignore_metadata=True), str(file), names, line) if numbers is None else numbers
+    return as_numbers(part.replace_schema_metadata(None).to_pandas(), str(file), names, line) if numbers is None else numbers

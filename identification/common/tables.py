@@ -277,7 +277,7 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     import pyarrow.parquet as pq
 
     with parquet_complaints(file):
-        frame = pq.read_table(file, use_threads=False).to_pandas(ignore_metadata=True)
+        frame = pq.read_table(file, use_threads=False).replace_schema_metadata(None).to_pandas()
     # A Parquet file has no lines; rows are counted as if a header stood above them.
     return frame, np.arange(2, len(frame) + 2), 1
 

@@ -66,8 +66,8 @@ def _read(file: Path, size: int, time: int) -> tuple[bytes, str, tuple[str, ...]
         with zipfile.ZipFile(file) as archive:
             unpacked = sum(part.file_size for part in archive.infolist())
         if unpacked > LARGEST_UNPACKED:
-            raise error("CS0201", f"is a workbook of {unpacked / 2**20:.0f} MB once unpacked, at most {LARGEST_UNPACKED >> 20} MB "
-                        "are read", file=str(file), hint=SAVE_AS)
+            raise error("CS0201", f"is a workbook of {unpacked / 2**20:.0f} MB once unpacked, at most "
+                        f"{LARGEST_UNPACKED >> 20} MB are read", file=str(file), hint=SAVE_AS)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")         # of what a workbook has beside its cells: charts, formats, validation
             values, formulas = (load_workbook(file, data_only=only, keep_links=False) for only in (True, False))

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 NEEDED = (("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_deg"), ("rec", "act_vel_mot_deg_per_s"),
           ("rec", "act_torque_abs_nm"), ("para", "u"))
 
+PATIENCE_S = 120.0
 CLOCKS = (("rec", "time_cont"), ("time_data", "dt"))
 
 
@@ -74,8 +75,12 @@ def _content(name: str) -> tuple[dict[str, Array], list[str]]:
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
     here = f"from {__name__} import write_fields; write_fields()"
-    done = subprocess.run([sys.executable, "-c", here, name], capture_output=True, check=False,
-                          env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)})
+    try:
+        done = subprocess.run([sys.executable, "-c", here, name], capture_output=True, check=False, timeout=PATIENCE_S,
+                              env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)})
+    except subprocess.TimeoutExpired as reason:
+        raise error("CS0201", f"is not a MATLAB file that can be read: its reader took over {PATIENCE_S:g} s",
+                    file=name) from reason
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip().split("\n")[-1]
         raise error("CS0201", "is not a MATLAB file that can be read: "
