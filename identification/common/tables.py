@@ -8,6 +8,7 @@ import csv
 import difflib
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -128,9 +129,10 @@ def check_columns(
 
 def check_unique(names: Sequence[str], file: str, line: int) -> None:
     """Raises CompstiffError (CS0202) for a column that stands in the header twice."""
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
-        raise error("CS0202", f"column twice: {', '.join(twice)}", file=file, line=line)
+        more = f" and {len(twice) - MOST_COMPLAINTS} more" if len(twice) > MOST_COMPLAINTS else ""
+        raise error("CS0202", f"column twice: {', '.join(twice[:MOST_COMPLAINTS])}{more}", file=file, line=line)
 
 
 def as_numbers(
