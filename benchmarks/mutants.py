@@ -2,11 +2,11 @@
 
     python benchmarks/mutants.py [--count 60] [--seed 0] [--only REGEX] [--state DIR] [--timeout 240] [--report]
 
-Drawn evenly over the tokens that can be changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and
-False, a return of nothing, `continue`/`break`, a `not`. Each is made in a copy of the tree. First the tests of its own room judge it,
-then files of tests that import its module by name, the smallest first, `--more` of them. A test that fails, or takes longer than
---timeout, kills it. What was judged stands in a file of JSON lines, and is not judged again: the same call goes on. Printed: killed and
-surviving by room. Survivors that change nothing anybody can see are in EQUIVALENT, each with its reason.
+Drawn evenly over the tokens that can be changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers,
+True and False, a return of nothing, `continue`/`break`, a `not`. Each is made in a copy of the tree. First the tests of its own
+room judge it, then files of tests that import its module by name, the smallest first, `--more` of them. A test that fails, or
+takes longer than --timeout, kills it. What was judged stands in a file of JSON lines, and is not judged again: the same call
+goes on. Printed: killed and surviving by room. Survivors whose change nobody can see are in EQUIVALENT, each with its reason.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ import numpy as np
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("identification", "compensator", "compstiff")
-SWAPS = {"+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "/", "%": "*", "@": "*", "<": "<=", "<=": "<", ">": ">=", ">=": ">",
-         "==": "!=", "!=": "==", "and": "or", "or": "and", "min": "max", "max": "min", "all": "any", "any": "all", "True": "False",
-         "False": "True", "not": "", "continue": "break", "break": "continue", "minimum": "maximum", "maximum": "minimum",
-         "argmin": "argmax", "argmax": "argmin", "floor": "ceil", "ceil": "floor", "+=": "-=", "-=": "+=", "in": "not in", "is": "is not",
-         "|": "&", "&": "|", "sin": "cos", "cos": "sin", "searchsorted": "digitize"}
-del SWAPS["searchsorted"]
+PAIRS = (("+", "-"), ("*", "/"), ("<", "<="), (">", ">="), ("==", "!="), ("and", "or"), ("min", "max"), ("all", "any"),
+         ("True", "False"), ("continue", "break"), ("minimum", "maximum"), ("argmin", "argmax"), ("floor", "ceil"),
+         ("+=", "-="), ("|", "&"), ("sin", "cos"))
+SWAPS = {**dict(PAIRS), **{other: one for one, other in PAIRS}, "**": "*", "//": "/", "%": "*", "@": "*", "not": "",
+         "is": "is not"}
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-o", "addopts=")
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 # Survivors whose change nobody can see: file, line's text, change, and why.
@@ -77,11 +77,13 @@ def mutants_of(file: Path) -> list[Mutant]:
         if token.type == tokenize.NAME and token.string == "return" and lines[line - 1].strip() != "return":
             other = "return None and"
         usual = token.type in (tokenize.OP, tokenize.NAME, tokenize.NUMBER)
-        sign = token.string in ("*", "**", "/", "-", "+") and before in ("(", ",", "=", "[", ":")      # an argument's star, a sign
-        if usual and other is not None and line not in silent and not NO_CODE.match(lines[line - 1]) \
-                and not (sign and token.string not in "-+") and not (token.string == "in" and "for " in lines[line - 1]) \
-                and not (token.string == "|" and ":" in lines[line - 1]):
+        # A star before an argument, the `in` of a loop, the bar between two types.
+        no_operator = (token.string in ("*", "**", "/") and before in ("(", ",", "=", "[", ":")) or (
+            token.string == "in" and "for " in lines[line - 1]) or (token.string == "|" and ":" in lines[line - 1])
+        if usual and other is not None and not no_operator and line not in silent and not NO_CODE.match(lines[line - 1]):
             found.append(Mutant(name, line, column, token.string, other, lines[line - 1].strip()))
+        if token.string == "not" and before == "is" and found and found[-1].token in ("is", "not"):
+            found = found[:-1 - (len(found) > 1 and found[-1].token == "not" and found[-2].token == "is")]     # `is not` is one
         if token.string.strip():
             before = token.string
     return found
@@ -96,7 +98,8 @@ def _silent(tree: ast.Module) -> set[int]:
             lines |= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))
         if isinstance(node, ast.FunctionDef):
             lines |= set(range(node.lineno, node.body[0].lineno))
-        if isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("error", "Finding")):
+        said = isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("error", "Finding")
+        if isinstance(node, ast.JoinedStr | ast.Call) and (said or isinstance(node, ast.JoinedStr)):
             lines |= set(range(node.lineno + isinstance(node, ast.Call), (node.end_lineno or node.lineno) + 1))
     return lines
 
@@ -121,7 +124,8 @@ def judges(mutant: Mutant, more: int) -> list[list[str]]:
         own = sorted((room / parts[2]).rglob("test_*.py")) or own
     stem, module = parts[-1], ".".join(parts)
     named = re.compile(rf"\b{re.escape(module)}\b|\b{re.escape('.'.join(parts[:-1]))} import .*\b{stem}\b")
-    others = [file for file in (ROOT / "tests").rglob("test_*.py") if file not in own and named.search(file.read_text(encoding="utf-8"))]
+    others = [file for file in (ROOT / "tests").rglob("test_*.py")
+              if file not in own and named.search(file.read_text(encoding="utf-8"))]
     runs = [ROOT / "tests/runs/command_line" / f"test_{name}.py" for name in ("landing", "refusals", "unchanged", "identify")]
     late = [*sorted(others, key=lambda file: file.stat().st_size), *runs][:more]
     # Those that name the module come first: they are the likeliest to see it.
@@ -140,8 +144,7 @@ def judged(tree: Path, mutant: Mutant, timeout: float, more: int) -> tuple[str, 
             return "broken", "", 0.0
         for group in judges(mutant, more):
             try:
-                done = subprocess.run([sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "-o",
-                                       "addopts=", *group], cwd=tree, env=environment, capture_output=True, text=True, check=False,
+                done = subprocess.run([*PYTEST, *group], cwd=tree, env=environment, capture_output=True, text=True, check=False,
                                       timeout=timeout, start_new_session=True)
             except subprocess.TimeoutExpired:
                 return "timeout", group[0], time.monotonic() - begun
@@ -171,7 +174,8 @@ def main() -> int:
     chosen.state.mkdir(parents=True, exist_ok=True)
     lines = chosen.state / "judged.jsonl"
     known = {entry["key"]: entry for entry in map(json.loads, lines.read_text().splitlines())} if lines.exists() else {}
-    print(f"{len(every)} mutants in {len(files)} files; seed {chosen.seed}, {len(drawn)} drawn, {len(known)} judged before", flush=True)
+    print(f"{len(every)} mutants in {len(files)} files; seed {chosen.seed}, {len(drawn)} drawn, {len(known)} judged before",
+          flush=True)
     until = time.monotonic() + chosen.seconds
     if not chosen.report:
         tree = chosen.state / "tree"
@@ -181,7 +185,8 @@ def main() -> int:
             if mutant.key in known or time.monotonic() > until:
                 continue
             verdict, by, took = judged(tree, mutant, chosen.timeout, chosen.more)
-            entry = {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by, "seconds": round(took, 1)}
+            entry = {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by,
+                     "seconds": round(took, 1)}
             known[mutant.key] = entry
             with lines.open("a") as stream:
                 stream.write(json.dumps(entry) + "\n")

@@ -232,8 +232,8 @@ def _findings(job: _Job, turned: np.ndarray) -> tuple[Finding, ...]:
          "the target no longer follows its base when that is taught again"),
         (job.added, "CS2041", "a target needs several corrections, or is used uncorrected too: declarations were added", ""),
         (job.symbols, "CS2043", "a symbol inside a robtarget was replaced by numbers", ""),
-        (job.visible, "CS3270", "a declaration that is not LOCAL was corrected in place: modules beside this file that name it go "
-         "to the corrected place too", "declare it LOCAL where none does; else give it another name there"),
+        (job.visible, "CS3270", "a declaration that is not LOCAL was corrected in place: modules beside this file "
+         "that name it go to the corrected place too", "declare it LOCAL where none does; else give it another name there"),
     ):
         if which:
             findings.append(places.targets(code, "note", message, sorted(which), hint))

@@ -23,6 +23,11 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}" if ord(match[0]) < 256 else f"\\u{ord(match[0]):04x}", text)
 
 
+def one_line(text: str) -> str:
+    """Text of a file or of its name for a comment in a program: one line of printable ASCII, whatever stands in it."""
+    return " ".join("".join(sign if " " <= sign <= "~" or sign.isspace() else "?" for sign in text).split())
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One thing worth saying, with the place it belongs to.

@@ -90,7 +90,7 @@ def test_moves_without_force_go_where_they_went(first: int) -> None:
         text, loaded = drawn(seed)
         program = read_rapid(text.encode())
         free = np.flatnonzero((program.toolpath.block == "") & (program.toolpath.move != Move.ABSOLUTE))
-        forced = np.intersect1d(loaded, free)
+        forced = np.intersect1d(np.array(loaded, dtype=int), free)
         by = np.random.default_rng(seed).choice([0.1, 0.25, 0.4], (len(forced), 1)) * np.array([1.0, -1.0, 0.5])
         position, quaternion = program.toolpath.position[forced] + 1e-3 * by, program.toolpath.quaternion[forced]
         written = rewrite(program, forced, position, quaternion).content.decode()
@@ -104,9 +104,10 @@ def test_moves_without_force_go_where_they_went(first: int) -> None:
 
 
 def test_a_declaration_that_other_modules_may_name_is_said() -> None:
-    for storage, said in (("CONST ", True), ("PERS ", True), ("TASK PERS ", True), ("LOCAL CONST ", False), ("LOCAL PERS ", False)):
-        text = (f"MODULE A\n{storage}robtarget p:=[[1,2,3],[1,0,0,0],[0,0,0,0],{UNUSED}];\nPROC main()\nMoveL p,v50,z1,tool0;\n"
-                "ENDPROC\nENDMODULE\n")
+    for storage, said in (("CONST ", True), ("PERS ", True), ("TASK PERS ", True), ("LOCAL CONST ", False),
+                          ("LOCAL PERS ", False)):
+        text = (f"MODULE A\n{storage}robtarget p:=[[1,2,3],[1,0,0,0],[0,0,0,0],{UNUSED}];\nPROC main()\n"
+                "MoveL p,v50,z1,tool0;\nENDPROC\nENDMODULE\n")
         program = read_rapid(text.encode())
         written = rewrite(program, [0], program.toolpath.position + 1e-4, program.toolpath.quaternion)
         assert written.declarations == 0
