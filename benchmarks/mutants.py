@@ -4,9 +4,10 @@
 
 Drawn evenly over the tokens that can be changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers,
 True and False, a return of nothing, `continue`/`break`, a `not`. Each is made in a copy of the tree. First the tests of its own
-room judge it, then files of tests that import its module by name, the smallest first, `--more` of them. A test that fails, or
-takes longer than --timeout, kills it. What was judged stands in a file of JSON lines, and is not judged again: the same call
-goes on. Printed: killed and surviving by room. Survivors whose change nobody can see are in EQUIVALENT, each with its reason.
+room judge it, then files of tests that import its module by name, the smallest first, `--more` of them. A test that fails kills
+it; where a group of files takes longer than --timeout nothing is known of it. What was judged stands in a file of JSON lines,
+and is not judged again: the same call goes on. Printed: killed and surviving by room. Survivors whose change nobody can see are
+in EQUIVALENT, each with its reason.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ def judges(mutant: Mutant, more: int) -> list[list[str]]:
 
 
 def judged(tree: Path, mutant: Mutant, timeout: float, more: int) -> tuple[str, str, float]:
-    """("killed" | "timeout" | "survived" | "broken", by which test, seconds)."""
+    """("killed" | "timeout" | "survived" | "broken": no Python, by which test, seconds)."""
     before, begun = written(tree, mutant), time.monotonic()
     environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     try:
@@ -148,7 +149,9 @@ def judged(tree: Path, mutant: Mutant, timeout: float, more: int) -> tuple[str, 
                                       timeout=timeout, start_new_session=True)
             except subprocess.TimeoutExpired:
                 return "timeout", group[0], time.monotonic() - begun
-            if done.returncode in (1, 2, 3, 4):
+            if done.returncode > 2:
+                raise RuntimeError(f"pytest could not run: {done.stdout[-500:]}{done.stderr[-500:]}")
+            if done.returncode:
                 first = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
                 return "killed", first[1] if first else f"exit {done.returncode}", time.monotonic() - begun
         return "survived", "", time.monotonic() - begun
