@@ -196,7 +196,7 @@ def _from(folder: Path, path: Path) -> str:
 def check_folders(source: Path, folders: Folders) -> None:
     """Raises CompstiffError (CS6006) where a folder that is written to is, or lies in, the one that is read."""
     for folder in (folders.output, folders.offsets, folders.report):
-        if folder and folder.resolve().is_relative_to(source.resolve()):
+        if folder and Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(source)):
             raise error("CS6006", f"lies in the folder that is watched, {source}", file=str(folder),
                         hint="give a folder beside it: what was corrected must never be read again")
 

@@ -369,6 +369,9 @@ def input_replaced(command: Command, folder: Path) -> list[str]:
                 other.rename(file)
 
         ended = run(command, place, arrange=Steps(exchange))
+        if command.cell:        # it is on its way to the machine: what was read is what is sent, whatever becomes of the file
+            said += [f"{name} replaced: {each}" for each in wrong_answer(ended, (0,)) + not_whole(command, place, {})]
+            continue
         found = wrong_answer(ended, (1,))
         if not any(code in ended.err for code in ("CS0080", "CS6004")):
             found.append(f"exit {ended.code}, no CS0080")
