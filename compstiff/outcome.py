@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from identification.common.command_line import call as call
+from identification.common.files import NOTHING_READ, AsRead
 
 if TYPE_CHECKING:
     from identification.common.findings import Finding
@@ -41,7 +42,8 @@ class Outcome:
 class Session:
     """The options all commands share, and the input files named so far.
 
-    jobs: the command does several jobs and shows each by itself, with `--json` on one line.
+    jobs: the command does several jobs and shows each by itself, with `--json` on one line. read: the files that the call names
+    to be read, as they were when it began.
     """
 
     command: str
@@ -51,11 +53,14 @@ class Session:
     overwrite: bool = False
     jobs: bool = False
     inputs: list[Path] = field(default_factory=list)
+    read: AsRead = NOTHING_READ
 
     def say(self, text: str) -> None:
         """A message for the person at the terminal, on stderr."""
         if not self.quiet and not self.as_json:
-            click.echo(text, err=True)
+            from identification.common.findings import printable
+
+            click.echo(printable(text), err=True)
 
 
 def attempt(session: Session, body: Callable[[], Outcome]) -> tuple[Outcome, str, int]:

@@ -52,4 +52,4 @@ def write(files: Mapping[str | Path, bytes | str | Mapping[str, Any]], *, overwr
                 else json_bytes(dict(content)) for name, content in files.items()}
     check_distinct([], [Path(name) for name in files])
     check_writable(contents, overwrite=overwrite)
-    write_whole(contents)
+    write_whole(contents, overwrite=overwrite)

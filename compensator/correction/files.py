@@ -13,7 +13,7 @@ from compensator.correction.record import check_not_corrected, record
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.split_files import split_files
-from identification.common.files import check_distinct, check_writable, json_bytes, write_whole
+from identification.common.files import AsRead, check_distinct, check_writable, json_bytes, write_whole
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
 
@@ -85,6 +85,7 @@ def correct_files(
     read = [*inputs.files(), *(file for _, file in settings.files())]
     check_distinct(read, outputs.files())
     check_writable(outputs.files(), overwrite=overwrite)
+    as_read = AsRead.of(read)
     if not settings.correction.correct_again:
         check_not_corrected(inputs.toolpath, outputs.program.parent)
     corrected = correct(predict_files(inputs, settings))
@@ -92,7 +93,8 @@ def correct_files(
     files, _, of_parts = split_files(corrected.content, air, settings.posting, outputs.program, overwrite=overwrite)
     check_distinct(read, files)
     corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
-    files[outputs.record] = json_bytes(record(corrected, files))
+    # The record first: killed between two renames, no program is left without what keeps it from being corrected again.
+    files = {outputs.record: json_bytes(record(corrected, files)), **files}
     if outputs.offsets:
         files[outputs.offsets] = offsets_csv(corrected)
     if outputs.report:
@@ -101,5 +103,5 @@ def correct_files(
         files[outputs.report] = path_report(corrected).encode()
     if before_writing:
         before_writing()
-    write_whole(files)
+    write_whole(files, overwrite=overwrite, read=as_read)
     return corrected

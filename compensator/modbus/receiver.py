@@ -8,6 +8,7 @@ from pathlib import Path
 from compensator.modbus import wire
 from compensator.modbus.registers import Robot
 from identification.common.files import check_writable, write_whole
+from identification.common.findings import one_line
 from identification.common.shipped import shipped
 
 TEMPLATE = "offset_receiver.mod.j2"
@@ -29,7 +30,7 @@ class Receiver:
         # The dry run has written it already: the same call with --apply must not stumble over it.
         if not (self.file.is_file() and self.file.read_bytes() == content):
             check_writable([self.file], overwrite=self.overwrite)
-            write_whole({self.file: content})
+            write_whole({self.file: content}, overwrite=self.overwrite)
 
 
 def receiver_text(tables: list[wire.OffsetTable], limit: float, name: str, source: str, *, corrwrite: bool) -> str:
@@ -46,7 +47,7 @@ def receiver_text(tables: list[wire.OffsetTable], limit: float, name: str, sourc
     return environment.get_template(TEMPLATE).render(
         module=_identifier(name), header=True, corrwrite=corrwrite, tables=shown,
         comments=[f"Receives the offsets of {count} targets, table {tables[0].header.name}, made from",
-                  Path(source).name.encode("ascii", "replace").decode()],
+                  one_line(Path(source).name)],
         zero_word=wire.ZERO, um_per_mm=wire.UM_PER_MM, none_low=wire.NO_OFFSET[0], none_high=wire.NO_OFFSET[1],
         limit_mm=f"{1e3 * limit:g}", stale_s=STALE_S, wait_s=WAIT_S,
         idle=int(Robot.IDLE), running=int(Robot.RUNNING), done=int(Robot.WINDOW_DONE))

@@ -13,6 +13,7 @@ from compensator.posting.orientation import Orientations
 from compensator.posting.settings import PostingSettings
 from compensator.posting.suffixes import toolpath_stem
 from compensator.toolpath import Move
+from identification.common.findings import one_line
 from identification.common.shipped import shipped
 from identification.model.cell import Cell
 
@@ -106,5 +107,5 @@ def _millimetres(feed: float) -> str:
 
 def _comment(text: str) -> str:
     """Text for a RAPID comment: one line of printable ASCII, bounded."""
-    line = " ".join("".join(sign if " " <= sign <= "~" or sign.isspace() else "?" for sign in text).split())
+    line = one_line(text)
     return line if len(line) <= LONGEST_COMMENT else f"{line[:LONGEST_COMMENT - 3]}..."

@@ -60,6 +60,7 @@ class _Job:
     replaced: list[int] = field(default_factory=list)       # an expression became a robtarget in numbers
     added: list[int] = field(default_factory=list)          # a declaration was added
     symbols: list[int] = field(default_factory=list)        # a symbol in a robtarget became numbers
+    visible: list[int] = field(default_factory=list)        # a declaration that other modules see too was changed in place
 
 
 def rewrite(
@@ -166,6 +167,9 @@ def _write_declared(job: _Job, row: int, users: list[int], elsewhere: set[int], 
         if texts[first].text != old:
             job.edits.append((start, end, texts[first].text))
             _note(job, texts[first], first)
+            declaration = program.scan.names.declarations[number]
+            if declaration.scope.routine < 0 and declaration.reach != "local":
+                job.visible.append(first)
             if not rows.literal[row]:
                 job.replaced.append(first)
         return
@@ -228,6 +232,8 @@ def _findings(job: _Job, turned: np.ndarray) -> tuple[Finding, ...]:
          "the target no longer follows its base when that is taught again"),
         (job.added, "CS2041", "a target needs several corrections, or is used uncorrected too: declarations were added", ""),
         (job.symbols, "CS2043", "a symbol inside a robtarget was replaced by numbers", ""),
+        (job.visible, "CS3270", "a declaration that is not LOCAL was corrected in place: modules beside this file "
+         "that name it go to the corrected place too", "declare it LOCAL where none does; else give it another name there"),
     ):
         if which:
             findings.append(places.targets(code, "note", message, sorted(which), hint))

@@ -6,7 +6,6 @@ open for writing (where the kernel tells); and a RAPID module has its end.
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
 import re
@@ -16,17 +15,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-FileStamp = tuple[int, int, int, int]
+from identification.common.files import FileStamp, file_stamp
+
 _MODULE = re.compile(rb"^\s*MODULE\s", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"\bENDMODULE\b", re.IGNORECASE)
-
-
-def file_stamp(file: Path) -> FileStamp | None:
-    """Device, inode, size and time of a file, which change when it does; None where there is none."""
-    with contextlib.suppress(OSError):
-        state = file.stat()
-        return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
-    return None
 
 
 @dataclass

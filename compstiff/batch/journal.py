@@ -7,13 +7,13 @@ written whole, so the second time gives the same files.
 from __future__ import annotations
 
 import contextlib
-import glob
 import json
 import os
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from identification.common.files import sweep
 from identification.common.findings import Finding, counted, error
 from identification.common.locks import Taken, lock
 
@@ -61,7 +61,7 @@ class Journal:
                     self.outputs |= set(entry["outputs"])
                 else:
                     self.last[entry["program"]] = entry
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, RecursionError):
                 broken += 1
         if text and not text.endswith(b"\n"):
             os.write(self._handle, b"\n")
@@ -72,10 +72,7 @@ class Journal:
     def sweep(self) -> None:
         """Deletes the temporary files that a killed process left beside the outputs."""
         for name in self.outputs:
-            output = self.path.parent / name
-            for left in output.parent.glob(f".{glob.escape(output.name)}.*.part"):
-                with contextlib.suppress(OSError):
-                    left.unlink()
+            sweep(self.path.parent / name)
 
     def begun(self, program: str, key: str, outputs: list[str]) -> None:
         """Says that a program is about to be corrected into these files."""

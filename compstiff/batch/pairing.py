@@ -5,6 +5,7 @@ A program and its log share their stem: `part.mod`, `part.forces.csv`. Nothing h
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,16 +104,16 @@ def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> lis
     'insert.forces.parquet'
     """
     pairs = []
-    owner: dict[Path, Path] = {}
+    owner: dict[str, Path] = {}
     rivals: dict[Path, Path] = {}
-    for program in {path.resolve(): path for path in programs}.values():
+    for program in {os.path.realpath(path): path for path in programs}.values():
         rapid, stem = program.suffix.lower() in RAPID_SUFFIXES, toolpath_stem(program)
         outputs = Outputs(folders.output / (program.name if rapid else f"{stem}.mod"),
                           folders.offsets / f"{stem}.offsets.csv" if folders.offsets else None,
                           folders.report / f"{stem}.html" if folders.report else None)
         pairs.append(ProgramFiles(program, logs_of(program, logs), outputs))
         for path in (*outputs.files(), *pairs[-1].logs):
-            other = owner.setdefault(path.resolve(), program)
+            other = owner.setdefault(os.path.realpath(path), program)
             if other is not program:
                 rivals |= {program: other, other: program}
     return [replace(files, rival=rivals.get(files.program)) for files in pairs]

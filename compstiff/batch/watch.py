@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from compstiff.batch.finished_files import FileStamp, Settled, file_stamp, lacks_its_end
+from compstiff.batch.finished_files import Settled, lacks_its_end
 from compstiff.batch.journal import Journal, sync_folder
 from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired, programs_in
 from compstiff.batch.programs import ProgramResult, Shared, content_key, correct_program
 from compstiff.outcome import DONE, INTERRUPTED, Outcome
-from identification.common.files import sha256
+from identification.common.files import FileStamp, file_stamp, sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
@@ -184,7 +184,7 @@ def _from(folder: Path, path: Path) -> str:
 def check_folders(source: Path, folders: Folders) -> None:
     """Raises CompstiffError (CS6006) where a folder that is written to is, or lies in, the one that is read."""
     for folder in (folders.output, folders.offsets, folders.report):
-        if folder and folder.resolve().is_relative_to(source.resolve()):
+        if folder and Path(os.path.realpath(folder)).is_relative_to(os.path.realpath(source)):
             raise error("CS6006", f"lies in the folder that is watched, {source}", file=str(folder),
                         hint="give a folder beside it: what was corrected must never be read again")
 

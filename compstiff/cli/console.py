@@ -19,6 +19,7 @@ from typing import Any, Literal
 import click
 
 from compstiff.outcome import DONE, INTERRUPTED, USAGE, Outcome, Session, attempt, document
+from identification.common.files import AsRead, check_distinct
 
 
 class Named(click.Path):
@@ -93,7 +94,7 @@ def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) 
             context = click.get_current_context()
 
             def checked() -> Outcome:
-                check_paths(context)
+                session.read = AsRead.of(check_paths(context))
                 return body(session, **arguments)
 
             sys.exit(_show(session, *attempt(session, checked)))
@@ -111,14 +112,14 @@ def command(name: str, *, writes: bool = False, examples: tuple[str, ...] = ()) 
     return decorate
 
 
-def check_paths(context: click.Context) -> None:
-    """Raises CompstiffError (CS0006) where two outputs of a call are one file, or an output is one of its inputs."""
+def check_paths(context: click.Context) -> list[Path]:
+    """The paths that the call reads. Raises CompstiffError (CS0006) where two outputs of it are one file, or an output is one
+    of its inputs."""
     values = context.params
     named = [pair for parameter in context.command.params for pair in _paths(parameter.type, values.get(parameter.name))]
-    if any(role == "output" for role, _ in named):
-        from identification.common.files import check_distinct
-
-        check_distinct([path for role, path in named if role == "input"], [path for role, path in named if role == "output"])
+    inputs = [path for role, path in named if role == "input"]
+    check_distinct(inputs, [path for role, path in named if role == "output"])
+    return inputs
 
 
 def _paths(kind: click.ParamType[Any], value: Any) -> list[tuple[str, Path]]:
@@ -130,7 +131,7 @@ def _paths(kind: click.ParamType[Any], value: Any) -> list[tuple[str, Path]]:
 
 
 def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
-    from identification.common.findings import fold
+    from identification.common.findings import fold, printable
 
     if session.as_json:
         if not session.jobs:
@@ -143,9 +144,9 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
         if finding.level == "error" or not session.quiet:
             click.echo(str(finding), err=True)
     for line in outcome.lines:
-        click.echo(line)
+        click.echo(printable(line))
     if outcome.next_step and not session.quiet:
-        click.echo(f"next: {outcome.next_step}", err=True)
+        click.echo(f"next: {printable(outcome.next_step)}", err=True)
     return code
 
 

@@ -37,5 +37,6 @@ def convert(
     check_writable([output], overwrite=session.overwrite)
     converted = convert_log(log, form, rate=rate, channels=tuple(name.strip() for name in channels.split(",")),
                             counts=(counts_per_force, counts_per_torque))
-    write_whole({output: converted.content(parquet=output.suffix.lower() in (".parquet", ".pq"))})
+    content = converted.content(parquet=output.suffix.lower() in (".parquet", ".pq"))
+    write_whole({output: content}, overwrite=session.overwrite, read=session.read)
     return Outcome(converted.as_dict(), converted.findings, converted.lines())

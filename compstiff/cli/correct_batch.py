@@ -66,7 +66,7 @@ def correct_batch(
 
 def _show(session: Session, result: ProgramResult) -> None:
     """One program, as soon as it is done: a line of JSON on stdout, or its findings on stderr and a line of text."""
-    from identification.common.findings import fold
+    from identification.common.findings import fold, printable
 
     if session.as_json:
         click.echo(json.dumps(result.as_dict(), allow_nan=False))
@@ -75,4 +75,4 @@ def _show(session: Session, result: ProgramResult) -> None:
         if finding.level == "error" or not session.quiet:
             click.echo(str(finding), err=True)
     for line in result.lines():
-        click.echo(line)
+        click.echo(printable(line))

@@ -112,7 +112,7 @@ def design(
         files[report] = design_report(plan, program).encode()
     content = plan.as_dict()
     json_bytes(content)             # what JSON cannot say stops it before anything is written
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     following = "then " + call("identify", cell_file, output, "-o", "stiffness.json")
     if measured_file:
         again = call("diagnose", cell_file, measured_file, "-o", "diagnosis.json")

@@ -91,7 +91,7 @@ def diagnose(
         from compstiff.writing import report as page_of
 
         files[report] = page_of(diagnosis).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
                      "PART_corrected.mod") if extended in files else ""
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or _next_after(
@@ -119,7 +119,7 @@ def _diagnose_logs(
         from compstiff.writing import report as page_of
 
         files[report] = page_of(diagnosis).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     return Outcome(content, diagnosis.findings, diagnosis.lines(),
                    next_step=call("identify", cell_file, log_files[0], *(
                        word for file in log_files[1:] for word in ("--also", file)), "-o", "stiffness.json"))
@@ -137,7 +137,7 @@ def _judge_plan(session: Session, cell_file: Path, plan: Path, output: Path | No
     outlook = judge_plan(cell, read_measurements(plan, cell, planned=True))
     content = outlook.as_dict()
     if output:
-        write_whole({output: json_bytes(content)})
+        write_whole({output: json_bytes(content)}, overwrite=session.overwrite, read=session.read)
     return Outcome(content, outlook.findings, outlook.lines(),
                    next_step=f"measure it, then {call('diagnose', cell_file, plan, '-o', 'diagnosis.json')}")
 

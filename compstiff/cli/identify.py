@@ -56,7 +56,7 @@ def identify(
         from compstiff.writing import report as page_of
 
         files[report] = page_of(fit).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     following = (
         call("diagnose", cell_file, measurements_file, "-o", "diagnosis.json", "--extended", "stiffness_extended.json")
         if fit.model.rejected else
@@ -79,6 +79,6 @@ def _identify_logs(session: Session, cell_file: Path, log_files: list[Path], out
         from compstiff.writing import report as page_of
 
         files[report] = page_of(fit).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     return Outcome(content, fit.findings, fit.lines(),
                    next_step=call("diagnose", cell_file, log_files[0], "-o", "diagnosis.json"))

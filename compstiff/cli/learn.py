@@ -67,7 +67,7 @@ def learn(
         from compstiff.writing import report as page_of
 
         files[report] = page_of(learning).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     return Outcome(learning.as_dict(), learning.findings, learning.lines(),
                    call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
                         *settings.log_options(), "--learned", output, "--repeats", "job", "-o",

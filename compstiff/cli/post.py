@@ -28,7 +28,7 @@ def post(session: Session, cell_file: Path, toolpath_file: Path, output: Path, s
 
     session.inputs += [cell_file, toolpath_file]
     posted = post_files(cell_file, toolpath_file, output, settings.posting, overwrite=session.overwrite)
-    write_whole(posted.files)
+    write_whole(posted.files, overwrite=session.overwrite, read=session.read)
     # The parts are not read again: the same toolpath with the same options gives the same targets.
     again = toolpath_file if posted.parts else output
     following = call("correct", cell_file, again, "--stiffness", "stiffness.json", "--forces", f"{output.stem}.forces.csv",

@@ -68,7 +68,7 @@ def predict(
         from compstiff.writing import report as page_of
 
         files[report] = page_of(spent or predicted).encode()
-    write_whole(files)
+    write_whole(files, overwrite=session.overwrite, read=session.read)
     figures, findings, lines = predicted.as_dict(), predicted.findings, predicted.lines()
     if spent is not None:
         figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]

@@ -29,6 +29,6 @@ def tare(session: Session, cell_file: Path, still_file: Path, output: Path | Non
     stills = still_payload(read_force_log(still_file, cell.force_log.form), cell)
     keys = stills.yaml(still_file)
     if output:
-        write_whole({output: keys.encode()})
+        write_whole({output: keys.encode()}, overwrite=session.overwrite, read=session.read)
     return Outcome(stills.as_dict(), stills.findings, [*stills.lines(), "", *([] if output else keys.splitlines())],
                    next_step=f"copy the keys to force_log in {cell_file}")

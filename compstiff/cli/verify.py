@@ -45,7 +45,7 @@ def verify(
         from compensator.verification.report import verify_report
 
         # Written with either answer: a part that is not accepted needs it most.
-        write_whole({report: verify_report(result).encode()})
+        write_whole({report: verify_report(result).encode()}, overwrite=session.overwrite, read=session.read)
     step = ""
     if result.scale is not None and result.scale.option:
         step = f"compstiff correct ... {result.scale.option}"

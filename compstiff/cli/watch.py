@@ -65,10 +65,10 @@ def _log(session: Session, result: ProgramResult) -> None:
     if session.as_json:
         click.echo(json.dumps(result.as_dict(), allow_nan=False))
         return
-    from identification.common.findings import fold
+    from identification.common.findings import fold, printable
 
     if result.code or not session.quiet:
-        click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {result.lines()[0]}", err=True)
+        click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {printable(result.lines()[0])}", err=True)
     for finding in result.findings if session.verbose else fold(result.findings):
         if finding.level == "error" or session.verbose:
             click.echo(f"  {str(finding).replace(chr(10), chr(10) + '  ')}", err=True)

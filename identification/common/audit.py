@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import getpass
 import json
 import os
@@ -18,9 +19,14 @@ def append(file: Path, entry: dict[str, Any]) -> None:
     now = datetime.now(UTC).isoformat(timespec="milliseconds")
     line = {"time": now, "user": _user(), "host": socket.gethostname(), **entry}
     try:
-        handle = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        handle = os.open(file, os.O_RDWR | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o644)
         try:
-            os.write(handle, (json.dumps(line, allow_nan=False) + "\n").encode())
+            end = os.lseek(handle, 0, os.SEEK_END)
+            # A line that a full disk tore stays by itself; what comes behind it is whole.
+            torn = bool(end) and os.lseek(handle, end - 1, os.SEEK_SET) >= 0 and os.read(handle, 1) != b"\n"
+            content = ("\n" * torn + json.dumps(line, allow_nan=False) + "\n").encode()
+            if os.write(handle, content) < len(content):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(handle)
         finally:
             os.close(handle)

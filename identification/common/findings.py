@@ -7,10 +7,25 @@ Library code never prints: it returns findings, or raises `CompstiffError` with 
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 Level = Literal["error", "warning", "note"]
+
+
+# What a terminal obeys in place of showing it, and what turns the direction of writing.
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+
+def printable(text: str) -> str:
+    """Text of a file or of its name for a terminal: control characters, but for line ends and tabs, as their numbers."""
+    return _CONTROL.sub(lambda match: f"\\x{ord(match[0]):02x}" if ord(match[0]) < 256 else f"\\u{ord(match[0]):04x}", text)
+
+
+def one_line(text: str) -> str:
+    """Text of a file or of its name for a comment in a program: one line of printable ASCII, whatever stands in it."""
+    return " ".join("".join(sign if " " <= sign <= "~" or sign.isspace() else "?" for sign in text).split())
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +51,12 @@ class Finding:
     count: int = 1
 
     def __str__(self) -> str:
-        place = self.file or ""
+        place = printable(self.file or "").replace("\n", "\\n")
         if self.file is not None and self.line is not None:
             place += f":{self.line}" + (f":{self.column}" if self.column is not None else "")
         more = f" (and {self.count - 1} more like it)" if self.count > 1 else ""
-        text = f"{place}{': ' if place else ''}{self.level} {self.code}: {self.message}{more}"
-        return f"{text}\nhint: {self.hint}" if self.hint else text
+        text = f"{place}{': ' if place else ''}{self.level} {self.code}: {printable(self.message)}{more}"
+        return f"{text}\nhint: {printable(self.hint)}" if self.hint else text
 
     def as_dict(self) -> dict[str, Any]:
         """The finding as JSON values, all keys always there."""

@@ -162,7 +162,7 @@ def parquet_blocks(file: Path, names: Sequence[str], wanted: Sequence[str]) -> I
     import pyarrow.parquet as pq
 
     line = 2
-    with pq.ParquetFile(file, pre_buffer=False) as table:
+    with parquet_complaints(file), pq.ParquetFile(file, pre_buffer=False) as table:
         for batch in table.iter_batches(batch_size=BATCH_ROWS, columns=list(wanted), use_threads=False):
             number = np.arange(line, line + batch.num_rows)
             yield _numbers_of(batch, file, names, wanted, number), number
@@ -177,7 +177,7 @@ def parquet_at(
     import pyarrow.parquet as pq
 
     held, table = -1, pa.table({})
-    with pq.ParquetFile(file, pre_buffer=False) as source:
+    with parquet_complaints(file), pq.ParquetFile(file, pre_buffer=False) as source:
         ends = np.cumsum([source.metadata.row_group(group).num_rows for group in range(source.num_row_groups)])
         for share in shares:
             place = int(share * max(source.metadata.num_rows - rows, 0))
@@ -193,4 +193,4 @@ def _numbers_of(
 ) -> dict[str, Array]:
     """The wanted columns of a part of a Parquet file. Raises CompstiffError (CS0203)."""
     numbers = _all_sound({name: floats_of(part[name]) for name in wanted})
-    return as_numbers(part.to_pandas(), str(file), names, line) if numbers is None else numbers
+    return as_numbers(part.replace_schema_metadata(None).to_pandas(), str(file), names, line) if numbers is None else numbers

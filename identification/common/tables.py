@@ -8,6 +8,7 @@ import csv
 import difflib
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -128,9 +129,10 @@ def check_columns(
 
 def check_unique(names: Sequence[str], file: str, line: int) -> None:
     """Raises CompstiffError (CS0202) for a column that stands in the header twice."""
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
-        raise error("CS0202", f"column twice: {', '.join(twice)}", file=file, line=line)
+        more = f" and {len(twice) - MOST_COMPLAINTS} more" if len(twice) > MOST_COMPLAINTS else ""
+        raise error("CS0202", f"column twice: {', '.join(twice[:MOST_COMPLAINTS])}{more}", file=file, line=line)
 
 
 def as_numbers(
@@ -231,15 +233,19 @@ def with_decimal_points(lines: Sequence[str]) -> list[str]:
 
 @contextlib.contextmanager
 def parquet_complaints(file: Path) -> Iterator[None]:
-    """Raises CompstiffError where reading a Parquet file fails: CS0005 cannot be read, CS0201 not Parquet."""
+    """Raises CompstiffError where reading a Parquet file fails: CS0005 cannot be read, CS0201 not Parquet, or damaged."""
     import pyarrow as pa
 
     try:
         yield
-    except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(file)) from reason
-    except pa.ArrowInvalid as reason:
-        raise error("CS0201", f"is not a Parquet file: {reason}", file=str(file)) from reason
+    except CompstiffError:
+        raise
+    except (OSError, pa.ArrowException, MemoryError, UnicodeDecodeError) as reason:
+        # Damaged pages are an OSError too, one that the system did not make.
+        if isinstance(reason, OSError) and reason.errno is not None:
+            raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=str(file)) from reason
+        said = str(reason).strip().split("\n")[0] or type(reason).__name__
+        raise error("CS0201", f"is not a Parquet file, or a damaged one: {said}", file=str(file)) from reason
 
 
 def opened(file: Path) -> IO[bytes]:
@@ -273,7 +279,7 @@ def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     import pyarrow.parquet as pq
 
     with parquet_complaints(file):
-        frame = pq.read_table(file).to_pandas()
+        frame = pq.read_table(file, use_threads=False).replace_schema_metadata(None).to_pandas()
     # A Parquet file has no lines; rows are counted as if a header stood above them.
     return frame, np.arange(2, len(frame) + 2), 1
 

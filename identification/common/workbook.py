@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import datetime
 import io
+import warnings
 import zipfile
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identification.common.findings import Finding, error
+from identification.common.findings import CompstiffError, Finding, error
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 SAVE_AS = "save the table as CSV (UTF-8), or write Parquet"
 # A workbook is held in memory whole, at some fifty times its size: larger ones are refused [bytes].
 LARGEST = 8 << 20
+# What a workbook may unpack to [bytes], and the cells of a sheet from its first to its last, empty ones included.
+LARGEST_UNPACKED, MOST_CELLS = 256 << 20, 5_000_000
 
 
 def is_workbook(file: Path) -> bool:
@@ -55,15 +58,28 @@ def sheet_finding(file: Path) -> list[Finding]:
 def _read(file: Path, size: int, time: int) -> tuple[bytes, str, tuple[str, ...]]:
     """CSV, the sheet's name, those of others with cells. size [bytes] and time [ns] of the file: a changed one is read anew."""
     from openpyxl import load_workbook
-    from openpyxl.utils.exceptions import InvalidFileException
 
     if size > LARGEST:
         raise error("CS0201", f"is a workbook of {size / 2**20:.0f} MB, at most {LARGEST >> 20} MB are read", file=str(file),
                     hint=SAVE_AS)
     try:
-        values, formulas = (load_workbook(file, data_only=only, keep_links=False) for only in (True, False))
-    except (InvalidFileException, zipfile.BadZipFile, KeyError, ValueError, OSError) as reason:
-        raise error("CS0201", f"is a damaged workbook: {reason}", file=str(file), hint=SAVE_AS) from reason
+        with zipfile.ZipFile(file) as archive:
+            unpacked = sum(part.file_size for part in archive.infolist())
+        if unpacked > LARGEST_UNPACKED:
+            raise error("CS0201", f"is a workbook of {unpacked / 2**20:.0f} MB once unpacked, at most "
+                        f"{LARGEST_UNPACKED >> 20} MB are read", file=str(file), hint=SAVE_AS)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")         # of what a workbook has beside its cells: charts, formats, validation
+            values, formulas = (load_workbook(file, data_only=only, keep_links=False) for only in (True, False))
+    except CompstiffError:
+        raise
+    except Exception as reason:                     # its reader raises whatever it stumbles over in a damaged one
+        raise error("CS0201", f"is a damaged workbook: {type(reason).__name__}: {reason}", file=str(file),
+                    hint=SAVE_AS) from reason
+    for sheet in formulas.worksheets:
+        if sheet.max_row * sheet.max_column > MOST_CELLS:
+            raise error("CS0201", f"the sheet '{sheet.title}' reaches to row {sheet.max_row}, column {sheet.max_column}: over "
+                        f"{MOST_CELLS} cells", file=str(file), hint="delete what stands far away from the table")
     # A workbook's charts are sheets, too; they hold no cells.
     filled = [sheet for sheet in formulas.worksheets if any(cell is not None for row in sheet.values for cell in row)]
     if not filled:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from itertools import accumulate
 from pathlib import Path
+from textwrap import shorten
 from typing import Annotated, Any, TypeVar
 
 import yaml
@@ -76,6 +78,8 @@ Quaternion = Annotated[tuple[Number, Number, Number, Number], AfterValidator(_un
 # A single number stands for all six joints.
 EachJoint = Annotated[tuple[Positive, Positive, Positive, Positive, Positive, Positive], BeforeValidator(_for_each_joint)]
 Model = TypeVar("Model", bound=BaseModel)
+# A cell.yaml has some kilobytes, and brackets four deep.
+LARGEST_FILE, DEEPEST, MOST_VALUES = 1 << 20, 60, 50_000
 MEANT = "is this the YAML file that is meant? CELL, the cell.yaml, comes first on the command line"
 
 
@@ -108,7 +112,13 @@ def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
     """The content of a file, and where each of its keys stands."""
     name = str(file)
     try:
-        text = Path(file).read_bytes().decode("utf-8-sig")
+        content_bytes = Path(file).read_bytes()
+        if len(content_bytes) > LARGEST_FILE:
+            raise error("CS0101", f"has {len(content_bytes)} bytes, expected at most {LARGEST_FILE}", file=name, hint=MEANT)
+        text = content_bytes.decode("utf-8-sig")
+        if _depth(text) > DEEPEST:
+            raise error("CS0101", f"is not a file of this kind: over {DEEPEST} brackets within each other", file=name,
+                        hint=MEANT)
         node = yaml.compose(text, Loader=_Loader)
         places: dict[Key, Place] = {}
         content = None if node is None else _plain(node, (), places, name)
@@ -131,8 +141,16 @@ def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
     return content, places
 
 
+def _depth(text: str) -> int:
+    """The most brackets that are open at once, those in comments and texts included: it rules the reader's time."""
+    return max(accumulate((letter in "[{") - (letter in "]}") for letter in text if letter in "[]{}"), default=0)
+
+
 def _plain(node: yaml.Node, key: Key, places: dict[Key, Place], name: str) -> Any:
     """The node's value as Python data; `places` receives where each key stands."""
+    if len(places) > MOST_VALUES:
+        raise error("CS0101", f"has over {MOST_VALUES} values, those that aliases (*name) repeat included", file=name,
+                    hint=MEANT)
     places.setdefault(key, (node.start_mark.line + 1, node.start_mark.column + 1))
     if isinstance(node, yaml.MappingNode):
         mapping: dict[Any, Any] = {}
@@ -173,7 +191,7 @@ def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name
         message = (f"'{'.'.join(map(str, key[:-1]))}': number {key[-1] + 1} of the list is missing; found "
                    f"{len(item['input'])}" if isinstance(key[-1], int) else f"key '{label}' is missing")
     else:
-        message = f"'{label}': {_wanted(item)}; found {item['input']!r}"
+        message = f"'{label}': {_wanted(item)}; found {shorten(repr(item['input']), 200)}"
     return Finding("CS0102", "error", message, file=name, line=line, column=column, hint=hint)
 
 

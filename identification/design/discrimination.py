@@ -10,10 +10,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError
 
 from identification.common.findings import Finding, error
 from identification.design.certificate import certify
@@ -92,11 +93,47 @@ def _share(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.01 else "under 1 %"
 
 
+class _Rival(BaseModel):
+    effect: str
+    joint: int | None
+
+
+class _Row(BaseModel):
+    estimate: Annotated[int, Field(ge=0, le=10**9)]
+
+
+class _Parameters(BaseModel):
+    single_row: _Row | None = None
+
+
+class _Cause(BaseModel):
+    parameters: _Parameters = _Parameters()
+
+
+class _Bad(BaseModel):
+    rows: list[Annotated[int, Field(ge=0, le=10**9)]]
+
+
+class _Visits(BaseModel):
+    bad: list[_Bad] = []
+
+
+class _DiagnosisFile(BaseModel):
+    """What of diagnosis.json counts for the next loads."""
+
+    verdict: str
+    alternatives: list[_Rival] = []
+    causes: list[_Cause] = []
+    visits: _Visits | None = None
+
+
 def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
     """diagnosis.json of this robot. Raises CompstiffError (CS1650) for another file or another robot's."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (ValueError, UnicodeDecodeError) as problem:
+        content = json.loads(file.read_bytes())
+    except OSError as problem:
+        raise error("CS0005", f"cannot be read: {problem.strerror}", file=str(file)) from problem
+    except (ValueError, RecursionError) as problem:
         raise error("CS1650", f"not a diagnosis file: {problem}", file=str(file),
                     hint="give what compstiff diagnose -o wrote") from problem
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -105,17 +142,20 @@ def read_diagnosis(file: Path, cell: Cell) -> Diagnosed:
     if content.get("robot") != cell.robot.name:
         raise error("CS1650", f"the diagnosis is of robot {content.get('robot')}, the cell has {cell.robot.name}",
                     file=str(file), hint="diagnose the measurements of this cell")
+    try:
+        said = _DiagnosisFile.model_validate(content)
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        raise error("CS1650", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=str(file),
+                    hint="give what compstiff diagnose -o wrote, as it wrote it") from problem
     known = effects()
-    names = []
-    for cause in content.get("alternatives", []):
-        if cause["effect"] not in known:
-            raise error("CS1650", f"the diagnosis names {cause['effect']}, which no effect here is called", file=str(file),
-                        hint="diagnose again with the same effects installed")
-        names.append((str(cause["effect"]), cause["joint"]))
-    rows = [int(cause["parameters"]["single_row"]["estimate"]) for cause in content.get("causes", [])
-            if "single_row" in cause.get("parameters", {})]
-    rows += [int(row) for bad in (content.get("visits") or {}).get("bad", []) for row in bad["rows"]]
-    return Diagnosed(str(content.get("verdict")), tuple(names), tuple(rows), str(file))
+    for rival in said.alternatives:
+        if rival.effect not in known or rival.joint not in known[rival.effect].places:
+            raise error("CS1650", f"the diagnosis names {rival.effect} at joint {rival.joint}, which no effect here is called",
+                        file=str(file), hint="diagnose again with the same effects installed")
+    rows = [cause.parameters.single_row.estimate for cause in said.causes if cause.parameters.single_row]
+    rows += [row for bad in (said.visits.bad if said.visits else []) for row in bad.rows]
+    return Diagnosed(said.verdict, tuple((rival.effect, rival.joint) for rival in said.alternatives), tuple(rows), str(file))
 
 
 def rival_models(cell: Cell, measurements: Measurements, diagnosed: Diagnosed) -> Rivals:

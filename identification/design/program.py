@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.findings import Finding
+from identification.common.findings import Finding, one_line
 from identification.common.shipped import shipped
 from identification.design.dead_weights import in_words
 from identification.design.domain import Domain
@@ -83,7 +83,8 @@ def rapid_program(domain: Domain, sheet: Sheet, name: str, comments: list[str]) 
             "robot's base, wherever its track stands", file=str(cell.source), hint="park them before the start"))
     text = environment.get_template(TEMPLATE).render(
         holds=holds, units="jStart.extax" if holds else UNUSED,
-        module=_identifier(name), header=True, comments=[_ascii(line) for line in comments], tool=tool, fast="v200", slow="v20",
+        module=_identifier(name), header=True, comments=[one_line(line) for line in comments], tool=tool,
+        fast="v200", slow="v20",
         visits=[_visit(sheet, number, behind[number]) for number in range(len(sheet.label))])
     return RapidProgram(text.encode("ascii"), tuple(findings))
 
@@ -130,10 +131,6 @@ def _tool(cell: Cell) -> dict[str, Any]:
         "position": (1e3 * cell.flange_from_tcp.position).tolist(),
         "quaternion": matrix_to_quaternion(cell.flange_from_tcp.rotation).tolist(),
         "mass": f"{cell.tool_mass:g}", "cog": (1e3 * cell.tool_centre).tolist()}}
-
-
-def _ascii(text: str) -> str:
-    return text.encode("ascii", "replace").decode()
 
 
 def _identifier(name: str) -> str:

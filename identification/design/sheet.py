@@ -143,7 +143,7 @@ def sheet_text(sheet: Sheet, comments: list[str]) -> str:
     """The CSV file."""
     loads = [f"{sum(level):g}" for level in sheet.hung] or [
         ",".join(f"{component:g}" for component in force) for force in sheet.force]
-    lines = [*(f"# {line}" for line in comments),
+    lines = [*(f"# {' '.join(line.split())}" for line in comments),
              ",".join([*JOINTS, *([MASS] if sheet.hung else FORCES), *DEFLECTIONS, "time_s", "dwell_s", "reference", "pose",
                        "purpose"])]
     angles = np.degrees(sheet.theta)

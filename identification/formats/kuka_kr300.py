@@ -8,6 +8,11 @@ ratios. Link encoders carry data on axes 1-3 only; an axis whose link angle neve
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -22,33 +27,27 @@ Array = NDArray[np.float64]
 NEEDED = (("rec", "act_pos_mot_deg"), ("rec", "act_pos_se_deg"), ("rec", "act_vel_mot_deg_per_s"),
           ("rec", "act_torque_abs_nm"), ("para", "u"))
 
+PATIENCE_S = 120.0
+CLOCKS = (("rec", "time_cont"), ("time_data", "dt"))
+
 
 def read_kuka_kr300(file: str | Path) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """The record as columns of a joint deflection log (docs/formats.md), the torque on the gear side, and what was assumed.
 
     Raises CompstiffError: CS0005 cannot be read, CS0201 no MATLAB file or not one of these records.
     """
-    from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
-
     name = str(file)
-    try:
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            content: dict[str, Any] = loadmat(name, squeeze_me=True, struct_as_record=False)
-    except OSError as reason:
-        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
-    except (MatReadError, ValueError, TypeError, NotImplementedError, KeyError) as reason:
-        raise error("CS0201", f"is not a MATLAB file that can be read: {reason}", file=name) from reason
-    findings = [Finding("CS1615", "warning", f"the reader of MATLAB files says: {text}", file=name)
-                for text in dict.fromkeys(str(one.message) for one in said)]
+    content, said = _content(name)
+    findings = [Finding("CS1615", "warning", f"the reader of MATLAB files says: {text}", file=name) for text in said]
     fields = {}
     for struct, field in NEEDED:
-        value = getattr(content.get(struct), field, None)
+        value = content.get(f"{struct}.{field}")
         if value is None:
-            raise error("CS0201", f"has no {struct}.{field}", file=name,
+            raise error("CS0201", f"has no {struct}.{field}, or not in numbers", file=name,
                         hint="among .mat files only the public KUKA KR300 records are read; write others as CSV")
-        fields[field] = np.asarray(value, dtype=float)
+        fields[field] = value
+    if fields["u"].shape != (6,):
+        raise error("CS0201", f"para.u has shape {fields['u'].shape}, expected (6,)", file=name)
     time = _time(content, np.atleast_2d(fields["act_pos_mot_deg"]).shape[1], name, findings)
     columns = {"time_s": time}
     for field in ("act_pos_mot_deg", "act_pos_se_deg", "act_vel_mot_deg_per_s", "act_torque_abs_nm"):
@@ -65,15 +64,60 @@ def read_kuka_kr300(file: str | Path) -> tuple[dict[str, Array], tuple[Finding, 
     return columns, tuple(findings)
 
 
-def _time(content: dict[str, Any], count: int, name: str, findings: list[Finding]) -> Array:
+def _content(name: str) -> tuple[dict[str, Array], list[str]]:
+    """The fields that are read, in numbers, by "struct.field", and the reader's warnings. Raises CS0005, CS0201.
+
+    Read in a process of its own: SciPy's reader trusts the sizes that a file states, and a damaged file can end its process.
+    """
+    try:
+        with open(name, "rb"):
+            pass
+    except OSError as reason:
+        raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
+    here = f"from {__name__} import write_fields; write_fields()"
+    try:
+        done = subprocess.run([sys.executable, "-c", here, name], capture_output=True, check=False, timeout=PATIENCE_S,
+                              env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)})
+    except subprocess.TimeoutExpired as reason:
+        raise error("CS0201", f"is not a MATLAB file that can be read: its reader took over {PATIENCE_S:g} s",
+                    file=name) from reason
+    if done.returncode:
+        said = done.stderr.decode("utf-8", "replace").strip().split("\n")[-1]
+        raise error("CS0201", "is not a MATLAB file that can be read: "
+                    + (said[:200] if done.returncode == 1 else "its reader broke down"), file=name)
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as fields:
+        return {key: fields[key] for key in fields.files if key != "said"}, fields["said"].tolist()
+
+
+def write_fields() -> None:
+    """What `_content` gives of the file named on the command line, onto stdout, as .npz."""
+    from scipy.io import loadmat
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        content: dict[str, Any] = loadmat(sys.argv[1], squeeze_me=True, struct_as_record=False)
+    fields: dict[str, Any] = {}
+    for struct, field in (*NEEDED, *CLOCKS):
+        value = getattr(content.get(struct), field, None)
+        with contextlib.suppress(ValueError, TypeError):
+            if value is not None:
+                fields[f"{struct}.{field}"] = np.array(value, dtype=float)
+    stream = io.BytesIO()
+    np.savez(stream, said=np.array(list(dict.fromkeys(str(one.message) for one in said)), dtype=np.str_), **fields)
+    sys.stdout.buffer.write(stream.getvalue())
+
+
+def _time(content: dict[str, Array], count: int, name: str, findings: list[Finding]) -> Array:
     """The record's clock, or the rows' numbers times the stated step."""
-    clock = getattr(content.get("rec"), "time_cont", None)
+    clock = content.get("rec.time_cont")
     if clock is not None:
-        return np.asarray(clock, dtype=float)
-    step = getattr(content.get("time_data"), "dt", None)
-    if not isinstance(step, int | float) or not 0 < step < np.inf:
+        if clock.shape != (count,) or not np.isfinite(clock).all():
+            raise error("CS0201", f"rec.time_cont has shape {clock.shape}, expected ({count},), in finite numbers", file=name)
+        return clock
+    step = float(content["time_data.dt"]) if content.get("time_data.dt", np.empty(0)).shape == () else np.nan
+    if not 0 < step < np.inf:
         raise error("CS0201", "has no clock: neither rec.time_cont nor a step in time_data.dt", file=name,
                     hint="write the log as CSV with time_s")
     findings.append(Finding("CS1614", "note", f"has no clock; time is the row's number times time_data.dt = {step:g} s",
                             file=name, hint="true if the logger kept its step and lost no row"))
-    return np.asarray(np.arange(count) * float(step), dtype=float)
+    return np.asarray(np.arange(count) * step, dtype=float)

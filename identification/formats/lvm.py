@@ -8,7 +8,9 @@ Time is X0 + row Delta_X: a segment carries its own offset, so blocks written on
 
 from __future__ import annotations
 
+import csv
 import io
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError, Finding, error
+from identification.common.sizes import LARGEST_CELL
 from identification.formats.force_samples import ForceSamples
 
 Array = NDArray[np.float64]
@@ -115,7 +118,7 @@ def read_segments(file: str | Path) -> list[Segment]:
     if not ends:
         raise error("CS0201", f"has no {END}", file=name, line=len(lines))
     tags = _tags(lines[: ends[0]], "\t")
-    separator = {"Comma": ",", "Tab": "\t"}.get(tags.get("Separator", ["Tab"])[0], "\t")
+    separator = {"Comma": ",", "Tab": "\t"}.get(next(iter(tags.get("Separator", [])), "Tab"), "\t")
     segments = []
     start = ends[0] + 1
     for k, end in enumerate(ends[1:], start=1):
@@ -141,16 +144,24 @@ def _segment(
     lines: list[str], start: int, end: int, stop: int, separator: str, header: dict[str, list[str]], name: str
 ) -> Segment:
     tags = _tags(lines[start:end], separator)
-    decimal = header.get("Decimal_Separator", ["."])[0]
+    decimal = next(iter(header.get("Decimal_Separator", [])), ".")
+    if decimal not in (".", ",") or decimal == separator:
+        raise error("CS0201", f"Decimal_Separator is '{decimal}' and cells are separated by '{separator}'", file=name,
+                    hint="a point or a comma, and not what separates the cells")
     try:
         count = int(tags["Channels"][0])
         offsets, steps = ([float(cell.replace(decimal, ".")) for cell in tags[tag]] for tag in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError) as reason:
         raise error("CS0201", f"a block without Channels, X0 or Delta_X: {reason}", file=name, line=end + 1) from reason
-    if len(offsets) != count or len(steps) != count:
+    if not all(math.isfinite(value) and abs(value) <= LARGEST_CELL for value in (*offsets, *steps)):
+        raise error("CS0203", "X0 or Delta_X is no number of seconds", file=name, line=end + 1)
+    if count < 1 or len(offsets) != count or len(steps) != count:
         raise error("CS0201", f"{count} channels with {len(offsets)} values of X0 and {len(steps)} of Delta_X", file=name,
                     line=end + 1)
-    per = {"No": 0, "One": 1, "Multi": count}[header.get("X_Columns", ["One"])[0]]
+    x_columns = next(iter(header.get("X_Columns", [])), "One")
+    if x_columns not in ("No", "One", "Multi"):
+        raise error("CS0201", f"X_Columns is '{x_columns}', expected No, One or Multi", file=name)
+    per = {"No": 0, "One": 1, "Multi": count}[x_columns]
     titles = [cell.strip() for cell in lines[end + 1].split(separator)] if end + 1 < stop else []
     # X columns stand first, or before each channel; the last title is the comment's.
     columns = list(range(1, 2 * count, 2)) if per == count and count > 1 else list(range(1, count + 1))
@@ -169,7 +180,11 @@ def _numbers(body: list[str], columns: list[int], separator: str, decimal: str, 
     if not body:
         return np.empty((0, len(columns)))
     wide = "\n".join(separator.join(line.split(separator)[: columns[-1] + 1]) for line in body)
-    frame = pd.read_csv(io.StringIO(wide), sep=separator, header=None, decimal=decimal)
+    try:
+        frame = pd.read_csv(io.StringIO(wide), sep=separator, header=None, decimal=decimal, quoting=csv.QUOTE_NONE,
+                            low_memory=False, names=range(columns[-1] + 1))
+    except pd.errors.ParserError as reason:
+        raise error("CS0201", f"a block is not a table: {reason}", file=name, line=first) from reason
     numbers = frame.reindex(columns=columns).apply(pd.to_numeric, errors="coerce")
     values = np.asarray(numbers.to_numpy(dtype=float), dtype=float)
     bad = np.argwhere(~np.isfinite(values))

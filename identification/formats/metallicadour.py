@@ -32,8 +32,8 @@ def read_metallicadour(file: str | Path, *, rate_hz: float = RATE_HZ) -> ForceSa
     separator = ";" if ";" in first else "," if "," in first else r"\s+"
     try:
         frame = pd.read_csv(file, sep=separator, header=None, decimal="," if separator == ";" and "," in first else ".",
-                            skip_blank_lines=True, skipinitialspace=True)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as reason:
+                            skip_blank_lines=True, skipinitialspace=True, low_memory=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as reason:
         raise error("CS0201", f"is not a table: {reason}", file=str(file)) from reason
     if frame.shape[1] == CHANNELS + 1 and frame.iloc[:, -1].isna().all():
         frame = frame.iloc[:, :-1]

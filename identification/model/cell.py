@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -377,7 +378,7 @@ def _robot(name: str, cell: Path, geometry: bool) -> RobotModel:
     if name in known:
         return read_robot(known[name])
     path = cell.parent / name
-    if path.is_file():
+    if os.path.isfile(path):        # False, too, for what no file can be called
         return read_robot(path, geometry=geometry)
     raise error("CS0104", f"robot '{name}' is neither built in ({', '.join(known)}) nor a file {path}", file=str(cell),
                 hint="compstiff robots lists the built-in ones; a path is relative to the folder of cell.yaml")

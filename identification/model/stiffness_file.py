@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # ln k in parameters and log_compliance may differ by rounding, not by more; an effect's parameter by this share of its typical
 # size or of itself.
 DISAGREEMENT = 0.01
+# Of ln k: the prior of a stiffness that is known to a factor of e^10.
+LARGEST_LN_VARIANCE = 100.0
 # Tools whose TCP differs by less are the same tool, calibrated again [m], [rad].
 SAME_TOOL_POSITION, SAME_TOOL_ROTATION = 5e-4, np.radians(0.1)
 
@@ -223,6 +225,10 @@ def _posterior(file: StiffnessFile, in_force: tuple[EffectInForce, ...], name: s
         if differs.max() > DISAGREEMENT:
             worst = int(np.argmax(differs))
             raise _disagree(f"k{worst + 1}", median[worst], np.exp(np.clip(-mean[worst], -700, 700)), "N m/rad", name)
+        widest = float(np.diag(covariance)[SPRINGS].max())
+        if widest > LARGEST_LN_VARIANCE:
+            raise error("CS1203", f"log_compliance.covariance: a variance of {widest:g}, at most {LARGEST_LN_VARIANCE:g}",
+                        file=name, hint="edit no stiffness file by hand")
         _check_values(estimate[EFFECTS], in_force, name, mean[EFFECTS])
         return mean, covariance
     _check_values(estimate[EFFECTS], in_force, name)

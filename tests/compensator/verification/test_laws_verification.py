@@ -244,3 +244,11 @@ def test_a_prediction_that_cannot_be_joined(passes: dict[str, Path], tmp_path: P
     result = verify(passes["cell"], passes["before"], passes["after"], "--predicted", unloaded)
     assert result.exit_code == 1
     assert "predicts no deviation" in result.stderr
+
+
+@pytest.mark.parametrize(("header", "value", "place"), [
+    ("path_mm", "12.5", [0.0125]), ("x_mm,y_mm,z_mm", "12.5,-40,3", [0.0125, -0.04, 0.003]), ("target", "7", [7.0])])
+def test_places_are_read_in_metres(tmp_path: Path, header: str, value: str, place: list[float]) -> None:
+    (tmp_path / "pass.csv").write_text(f"{header},dx_um\n{value},5\n")
+    read = read_readings(tmp_path / "pass.csv", read_cell(write_cell(tmp_path)))
+    assert read.place.tolist() == [pytest.approx(place)]

@@ -93,3 +93,14 @@ def test_a_cell_that_is_no_number_is_still_named(cell) -> None:
         parse_block(block, "log.csv", Layout(",", ("a", "b"), 0, 1, 0, 0, 2), ["a", "b"], 1, 2)
     assert stopped.value.findings[0].code == "CS0203"
     assert (stopped.value.findings[0].line, stopped.value.findings[0].column) == (2, 2)
+
+
+def test_a_complaint_about_the_header_names_the_line_it_stands_on(tmp_path):
+    """Behind a comment and a blank line, as an editor counts."""
+    for header, words in (("a,b,a", "column twice: a"), ("a,c", "missing")):
+        (tmp_path / "t.csv").write_text(f"# made by hand\n\n{header}\n1,2,3\n"[:-3 if header == "a,c" else None] + "\n")
+        with pytest.raises(CompstiffError) as stopped:
+            read_table(tmp_path / "t.csv", required=("a", "b"))
+        found = stopped.value.findings[0]
+        assert (found.code, found.line) == ("CS0202", 3)
+        assert words in found.message

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -107,17 +106,14 @@ def test_a_record_with_a_step_and_no_clock(tmp_path: Path) -> None:
     assert "has no clock" in failure(tmp_path / "none.mat")
 
 
-def test_what_the_reader_of_matlab_files_warns_of_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_reader_of_matlab_files_warns_of_is_a_finding(tmp_path: Path) -> None:
+    """The variables of the file stand in it twice, behind its header of 128 bytes."""
     kuka(tmp_path / "a.mat")
-    read = scipy.io.loadmat
-
-    def warns(*arguments: object, **options: object) -> object:
-        warnings.warn("Duplicate variable name \"rec\" in stream", UserWarning, stacklevel=2)
-        return read(*arguments, **options)
-
-    monkeypatch.setattr(scipy.io, "loadmat", warns)
-    (finding,) = [one for one in read_motion_log(tmp_path / "a.mat").findings if one.code == "CS1615"]
-    assert "Duplicate variable name" in finding.message
+    content = (tmp_path / "a.mat").read_bytes()
+    (tmp_path / "a.mat").write_bytes(content + content[128:])
+    said = [one.message for one in read_motion_log(tmp_path / "a.mat").findings if one.code == "CS1615"]
+    assert len(said) == len(set(said)) > 0
+    assert all("Duplicate variable name" in message for message in said)
 
 
 def test_a_table_without_clock_is_told_how_to_make_one(tmp_path: Path) -> None:

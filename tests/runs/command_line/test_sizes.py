@@ -58,6 +58,15 @@ def test_the_cell_file(tmp_path, before, after, at, says):
     assert says in message
 
 
+@pytest.mark.parametrize(("before", "after", "says"), [
+    ("{max_offset_mm: 2.0, max_tilt_deg: 0.5}", "5", "'limits': must have keys of its own, such as {key: value}; found 5"),
+    ("max_offset_mm: 2.0,", "max_offset_mm: two,", "'limits.max_offset_mm': must be a plain number, without a unit; found"),
+    ("deflection_std_um: [2, 2, 2]", "deflection_std_um: 2.5", "must be a list in square brackets, such as [120, 0, 250]"),
+])
+def test_what_was_expected_is_said(tmp_path, before, after, says):
+    assert says in found(tmp_path, "cell.yaml", before, after)[3]
+
+
 ROW = FILES["measurements.csv"].split("\n")[1]
 
 

@@ -1,0 +1,432 @@
+"""What is fuzzed: each door through which a file comes in, sound files for it, words of its language, and what must be true of
+what it lets in."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.fuzz_languages import (
+    APT_GRAMMAR,
+    APT_WORDS,
+    CSV_WORDS,
+    JSON_WORDS,
+    LVM_WORDS,
+    RAPID_GRAMMAR,
+    RAPID_WORDS,
+    YAML_GRAMMAR,
+    YAML_WORDS,
+)
+from benchmarks.unbreakable import APT, CELL, COMMANDS, TABLE, VERIFIED, sound_files
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.workshop import workshop
+
+ROOT = Path(__file__).parents[1]
+ROBOT = "irb6660-205-1.90"
+E = "[9E9,9E9,9E9,9E9,9E9,9E9]"
+STEP = 1e-4                     # [m] by which targets are moved to see that nothing else moves
+GOOD = (0, 1, 3)
+# Reading again what a number is written as: 4 decimals of a millimetre, and what a double holds of it.
+ROUNDING, DIGITS = 1e-7, 1e-12
+QUOTED = re.compile(r'"[^"]*"')
+NO_NUMBER = re.compile(r"(?:^|[,\s\[(:])[-+]?(?:nan|inf(?:inity)?)(?=$|[,\s\]);])", re.IGNORECASE | re.MULTILINE)
+
+
+class Unsound(AssertionError):
+    """What came out is not wholly valid."""
+
+
+@dataclass(frozen=True)
+class Door:
+    """name, suffix of its file, sound files, words of its language, productions of its grammar (empty: none), and `enter`:
+    raises CompstiffError where the file is refused, Unsound where what it makes of it is not valid; returns what tells one
+    answer from another. patience [s]: what takes longer hangs."""
+
+    name: str
+    suffix: str
+    seeds: tuple[bytes, ...]
+    words: tuple[str, ...]
+    enter: Callable[[Path], object]
+    grammar: dict[str, tuple[str, ...]]
+    patience: float = 5.0
+
+
+def sound(condition: bool, what: str) -> None:
+    """Raises Unsound with what is wrong where the condition does not hold."""
+    if not condition:
+        raise Unsound(what)
+
+
+@cache
+def cell(folder: Path) -> Any:
+    """The cell that the files belong to."""
+    from identification.model.cell import read_cell
+
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "sound-cell.yaml"
+    file.write_text(CELL)
+    return read_cell(file)
+
+
+# ---- the doors -----------------------------------------------------------------------------------------------------------
+
+
+def rapid(file: Path) -> object:
+    """Read; every second free target moved by STEP; read again: those have moved, and nothing else has."""
+    from compensator.rapid import read_rapid, rewrite
+    from compensator.toolpath import Move
+
+    program = read_rapid(file.read_bytes(), file.name)
+    path = program.toolpath
+    free = np.flatnonzero((path.block == "") & (path.move != Move.ABSOLUTE))
+    for values in (path.position, path.quaternion):
+        sound(bool(np.isfinite(values[free]).all()), "a free target is no number")
+    moved = free[::2]
+    moved = moved[np.abs(path.position[moved]).max(axis=1, initial=0) < 1e6]
+    meant = path.position.copy()
+    meant[moved] += STEP
+    written = rewrite(program, moved, meant[moved], path.quaternion[moved])
+    again = read_rapid(written.content, file.name).toolpath
+    sound(len(again) == len(path), f"{len(path)} targets before, {len(again)} after")
+    sound(bool((again.move == path.move).all() and (again.block == path.block).all()), "moves or blocks differ")
+    other = np.setdiff1d(np.arange(len(path)), moved)
+    for name in ("position", "quaternion", "joints", "external"):
+        before, after = getattr(path, name, None), getattr(again, name, None)
+        if before is not None and len(before):
+            sound(np.array_equal(before[other], after[other], equal_nan=True), f"{name} of a target that was not moved differs")
+    off = np.abs(again.position[moved] - meant[moved]).max(initial=0)
+    sound(bool(off <= ROUNDING + DIGITS * np.abs(meant[moved]).max(initial=0)), f"moved targets stand {off} m off")
+    return codes(path.findings), codes(written.findings)
+
+
+def posted(file: Path) -> object:
+    """The posted program reads back as it is meant, all of it in numbers."""
+    from compensator.posting.read_toolpath import read_toolpath
+    from compensator.rapid import read_rapid
+
+    program = read_toolpath(file, cell(file.parent))
+    again = read_rapid(program.text.source.data, "again.mod").toolpath
+    path = program.toolpath
+    sound(len(again) == len(path) == len(program.air), "other targets in the text")
+    sound(np.array_equal(again.position, path.position, equal_nan=True), "other positions in the text")
+    sound(bool(np.isfinite(path.position).all() and np.isfinite(path.quaternion).all()), "a posted target is no number")
+    return codes(path.findings)
+
+
+def cell_file(file: Path) -> object:
+    """cell.yaml, its robot and its frames in numbers."""
+    from identification.model.cell import read_cell
+
+    read = read_cell(file)
+    sound(finite(vars(read)), "the cell holds what is no number")
+    return read.robot.name
+
+
+def robot_file(file: Path) -> object:
+    """A robot file, and what `robots --check` says of it."""
+    from identification.model.robot_check import check_robot
+
+    checked = check_robot(file)
+    json.dumps(checked.as_dict(), allow_nan=False)
+    return checked.sound, codes(checked.findings)
+
+
+def measurements(file: Path) -> object:
+    from identification.measurements import read_measurements
+
+    read = read_measurements(file, cell(file.parent))
+    sound(all(np.isfinite(values).all() for values in (read.theta, read.wrench)), "an angle or a load is no number")
+    sound(bool((np.isnan(read.deflection) | np.isfinite(read.deflection)).all()), "a deflection is infinite")
+    return codes(read.findings)
+
+
+def stiffness(file: Path) -> object:
+    """stiffness.json; what is read can be written and read again."""
+    from identification.common.files import json_bytes
+    from identification.model.stiffness_file import read_stiffness
+
+    model = read_stiffness(file, cell(file.parent))
+    again = file.with_name("again.json")
+    again.write_bytes(json_bytes(model.as_dict()))
+    other = read_stiffness(again, cell(file.parent))
+    sound(bool(np.allclose(other.stiffness, model.stiffness, rtol=1e-9)), "another stiffness after writing and reading")
+    return len(model.stiffness)
+
+
+def force_log(file: Path) -> object:
+    from compensator.forces.log import read_force_log
+
+    read = read_force_log(file, cell(file.parent).force_log.form)
+    sound(finite({"force": read.force}), "a force is no number")
+    return read.key, codes(read.findings)
+
+
+def offsets(file: Path) -> object:
+    from compensator.modbus.offset_file import read_offsets
+
+    read = read_offsets(file, 10.0)
+    sound(bool(np.isfinite(read.offset).all()) and read.micrometres.shape == read.offset.shape, "an offset is no number")
+    return codes(read.findings)
+
+
+def learned(file: Path) -> object:
+    from compensator.learned.learned_file import learned_json, read_learned
+
+    read = read_learned(file, cell(file.parent))
+    json.dumps(learned_json(read, cell(file.parent)), allow_nan=False)
+    return read.springs
+
+
+def diagnosis(file: Path) -> object:
+    from identification.design.discrimination import read_diagnosis
+
+    return len(read_diagnosis(file, cell(file.parent)).names)
+
+
+def readings(file: Path) -> object:
+    from compensator.verification.readings import read_readings
+
+    read = read_readings(file, cell(file.parent))
+    return read.key, codes(read.findings)
+
+
+def points(file: Path) -> object:
+    from compensator.learning.measured_points import read_points
+
+    read = read_points(file, cell(file.parent))
+    sound(bool(np.isfinite(read.value).all() and np.isfinite(read.sigma).all()), "a measured point is no number")
+    return codes(read.findings)
+
+
+def joint_log(file: Path) -> object:
+    from identification.motion.log_file import read_motion_log
+
+    read = read_motion_log(file)
+    return sorted(read.joints), codes(read.findings)
+
+
+def converted(form: str) -> Callable[[Path], object]:
+    def enter(file: Path) -> object:
+        from identification.formats.convert import convert_log
+
+        read = convert_log(file, form)
+        sound(not NO_NUMBER.search(read.content(parquet=False).decode()), "the table holds what is no number")
+        return codes(read.findings)
+    return enter
+
+
+def journal(file: Path) -> object:
+    """The journal of a watched folder, read at a restart."""
+    from compstiff.batch.journal import NAME, Journal
+
+    folder = file.parent / "watched"
+    folder.mkdir(exist_ok=True)
+    (folder / NAME).write_bytes(file.read_bytes())
+    held = Journal(folder)
+    try:
+        held.sweep()
+        return len(held.last) > 0, codes(held.findings)
+    finally:
+        held.close()
+
+
+def command(name: str, spoilt: str) -> Callable[[Path], object]:
+    """A whole command with one file of a sound job spoilt: its exit code, its document, and every file it wrote."""
+    def enter(file: Path) -> object:
+        folder = file.parent / name
+        folder.mkdir(exist_ok=True)
+        for beside, text in sound_files().items():
+            (folder / beside).write_text(text)
+        (folder / spoilt).write_bytes(file.read_bytes())
+        output = folder / "out"
+        output.mkdir(exist_ok=True)
+        for left in output.iterdir():
+            left.unlink()
+        words = COMMANDS[name][1]
+        made = words[words.index("-o") + 1][1:] if "-o" in words else None
+        given = [str(output / made) if word == f"@{made}" else str(folder / word[1:]) if word.startswith("@") else word
+                 for word in words]
+        result = kit.run(*given, *(["--offsets", str(output / "offsets.csv")] if name == "correct" else []), "--json")
+        sound("Warning" not in result.err and "Traceback" not in result.err, f"on stderr: {result.err[-300:]}")
+        said = result.json
+        if result.code not in GOOD:
+            raise Unsound(f"exit {result.code}: {[finding['message'] for finding in said['findings']]}")
+        written = sorted(output.iterdir())
+        sound(bool(written) == (result.code == 0 and made is not None), f"exit {result.code} and {len(written)} files")
+        for each in written:
+            valid(each)
+        return result.code, tuple(sorted({finding["code"] for finding in said["findings"]}))
+    return enter
+
+
+def valid(file: Path) -> None:
+    """Raises Unsound where a file that was written is not one that its readers take."""
+    from compensator.rapid import read_rapid
+
+    text = file.read_bytes()
+    sound(bool(text), f"{file.name} is empty")
+    if file.suffix == ".json":
+        json.loads(text, parse_constant=lambda word: sound(False, f"{file.name} holds {word}"))
+    elif file.suffix == ".csv":
+        sound(not NO_NUMBER.search(QUOTED.sub("", text.decode())), f"{file.name} holds what is no number")
+    else:
+        read_rapid(text, file.name)
+
+
+def finite(values: dict[str, Any]) -> bool:
+    """Whether all arrays of numbers hold numbers (joint angles may be infinite limits)."""
+    return all(not np.isnan(value).any() for value in values.values()
+               if isinstance(value, np.ndarray) and value.dtype.kind == "f")
+
+
+def codes(findings: Any) -> tuple[str, ...]:
+    return tuple(sorted({finding.code for finding in findings}))
+
+
+# ---- sound files ---------------------------------------------------------------------------------------------------------
+
+
+def _joint_log() -> str:
+    t = np.arange(400) / 250.0
+    angle, torque = 20 * np.sin(3 * t), 300 * np.cos(2 * t)
+    rows = "\n".join(f"{a:.4f},{b:.5f},{c:.5f},{d:.3f}" for a, b, c, d in
+                     zip(t, angle, angle - 1e-4 * torque, torque, strict=True))
+    return "time_s,q2_motor_deg,q2_link_deg,q2_torque_nm\n" + rows + "\n"
+
+
+def _learned(folder: Path) -> str:
+    from compensator.learned.learned import DRIFT, SETUP
+
+    robot, count = cell(folder).robot, 6 + SETUP + DRIFT + 3
+    return json.dumps({
+        "format": "compstiff-learned", "version": 1, "robot": robot.name, "robot_sha256": robot.sha256,
+        "geometry_sha256": robot.geometry_sha256, "told": {}, "springs": 6,
+        "job": {"position_mm": [900, 50, 400], "quaternion": [1, 0, 0, 0], "centre_mm": [600, 20, 5], "radius_mm": 60,
+                "duration_s": 30},
+        "remainder": {"length_mm": 40, "amplitude_um": 12, "places_mm": [[600, 20, 5]], "posture_deg": [[1, 2, 3, 4, 5, 6]]},
+        "prior": [-14.0] * 6, "mean": [0.01] * count,
+        "covariance": [[0.0] * row + [1e-4] for row in range(count)]}, indent=1)
+
+
+DIAGNOSIS = json.dumps({
+    "format": "compstiff-diagnosis", "version": 1, "robot": ROBOT, "verdict": "ambiguous",
+    "alternatives": [{"effect": "backlash", "joint": 2}, {"effect": "soft_zone", "joint": 3}],
+    "causes": [{"parameters": {"single_row": {"estimate": 4}}}], "visits": {"bad": [{"rows": [1, 2]}]}}, indent=1)
+LVM = ("LabVIEW Measurement\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nMulti_Headings\tNo\n"
+       "X_Columns\tOne\n***End_of_Header***\n\nChannels\t3\nSamples\t4\t4\t4\nY_Unit_Label\tN\tN\tN\nX0\t0\t0\t0\n"
+       "Delta_X\t0.001\t0.001\t0.001\n***End_of_Header***\nX_Value\tFx\tFy\tFz\tComment\n"
+       + "".join(f"{k / 1000}\t{k}.5\t-{k}\t{3 * k}\n" for k in range(4)))
+METALLICADOUR = "".join(",".join(f"{(k * c) % 7 - 3.25:.3f}" for c in range(12)) + "\n" for k in range(60))
+NET_FT = b"".join(struct.pack(">IIIiiiiii", k, 7 * k, 0, 10**6 * k, -k, 5, 1, 2, 3) for k in range(20))
+JOURNAL = ('{"format": "compstiff-watch", "version": 1, "time": "2026-01-01T00:00:00+00:00", "event": "begun", '
+           '"program": "a.mod", "key": "k", "outputs": ["a.mod", "a.csv"]}\n'
+           '{"event": "done", "program": "a.mod", "key": "k", "exit_code": 0}\n')
+POINTS = "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n10,20,-1,5,,-7,3\n11,20,-1,6,2,-8,4\n"
+NORMALS = "x_mm,y_mm,z_mm,nx,ny,nz,dn_um,target\n10,20,-1,0,0.6,0.8,12,\n11,20,-1,0,0,1,-4,7\n"
+OFFSETS = "# compstiff\ntarget,ox_mm,oy_mm,oz_mm\n" + "".join(f"{k},0.0{k},-0.1,0.002\n" for k in range(6))
+NAMED = f"""MODULE Part
+  CONST robtarget p10:=[[600.1,20,5],[0,1,0,0],[0,0,0,0],{E}];
+  LOCAL PERS robtarget p20:=[[610,20,5],[0,1,0,0],[0,0,0,0],{E}];
+  CONST robtarget pts{{2}}:=[p10,[[4,5,6],[1,0,0,0],[0,0,0,0],{E}]];
+  CONST robtarget p30:=p10;
+  VAR num n:=1;
+  PROC main()
+    VAR robtarget p40:=[[620,20,5],[0,1,0,0],[0,0,0,0],{E}];
+    MoveJ p10,v100,fine,tool0;
+    MoveL p20,v50,z1,tool0;
+    MoveL P20,v50,z1,tool0; ! again
+    MoveL p40,v50,z1,tool0\\WObj:=wobj0;
+    MoveC p30,pts{{2}},v50,z1,tool0;
+    MoveL Offs(p10,0,0,50),v50,z1,tool0;
+    MoveL RelTool(p20,1,2,3\\Rz:=90),v50,z1,tool0;
+    MoveL pts{{n}},v50,z1,tool0;
+    MoveAbsJ [[1,2,3,4,5,6],{E}],v50,z1,tool0;
+    TriggL p20,v50,gun,z1,tool0;
+    IF n>1 MoveL p10,v50,z1,tool0;
+    sub p10;
+  ENDPROC
+  PROC sub(robtarget p)
+    MoveL p,v50,z1,tool0;
+  ENDPROC
+ENDMODULE
+"""
+
+def doors(folder: Path) -> dict[str, Door]:
+    """All doors by name. folder: where the sound cell is put."""
+    files = sound_files()
+    of = {name: text.encode() for name, text in files.items()}
+    programs = [path.read_bytes() for path in sorted((ROOT / "tests/compensator/rapid/programs").glob("*.mod"))]
+    apt = [path.read_bytes() for path in sorted((ROOT / "tests/compensator/posting/apt/manners").iterdir())]
+    robots = sorted((ROOT / "identification/model/robots").rglob("*.yaml"))
+    listed = [
+        Door("rapid", ".mod", (NAMED.encode(), of["part.mod"], *(text[:20000] for text in programs)), RAPID_WORDS, rapid,
+             RAPID_GRAMMAR),
+        Door("apt", ".apt", (APT.encode(), *(text[:20000] for text in apt)), APT_WORDS, posted, APT_GRAMMAR),
+        Door("table", ".csv", (TABLE.encode(),), CSV_WORDS, posted, {}),
+        Door("cell", ".yaml", (CELL.encode(), (ROOT / "samples/cell.yaml").read_bytes()), YAML_WORDS, cell_file, YAML_GRAMMAR),
+        Door("robot", ".yaml", tuple(path.read_bytes() for path in robots[:3]), YAML_WORDS, robot_file, {}),
+        Door("measurements", ".csv", (of["measurements.csv"][:3000], (ROOT / "samples/measurements.csv").read_bytes()[:3000]),
+             CSV_WORDS, measurements, {}),
+        Door("workbook", ".xlsx", (_workbook(),), CSV_WORDS, measurements, {}),
+        Door("parquet", ".parquet", (_parquet(),), CSV_WORDS, force_log, {}),
+        Door("stiffness", ".json", (of["stiffness.json"],), JSON_WORDS, stiffness, {}),
+        Door("forces", ".csv", (of["forces.csv"], of["along.csv"]), CSV_WORDS, force_log, {}),
+        Door("offsets", ".csv", (OFFSETS.encode(),), CSV_WORDS, offsets, {}),
+        Door("learned", ".json", (_learned(folder).encode(),), JSON_WORDS, learned, {}),
+        Door("diagnosis", ".json", (DIAGNOSIS.encode(),), JSON_WORDS, diagnosis, {}),
+        Door("readings", ".csv", (VERIFIED.encode(),), CSV_WORDS, readings, {}),
+        Door("points", ".csv", (POINTS.encode(), NORMALS.encode()), CSV_WORDS, points, {}),
+        Door("joint_log", ".csv", (_joint_log().encode(),), CSV_WORDS, joint_log, {}),
+        Door("lvm", ".lvm", (LVM.encode(),), LVM_WORDS, converted("lvm"), {}),
+        Door("metallicadour", ".csv", (METALLICADOUR.encode(),), CSV_WORDS, converted("metallicadour"), {}),
+        Door("net_ft", ".bin", (NET_FT,), ("\x00\x00\x00\x00", "\x7f"), converted("net-ft"), {}),
+        Door("kuka", ".mat", (_matlab(),), ("\x00", "\x01"), converted("kuka-kr300"), {}, patience=30.0),   # a process each
+        Door("journal", ".jsonl", (JOURNAL.encode(),), JSON_WORDS, journal, {}),
+    ]
+    for name, (names, _) in COMMANDS.items():
+        for spoilt in names:
+            suffix = Path(spoilt).suffix
+            words = {".mod": RAPID_WORDS, ".apt": APT_WORDS, ".yaml": YAML_WORDS, ".json": JSON_WORDS}.get(suffix, CSV_WORDS)
+            listed.append(Door(f"{name}:{spoilt}", suffix, (of[spoilt],), words, command(name, spoilt), {}))
+    return {door.name: door for door in listed}
+
+
+def _workbook() -> bytes:
+    import openpyxl
+
+    book = openpyxl.Workbook()
+    sheet = book.active
+    for line in workshop(ROBOT).files["measurements.csv"].splitlines()[:8]:
+        sheet.append([float(cell) if cell[-1].isdigit() else cell for cell in line.split(",")])
+    stream = io.BytesIO()
+    book.save(stream)
+    return stream.getvalue()
+
+
+def _parquet() -> bytes:
+    import pandas as pd
+
+    stream = io.BytesIO()
+    pd.DataFrame({"target": np.arange(20) // 5, "fx_n": np.arange(20.0), "fy_n": 1.0, "fz_n": -2.5}).to_parquet(stream)
+    return stream.getvalue()
+
+
+def _matlab() -> bytes:
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    t = np.arange(60) / 250.0
+    angle = np.sin(t * np.arange(1, 7)[:, None])
+    savemat(stream, {"rec": {"time_cont": t, "act_pos_mot_deg": angle, "act_pos_se_deg": 0.999 * angle,
+                             "act_vel_mot_deg_per_s": np.cos(angle), "act_torque_abs_nm": 3 * angle},
+                     "para": {"u": np.full(6, 200.0)}})
+    return stream.getvalue()

@@ -1,0 +1,125 @@
+"""Every command that writes, on small sound files: what it is called with, what it reads and what it writes."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from benchmarks.fuzz_doors import LVM, OFFSETS
+from benchmarks.unbreakable import APT, CELL, sound_files
+from tests.runs.command_line.workshop import Workshop, workshop
+
+ROBOT = "irb6660-205-1.90"
+SAMPLES = Path(__file__).parents[3] / "samples"
+LEAST = 200                     # replicates behind the p-value of a diagnosis: the fewest that are taken
+
+
+@dataclass(frozen=True)
+class Command:
+    """words: `@name` is a file to read, `>name` one to write; `>` alone the folder of outputs, `@` that of inputs. other: files
+    in place of the inputs whose outputs differ. slow: over three seconds. several: it corrects several programs."""
+
+    name: str
+    words: tuple[str, ...]
+    other: dict[str, str] = field(default_factory=dict)
+    slow: bool = False
+    several: bool = False
+    cell: bool = False          # whether an offset device listens while it runs, on a port that it is told
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        return tuple(word[1:] for word in self.words if word.startswith("@") and len(word) > 1)
+
+    def call(self, place: Place, *more: str) -> list[str]:
+        """The words with the paths in their place."""
+        ways = {"@": place.inputs, ">": place.outputs}
+        return [str(ways[word[0]] / word[1:]) if word[0] in ways else word for word in (*self.words, *more)]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder with the inputs, and one that outputs go to."""
+
+    folder: Path
+
+    @property
+    def inputs(self) -> Path:
+        return self.folder / "in"
+
+    @property
+    def outputs(self) -> Path:
+        return self.folder / "out"
+
+    @classmethod
+    def make(cls, folder: Path, other: dict[str, str] | None = None) -> Place:
+        """New, whatever was there."""
+        place = cls(folder)
+        shutil.rmtree(folder, ignore_errors=True)
+        place.inputs.mkdir(parents=True)
+        place.outputs.mkdir()
+        for name, text in {**files(), **(other or {})}.items():
+            (place.inputs / name).parent.mkdir(exist_ok=True)
+            (place.inputs / name).write_bytes(text.encode())
+        return place
+
+
+@cache
+def files() -> dict[str, str]:
+    """The inputs of all commands, by name."""
+    shop, sound = workshop(ROBOT), sound_files()
+    still = "fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
+    angles = [(0, 0, 0, 0, 30 * k, 60 * j) for k in (-3, -1, 1, 3) for j in range(4)]
+    still += "".join(f"{5 + k},{-3 + 2 * k},{7 - k},{0.1 * k},0.2,0.3,{','.join(map(str, q))}\n" for k, q in enumerate(angles))
+    halved = "".join(line if line.split(",")[0] not in "56" else f"{line.split(',')[0]},0,0,0\n"
+                     for line in shop.files["forces.csv"].splitlines(keepends=True))
+    return {**shop.files, "part.apt": APT, "sensor.yaml": CELL, "halved.csv": halved, "still.csv": still,
+            "log.lvm": LVM, "before.csv": sound["before.csv"], "after.csv": sound["after.csv"],
+            "offsets.csv": OFFSETS,
+            "learn/points.csv": _points(shop), "many/a.mod": shop.files["part.mod"], "many/b.mod": shop.files["part.mod"],
+            "many/a.forces.csv": shop.files["forces.csv"], "many/b.forces.csv": shop.files["forces.csv"]}
+
+
+def _points(shop: Workshop) -> str:
+    """Measured where the program goes: the deviation that springs 1.2 times as soft leave, roughly."""
+    rows = [line.split(",") for line in shop.files["along.csv"].splitlines()[1:]]
+    return "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n" + "".join(
+        f"{x},{y},{z},{1.5 * float(a):.3f},{1.5 * float(b):.3f},{1.5 * float(c):.3f},3\n" for x, y, z, a, b, c in rows)
+
+
+def _softer() -> dict[str, str]:
+    from tests.runs.command_line import user_files as kit
+
+    return {"stiffness.json": kit.stiffness_text(1.3 * kit.K, robot=ROBOT, load_path="drive", tool=None)}
+
+
+def _fewer_rows() -> dict[str, str]:
+    return {"measurements.csv": "\n".join(files()["measurements.csv"].splitlines()[:-12]) + "\n"}
+
+
+JOB = ("@cell.yaml", "@part.mod", "--stiffness", "@stiffness.json", "--forces", "@forces.csv")
+COMMANDS = {command.name: command for command in (
+    Command("correct", ("correct", *JOB, "-o", ">part.mod", "--offsets", ">offsets.csv", "--report", ">report.html"),
+            _softer()),
+    Command("correct --split", ("correct", *JOB[:-1], "@halved.csv", "-o", ">part.mod", "--split", "6"), _softer()),
+    Command("correct many", ("correct", "@cell.yaml", "@many", "--stiffness", "@stiffness.json", "-o", ">"), _softer(),
+            several=True),
+    Command("watch", ("watch", "@many", ">", "--cell", "@cell.yaml", "--stiffness", "@stiffness.json", "--once",
+                      "--settle", "0"), _softer(), several=True),
+    Command("predict", ("predict", *JOB, "-o", ">deviation.csv", "--report", ">report.html"), _softer()),
+    Command("post", ("post", "@sensor.yaml", "@part.apt", "-o", ">part.mod"),
+            {"part.apt": APT.replace("FEDRAT/0.2", "FEDRAT/0.3")}),
+    Command("identify", ("identify", "@cell.yaml", "@measurements.csv", "-o", ">stiffness.json", "--report", ">report.html"),
+            _fewer_rows(), slow=True),
+    Command("diagnose", ("diagnose", "@cell.yaml", "@measurements.csv", "-o", ">diagnosis.json", "--extended", ">more.json",
+                         "--report", ">report.html", "--replicates", str(LEAST)), _fewer_rows(), slow=True),
+    Command("design", ("design", "@cell.yaml", "--quick", "--measurements", "6", "-o", ">plan.csv", "--rapid", ">drive.mod",
+                       "--report", ">report.html"), slow=True),
+    Command("verify", ("verify", "@cell.yaml", "@before.csv", "@after.csv", "--report", ">report.html")),
+    Command("learn", ("learn", *JOB[:2], "@learn/points.csv", *JOB[2:], "-o", ">learned.json"), _softer()),
+    Command("convert", ("convert", "@log.lvm", "--form", "lvm", "-o", ">log.csv"), {"log.lvm": LVM.replace("3.5", "4.5")}),
+    Command("push", ("push", "@cell.yaml", "@offsets.csv", "--apply", "--log", ">push-log.jsonl", "--receiver",
+                     ">receiver.mod"), cell=True),
+    Command("tare", ("tare", "@sensor.yaml", "@still.csv", "-o", ">tare.yaml")),
+)}
