@@ -86,11 +86,8 @@ def layers_for(low: float, high: float, tips: Array, corner: float, thickness: f
     if len(levels) > MOST_LEVELS:
         count = int(min(np.ceil((high - low) / thickness), MOST_LAYERS))
         return np.linspace(low, high, count + 1)
-    edges = [low, high, *levels]
-    if corner:
-        above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, 9)))
-        edges += list((levels[:, None] + above).ravel())
-    edges = np.array(sorted(edges))
+    above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, 9))) if corner else np.zeros(1)
+    edges = np.sort(np.concatenate([[low, high], (levels[:, None] + above).ravel()]))
     edges = edges[(edges >= low) & (edges <= high)]
     kept = edges[np.insert(np.diff(edges) > SAME_LEVEL, 0, True)]
     kept[-1] = high
