@@ -36,9 +36,9 @@ class TestCut:
         reach = np.arccos(1 - 2 * self.width)
         ends = (-0.5 * np.pi, -0.5 * np.pi + reach) if self.climb else (0.5 * np.pi - reach, 0.5 * np.pi)
         low, high = (np.array([end]) for end in ends)
-        matrix = weights(integrals(low, high), np.array([depth]), np.ones(1), cutter.teeth)[0]
+        matrix = weights(integrals(low, high), np.array([depth]), np.ones(1), np.array([depth]), cutter.teeth)[0]
         matrix[:, SHEAR] *= self.chip
-        return matrix
+        return np.asarray(matrix)
 
 
 def next_cut(mean: Array, covariance: Array, cutter: Cutter, depth: float, chip: float, noise: float) -> TestCut:

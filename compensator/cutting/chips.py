@@ -28,11 +28,12 @@ def integrals(low: Array, high: Array) -> Array:
     return np.column_stack([0.5 * (sh**2 - sl**2), 0.5 * (high - low + sh * ch - sl * cl), sh - sl, cl - ch, high - low])
 
 
-def weights(integral: Array, depth: Array, sine: Array, teeth: int) -> Array:
+def weights(integral: Array, depth: Array, sine: Array, edge: Array, teeth: int) -> Array:
     """A (n, 3, 6): the mean force (along the feed, to its left, towards the spindle) is A K with a feed a tooth of 1 m in the
     three of the chip; [m^2] there, [m] in the three of the edge.
 
-    integral (n, 5) as `integrals` gives them, depth (n,) [m] along the axis, sine (n,) of the normal's angle to the axis.
+    integral (n, 5) as `integrals` gives them, depth (n,) [m] along the axis, sine (n,) of the normal's angle to the axis, edge
+    (n,) [m]: length of the edge in that depth.
     """
     cos_sin, cos2, cos, sin, one = integral.T
     root = np.sqrt(np.maximum(1 - sine**2, 0.0))
@@ -42,7 +43,7 @@ def weights(integral: Array, depth: Array, sine: Array, teeth: int) -> Array:
     result[:, :, 1] = -np.column_stack([sine * cos2, sine * cos_sin, -root * cos])
     result[:, :, 2] = -np.column_stack([root * cos2, root * cos_sin, sine * cos])
     # Of the edge: dS = dz / s.
-    length = 1 / np.maximum(sine, 1e-9)
+    length = edge / np.maximum(depth, 1e-300)
     result[:, :, 3] = np.column_stack([-sin, cos, 0 * cos]) * length[:, None]
     result[:, :, 4] = -np.column_stack([sine * cos, sine * sin, -root * one]) * length[:, None]
     result[:, :, 5] = -np.column_stack([root * cos, root * sin, sine * one]) * length[:, None]

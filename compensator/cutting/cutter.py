@@ -34,6 +34,14 @@ class Cutter:
         down = np.clip(1 - np.asarray(height) / self.corner, 0.0, 1.0)
         return np.asarray(np.sqrt(np.maximum(1 - down**2, 0.0)))
 
+    def edge_length(self, low: Array, high: Array) -> Array:
+        """Length of the edge's outline [m] between heights low and high [m] above the tip: of the axis' length on the flank."""
+        if not self.corner:
+            return np.asarray(high - low)
+        first, last = (np.arccos(np.clip(1 - np.maximum(one, 0.0) / self.corner, 0.0, 1.0)) for one in (low, high))
+        on_flank = np.maximum(high, self.corner) - np.maximum(low, self.corner)
+        return np.asarray(self.corner * (last - first) + on_flank)
+
     def words(self) -> str:
         """For people."""
         kind = "flat" if not self.corner else "ball" if self.corner == self.radius else f"bull-nose R{1e3 * self.corner:g}"

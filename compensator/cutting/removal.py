@@ -53,6 +53,16 @@ class Engagement:
         return np.asarray(self.depth > 0)
 
 
+@dataclass(frozen=True, eq=False)
+class _Slice:
+    """What of a cutter stands in one layer, at K steps: thick, radius, edge (K,) [m], sine (K,) as `weights` wants them."""
+
+    thick: Array
+    radius: Array
+    sine: Array
+    edge: Array
+
+
 def mill_through(stock: Stock, track: Track, cutter: Cutter) -> Engagement:
     """Takes the way of the cutter out of the stock, IN PLACE, and says how it engaged."""
     count = len(track)
@@ -103,7 +113,7 @@ def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp
     tip = middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
     within = np.flatnonzero((stock.height[1:] > tip.min()))
-    rim_of: dict[float, tuple[Array, Array]] = {}
+    rim_of: dict[bytes, tuple[Array, Array]] = {}
     for layer in within:
         bottom, top = stock.height[layer], stock.height[layer + 1]
         # Of a layer that the tip stands in, the part above it.
@@ -113,28 +123,29 @@ def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp
         looking = (thick > 0) & (radius > 0)
         if not looking.any():
             continue
-        alike = bool(np.ptp(radius[looking]) < 1e-12) and bool(looking.all())
-        key = float(radius[looking][0]) if alike else np.nan
+        radius = np.where(looking, radius, 0.0)
+        gone = cutter.radius_at(layer_middle[layer] - tip)
+        key = radius.tobytes() + gone.tobytes()         # layers on the flank of a cutter are alike
         if key in rim_of:
             rim, own = rim_of[key]
         else:
             rim = (middle[:, None, :2] + radius[:, None, None] * (
                 np.cos(ANGLE)[None, :, None] * feed[:, None, :] + np.sin(ANGLE)[None, :, None] * left[:, None, :]))
-            own = _beside_own_way(rim, start, end, radius)
-            if alike:
-                rim_of[key] = (rim, own)
+            own = _beside_own_way(rim, start, end, gone)
+            rim_of[key] = (rim, own)
         inside = np.minimum(_sampled(stock, int(layer), rim), own) - FILM
         inside[~looking] = -1.0
-        _add(inside, thick, radius, sine, feed, left, cutter, rows, into)
+        foot = np.maximum(bottom, tip) - tip
+        edge = cutter.edge_length(foot, foot + thick)
+        _add(inside, _Slice(thick, radius, sine, edge), feed, left, cutter.teeth, rows, into)
     _take_out(stock, cutter, start, end, layer_middle, within)
 
 
 def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
     """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of this
     batch before."""
-    count = len(rim)
     result = np.full(rim.shape[:2], np.inf)
-    for before in range(count - 1):
+    for before in np.flatnonzero(radius[:-1] > 0):
         some = rim[before + 1:]
         away = _distance(some, start[before, :2], end[before, :2]) - radius[before]
         np.minimum(result[before + 1:], away, out=result[before + 1:])
@@ -168,8 +179,8 @@ def _sampled(stock: Stock, layer: int, points: Array) -> Array:
     return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
 
 
-def _add(inside: Array, thick: Array, radius: Array, sine: Array, feed: Array, left: Array, cutter: Cutter,
-         rows: NDArray[np.intp], into: dict[str, Array]) -> None:
+def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
+         into: dict[str, Array]) -> None:
     """Adds one layer's cut to the steps: inside (K, P) [m] within the material around the half circle."""
     first, last = inside[:, :-1], inside[:, 1:]
     step, piece = np.nonzero((first > 0) | (last > 0))
@@ -182,9 +193,10 @@ def _add(inside: Array, thick: Array, radius: Array, sine: Array, feed: Array, l
     begin = np.where(both | (a > 0), low, high - share * (high - low))
     stop = np.where(both | (b > 0), high, low + share * (high - low))
     integral = integrals(begin, stop)
-    summed = np.column_stack([np.bincount(step, column, minlength=len(inside)) for column in integral.T])
+    summed = np.column_stack([np.bincount(step, column, minlength=len(inside)).astype(float) for column in integral.T])
     # Local axes: feed, left, up -> work object.
-    local = weights(summed, thick, sine, cutter.teeth)
+    thick = piece_of.thick
+    local = weights(summed, thick, piece_of.sine, piece_of.edge, teeth)
     turned = local.copy()
     turned[:, :2] = np.einsum("kai,kac->kic", np.stack([feed, left], axis=1), local[:, :2])
     into["weights"][rows] += turned
@@ -196,7 +208,7 @@ def _add(inside: Array, thick: Array, radius: Array, sine: Array, feed: Array, l
     into["low"][at] = np.fmin(into["low"][at], lowest[cut])
     into["high"][at] = np.fmax(into["high"][at], highest[cut])
     depth = into["depth"][at] + thick[cut]
-    across = radius[cut] * summed[cut, 2]
+    across = piece_of.radius[cut] * summed[cut, 2]
     into["width"][at] += thick[cut] / depth * (across - into["width"][at])
     into["depth"][at] = depth
 
