@@ -1,4 +1,5 @@
-"""`cutting`: the force coefficients of a tool in a material, from the log of any program that cut with it, or from the table."""
+"""`cutting`: the force coefficients of a tool in a material, from the log of any program that cut with it, or from the
+table."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
@@ -16,19 +18,18 @@ from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.cutter import cutter_of
 from compensator.cutting.materials import coefficients_of
-from compensator.cutting.posterior import ForceRows, fit_coefficients
+from compensator.cutting.posterior import fit_coefficients
+from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import read_stock
 from compensator.forces.placement import ForceLog
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
-from identification.common.findings import Finding, error
 from identification.common.files import sha256
+from identification.common.findings import Finding, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
-# So many targets must show force and be engaged as the stock says.
-FEWEST = 30
 # Without a material in cell.yaml nothing is known before: a middle one, known to a factor of ten. Engineering judgement.
 ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 # What the table leaves of the force at a place, beside the coefficients.
@@ -39,8 +40,8 @@ def cutting_coefficients(
     cell: Cell, program: PlannedProgram, stock: str | Path, model: IdentifiedModel, forces: str | Path | ForceLog,
     settings: Settings = DEFAULTS,
 ) -> FittedCoefficients:
-    """From the log of a program, what it started from, and the robot's model: while it was logged the tool stood off its plan by
-    what the logged forces pushed it, and cut less.
+    """From the log of a program, what it started from, and the robot's model: while it was logged the tool stood off its plan
+    by what the logged forces pushed it, and cut less.
 
     settings as for `predict`; logged_with: the offsets.csv that the program had. Raises what `predict`, `cut_of` and
     `read_offsets` raise; CompstiffError (CS4730) for a log that shows too little of the cut.
@@ -58,7 +59,7 @@ def cutting_coefficients(
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     aside = standing(predicted)
     cut = cut_of(predicted.path, blank, rpm, aside)
-    rows, used = rows_of(cut, predicted, [_moved(cut, aside, axis, rpm) for axis in range(3)] if cut.left.position_std else [])
+    rows, used = logged_rows(cut, predicted.forces, aside, cut.left.position_std, rpm)
     if len(rows.force) < FEWEST:
         raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at least "
                     f"{FEWEST}", file=predicted.forces.log.source, hint="is it the log of this program, and the stock it started "
@@ -79,7 +80,8 @@ def cutting_coefficients(
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
-    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no material)."""
+    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no
+    material)."""
     cutter, rpm = cutter_of(cell), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     if not rpm:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
@@ -119,26 +121,7 @@ def standing(predicted: Predicted) -> Array:
     return stood
 
 
-def _moved(cut: Cut, aside: Array, axis: int, rpm: float | None) -> Array:
-    """A (N, 3, 6) where the stock stands aside by its standard deviation along an axis of the work object."""
-    moved = aside + cut.left.position_std * cut.path.base_from_object.rotation[0][:, axis]
-    return cut_of(cut.path, cut.blank, rpm, moved).per_target
-
-
-def rows_of(cut: Cut, predicted: Predicted, moved: list[Array]) -> tuple[ForceRows, Array]:
-    """The targets that show a force and are engaged, and which they are (N,)."""
-    forces, path = predicted.forces, predicted.path
-    weight = cut.per_target
-    used = forces.forced & cut.cuts & ~cut.unknown & (forces.samples > 0) & ~np.isnan(path.length)
-    chosen = np.flatnonzero(used)
-    force = forces.wrench[chosen, :3]
-    middle = np.linalg.lstsq(weight[chosen].reshape(-1, 6), force.reshape(-1), rcond=None)[0] if len(chosen) else np.zeros(6)
-    aside = (np.stack([(one[chosen] - weight[chosen]) @ middle for one in moved], axis=2) if moved
-             else np.zeros((len(chosen), 3, 0)))
-    return ForceRows(weight[chosen], force, np.nan_to_num(forces.standard_error[chosen]), aside, path.length[chosen]), used
-
-
-def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: Array) -> list[Finding]:
+def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: NDArray[np.bool_]) -> list[Finding]:
     """What a user must know of the fit."""
     findings = []
     source = predicted.forces.log.source

@@ -15,15 +15,15 @@ from compensator.cutting.posterior import ForcePosterior
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding
 
-# A coefficient is reliable with a standard deviation under this share of the largest of its kind, and not identifiable where the
-# log left it this share of what was assumed before.
+# A coefficient is reliable with a standard deviation under this share of the largest of its kind, and not identifiable where
+# the log left it this share of what was assumed before.
 RELIABLE, WEAK, UNTOLD = 0.05, 0.2, 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class FittedCoefficients:
-    """coefficients: for cutting.json; before: standard deviations (6,) of the prior; posterior and cut: None where they come from
-    the table. further: the cut that would tell most."""
+    """coefficients: for cutting.json; before: standard deviations (6,) of the prior; posterior and cut: None where they come
+    from the table. further: the cut that would tell most."""
 
     coefficients: Coefficients
     before: Array

@@ -16,8 +16,8 @@ WIDTHS, FEEDS = (0.1, 0.5, 1.0), (0.5, 1.0, 2.0)
 
 @dataclass(frozen=True)
 class TestCut:
-    """width: share of the diameter; climb: the stock is on the right; chip [m]: feed a tooth. before, after: the largest 1 sigma
-    of a mean force among such cuts, as a share of it, as it is known and with this cut logged."""
+    """width: share of the diameter; climb: the stock is on the right; chip [m]: feed a tooth. before, after: the largest 1
+    sigma of a mean force among such cuts, as a share of it, as it is known and with this cut logged."""
 
     width: float
     climb: bool

@@ -14,8 +14,9 @@ ch. 2), climb milling with cutters of 10 to 25 mm, feeds of 0.04 to 0.15 mm a to
 diameter: 0.56 to 0.99, 0.75 in the middle, standard deviation of its logarithm 0.16; the edges' part does not grow, and the
 push across grows faster than the force as the engagement opens.
 
-k_c1.1 and m_c: compensator/cutting/materials.py, which names the source. WIDTH and DIRECTION are engineering judgement: the values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the
-direction by 1.3 (linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
+k_c1.1 and m_c: compensator/cutting/materials.py, which names the source. WIDTH and DIRECTION are engineering judgement: the
+values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the direction by 1.3
+(linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
 """
 
 from __future__ import annotations
@@ -25,7 +26,6 @@ import numpy as np
 from compensator.correction.settings import Estimate
 from compensator.cutting.materials import MATERIALS
 from identification.model.cell import CuttingFile
-
 
 DIRECTION, WIDTH = 0.8, 0.4
 # Of the mean chip thickness alone: teeth, and depth by diameter.

@@ -64,8 +64,8 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class LoggedPass:
-    """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted ones
-    are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
+    """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted
+    ones are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
     was the planned one; stiffness: of the cut [N/m], None: not known."""
 
     offsets: Array | None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.beside_stock import beside_stock
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction, predict_path
@@ -117,11 +118,12 @@ def predict(
     cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog | None,
     settings: Settings = DEFAULTS,
 ) -> Predicted:
-    """Deviation of every target with force, the log read from a file as cell and settings say, or already read; None: the forces
-    are predicted from the stock, as `settings.cutting` says (docs/cutting.md).
+    """Deviation of every target with force, the log read from a file as cell and settings say, or already read; None: the
+    forces are predicted from the stock, as `settings.cutting` says (docs/cutting.md).
 
     Raises CompstiffError (CS4723) for neither a log nor all that a prediction needs, Refused (CS1022) for a
-    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
+    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, and what `read_force_log`,
+    `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -143,7 +145,8 @@ def predict(
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings, learned)
-    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted)))
+    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted),
+                                        *beside_stock(predicted.loaded, predicted.prediction, settings)))
 
 
 def _check_sources(forces: str | Path | ForceLog | None, settings: Settings) -> None:

@@ -32,8 +32,8 @@ class Prediction:
     the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
-    [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]: the
-    part of covariance of what no measured part shows there.
+    [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
+    the part of covariance of what no measured part shows there.
     """
 
     targets: Indices

@@ -1,4 +1,5 @@
-"""Coefficients: what a tool in a material is believed to need of force, with its covariance; and cutting.json, which keeps it."""
+"""Coefficients: what a tool in a material is believed to need of force, with its covariance; and cutting.json, which keeps
+it."""
 
 from __future__ import annotations
 
@@ -24,9 +25,9 @@ SAME_CUTTER = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """mean (6,) of COEFFICIENTS [N/m^2, N/m] and covariance (6, 6). model_error: 1 sigma of what the model leaves of the force at
-    a place, as a share of it. cutter and material (None: not stated) they hold for; chip (2,) [m]: least and largest feed a tooth
-    of the log, None where no log was fitted; told: what they were made from, JSON values."""
+    """mean (6,) of COEFFICIENTS [N/m^2, N/m] and covariance (6, 6). model_error: 1 sigma of what the model leaves of the force
+    at a place, as a share of it. cutter and material (None: not stated) they hold for; chip (2,) [m]: least and largest feed a
+    tooth of the log, None where no log was fitted; told: what they were made from, JSON values."""
 
     mean: Array
     covariance: Array

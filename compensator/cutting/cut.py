@@ -1,4 +1,5 @@
-"""Cut: a program that goes through its stock: the engagement along its path, and what its mean forces weigh coefficients with."""
+"""Cut: a program that goes through its stock: the engagement along its path, and what its mean forces weigh coefficients
+with."""
 
 from __future__ import annotations
 
@@ -124,8 +125,8 @@ class Cut:
 
 
 def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None) -> Cut:
-    """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame: where
-    the tool stood off the plan.
+    """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
+    where the tool stood off the plan.
 
     Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, and what `read_stock` raises.
     """

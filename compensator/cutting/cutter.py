@@ -13,8 +13,8 @@ from identification.model.cell import Cell
 
 @dataclass(frozen=True)
 class Cutter:
-    """radius [m]; corner [m]: radius of the rounding between flank and floor, 0 for a flat end mill, `radius` for a ball; teeth,
-    evenly spaced; flute [m]: length of the edges along the axis."""
+    """radius [m]; corner [m]: radius of the rounding between flank and floor, 0 for a flat end mill, `radius` for a ball;
+    teeth, evenly spaced; flute [m]: length of the edges along the axis."""
 
     radius: float
     teeth: int

@@ -46,8 +46,8 @@ THINNEST, THICKEST = 0.005e-3, 0.3e-3
 
 
 def coefficients_of(material: str, chip: float) -> tuple[Array, Array]:
-    """Mean (6,) and covariance (6, 6) of Ktc Krc Kac [N/m^2] and Kte Kre Kae [N/m] of a material of MATERIALS, for a feed a tooth
-    `chip` [m], whose chips are half as thick in the middle."""
+    """Mean (6,) and covariance (6, 6) of Ktc Krc Kac [N/m^2] and Kte Kre Kae [N/m] of a material of MATERIALS, for a feed a
+    tooth `chip` [m], whose chips are half as thick in the middle."""
     known = MATERIALS[material]
     thick = 1e3 * float(np.clip(0.5 * chip, THINNEST, THICKEST))
     shear = 1e6 * (1 - known.exponent) * known.specific * thick**-known.exponent

@@ -20,8 +20,8 @@ from identification.common.autocorrelation import autocorrelation_time
 # 1 sigma of a sensor's zero after a tare [N], and of the place of a log's sample along the path [m]; engineering judgement.
 ZERO, PLACE = 2.0, 0.2e-3
 HUBER, ROUNDS = 2.5, 8
-# No force is known better [N], and no model of a cut is better than this share: run-out of the teeth alone changes a light cut by more
-# than a heavy one. Engineering judgement.
+# No force is known better [N], and no model of a cut is better than this share: run-out of the teeth alone changes a light cut
+# by more than a heavy one. Engineering judgement.
 LEAST, LEAST_MODEL = 0.2, 0.03
 
 

@@ -1,8 +1,10 @@
-"""The forces that a program will meet, worked out from its stock: a force log that nobody took, with what is not known of it."""
+"""The forces that a program will meet, worked out from its stock: a force log that nobody took, with what is not known of
+it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -14,8 +16,8 @@ from identification.common.arrays import Array
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
 
-# Rows of the log stand for no more of the path than this where there is a cut [m], so that every place between targets has some;
-# and what they weigh in a mean is their length in such [m].
+# Rows of the log stand for no more of the path than this where there is a cut [m], so that every place between targets has
+# some; and what they weigh in a mean is their length in such [m].
 A_ROW, A_SAMPLE = 0.1e-3, 0.01e-3
 # The feed a tooth may be outside of that of the log by this factor before it is said.
 OUTSIDE = 1.3
@@ -27,7 +29,7 @@ def in_base(cell: Cell) -> Cell:
         gain_std=0.0, spindle_rpm=cell.force_log.form.spindle_rpm)))
 
 
-def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str, rpm: float | None) -> tuple[ForceLog, Cut]:
+def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path, rpm: float | None) -> tuple[ForceLog, Cut]:
     """Of a program whose tool stands on its plan, which is where a corrected one stands. Rows are steps along the path, forces
     in the base frame; covariance of each: the coefficients', the model's error, and where the stock stands.
 

@@ -112,7 +112,7 @@ def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp
     left = np.column_stack([-feed[:, 1], feed[:, 0]])
     tip = middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
-    within = np.flatnonzero((stock.height[1:] > tip.min()))
+    within = np.flatnonzero(stock.height[1:] > tip.min())
     rim_of: dict[bytes, tuple[Array, Array]] = {}
     for layer in within:
         bottom, top = stock.height[layer], stock.height[layer + 1]
@@ -142,8 +142,8 @@ def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp
 
 
 def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
-    """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of this
-    batch before."""
+    """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of
+    this batch before."""
     result = np.full(rim.shape[:2], np.inf)
     for before in np.flatnonzero(radius[:-1] > 0):
         some = rim[before + 1:]

@@ -8,7 +8,8 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class CuttingSettings:
-    """predict_force: cutting.json, whose coefficients tell the forces; stock: what the program starts from, stock.yaml or .npz."""
+    """predict_force: cutting.json, whose coefficients tell the forces; stock: what the program starts from, stock.yaml or
+    .npz."""
 
     predict_force: Path | None = None
     stock: Path | None = None

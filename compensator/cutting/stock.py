@@ -24,9 +24,10 @@ SAME_LEVEL, MOST_LEVELS, MOST_LAYERS = 2e-6, 64, 400
 
 @dataclass(frozen=True, eq=False)
 class Stock:
-    """origin (2,) [m]: x, y of the first point; cell [m]: between points; height (L + 1,) [m], ascending: between layers; inside
-    (L, ny, nx) [m]: how far within the material, negative outside. All in the work object. unknown (K, 2, 3) [m]: corners of
-    boxes in which nothing is said of what stands there. position_std [m]: 1 sigma of where it stands, each of x, y, z."""
+    """origin (2,) [m]: x, y of the first point; cell [m]: between points; height (L + 1,) [m], ascending: between layers;
+    inside (L, ny, nx) [m]: how far within the material, negative outside. All in the work object. unknown (K, 2, 3) [m]:
+    corners of boxes in which nothing is said of what stands there. position_std [m]: 1 sigma of where it stands, each of x, y,
+    z."""
 
     origin: Array
     cell: float

@@ -1,4 +1,5 @@
-"""Reads what a program starts from: stock.yaml, or what an earlier program left (docs/cutting.md#stock); writes what it leaves."""
+"""Reads what a program starts from: stock.yaml, or what an earlier program left (docs/cutting.md#stock); writes what it
+leaves."""
 
 from __future__ import annotations
 
