@@ -106,7 +106,8 @@ _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
     "Address", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings", "Shared",
     "built_in_robots", "check_robot", "convert_log", "correct", "correct_files", "correct_programs",
-    "cutting_coefficients", "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness",
+    "cutting_coefficients", "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code",
+    "fit_joint_logs", "fit_stiffness",
     "judge_plan", "learn", "milling_poses", "offsets_csv", "paired", "post_files", "predict", "push", "read_cell",
     "read_force_log", "read_learned", "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath",
     "report", "still_payload", "table_coefficients", "upload", "verify", "watch_folder", "write",

@@ -61,15 +61,16 @@ def cutting_coefficients(
     cut = cut_of(predicted.path, blank, rpm, aside)
     rows, used = logged_rows(cut, predicted.forces, aside, cut.left.position_std, rpm)
     if len(rows.force) < FEWEST:
-        raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at least "
-                    f"{FEWEST}", file=predicted.forces.log.source, hint="is it the log of this program, and the stock it started "
-                    "from, in its work object?")
+        raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at "
+                    f"least {FEWEST}", file=predicted.forces.log.source,
+                    hint="is it the log of this program, and the stock it started from, in its work object?")
     chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
     gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
     coefficients = Coefficients(
-        found.mean.copy(), found.covariance + gain**2 * np.outer(found.mean, found.mean), found.model_error, cut.cutter, material,
+        found.mean.copy(), found.covariance + gain**2 * np.outer(found.mean, found.mean), found.model_error, cut.cutter,
+        material,
         (float(chip.min()), float(chip.max())),
         {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)})
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
@@ -94,7 +95,8 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
         raise error("CS4731", "the program states no feed", file=program.toolpath.source, hint="the chip's thickness needs it")
     chip = float(np.median(feed)) * 60 / rpm / cutter.teeth
     mean, covariance, material, assumed = before(cell, chip)
-    coefficients = Coefficients(mean, covariance, TABLE_MODEL_ERROR, cutter, material, None, {"from": "table", "spindle_rpm": rpm})
+    coefficients = Coefficients(mean, covariance, TABLE_MODEL_ERROR, cutter, material, None,
+                                {"from": "table", "spindle_rpm": rpm})
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
                               next_cut(mean, covariance, cutter, depth, chip, 0.5), tuple(assumed))
@@ -105,8 +107,9 @@ def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Find
     material = cell.cutting.material
     if material is not None:
         mean, covariance = coefficients_of(material, chip)
-        return mean, covariance, material, [Finding("CS4732", "note", f"known before: the coefficients of {material} by its specific "
-                                                    "cutting force, to about 40 %", file=str(cell.source))]
+        return mean, covariance, material, [Finding(
+            "CS4732", "note", f"known before: the coefficients of {material} by its specific cutting force, to about 40 %",
+            file=str(cell.source))]
     mean, covariance = coefficients_of(ANY_MATERIAL, chip)
     return mean, covariance * (ANY_WIDTH / 0.4) ** 2, None, [Finding(
         "CS4732", "note", "cutting.material is not stated: next to nothing is taken to be known of the coefficients before",
@@ -127,24 +130,24 @@ def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: NDArr
     source = predicted.forces.log.source
     with_force = int(predicted.forces.forced.sum())
     if with_force and used.sum() < 0.8 * with_force:
-        findings.append(Finding("CS4733", "warning", f"{with_force - int(used.sum())} of {with_force} targets with force cut nothing "
-                                "of the stock, or are not known to, and were left out", file=source,
+        findings.append(Finding("CS4733", "warning", f"{with_force - int(used.sum())} of {with_force} targets with force cut "
+                                "nothing of the stock, or are not known to, and were left out", file=source,
                                 hint="is the stock what the program started from?"))
     if (mean[[0, 3]] <= 0).any():
         findings.append(Finding("CS4734", "warning", "a tangential coefficient came out negative: no tool cuts like that",
-                                file=source, hint="check force_log.frame and sign, the spindle's sense of turning and the stock"))
+                                file=source, hint="check force_log.frame and sign, the spindle's sense of turning, the stock"))
     far = np.abs(aside) > 2
     if far.any():
-        where = ", ".join(f"{1e3 * value * cut.left.position_std:+.2f} mm in {name}" for value, name, one in zip(
+        where = ", ".join(f"{-1e3 * value * cut.left.position_std:+.2f} mm in {name}" for value, name, one in zip(
             aside, "xyz", far, strict=True) if one)
-        findings.append(Finding("CS4735", "warning", f"the log fits best where the tool stood aside of the stock by {where}, more "
-                                "than twice what the stock file says may be", file=source, hint="measure where the stock stands"))
+        findings.append(Finding("CS4735", "warning", f"the log fits best where the stock stands aside by {where}, more than "
+                                "twice what its file says may be", file=source, hint="measure where the stock stands"))
     return findings
 
 
 def _made_from(cell: Cell, program: PlannedProgram, stock: Path, forces: str | Path | ForceLog) -> dict[str, dict[str, str]]:
     log = forces.source if isinstance(forces, ForceLog) else forces
     named = {"cell": cell.source, "toolpath": program.source, "stock": stock, "forces": Path(log)}
-    return {name: {"file": file.name, "sha256": sha256(file)} for name, file in named.items() if file is not None and file.is_file()}
+    return {name: {"file": file.name, "sha256": sha256(file)} for name, file in named.items() if file and file.is_file()}
 
 

@@ -63,10 +63,10 @@ class FittedCoefficients:
                     COEFFICIENTS, IN_MM, self.coefficients.mean, self.coefficients.std, self.grades, strict=True))]
         lines = [*([self.cut.line()] if self.cut else []), "coefficients (linear edge: force = chip x Kc + edge x Ke)", *rows]
         if self.posterior is not None:
-            lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; what the "
-                         f"model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; neighbours remember "
-                         f"each other over {self.posterior.memory:.0f} targets")
+            lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; "
+                         f"what the model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; "
+                         f"neighbours remember each other over {self.posterior.memory:.0f} targets")
         if self.further is not None and self.further.after < 0.8 * self.further.before:
-            lines.append(f"what would tell most: log {self.further.words()}: the force of any slot or shoulder is then known to "
-                         f"{100 * self.further.after:.0f} % in place of {100 * self.further.before:.0f} %")
+            lines.append(f"what would tell most: log {self.further.words()}: the force of any slot or shoulder is then known "
+                         f"to {100 * self.further.after:.0f} % in place of {100 * self.further.before:.0f} %")
         return lines

@@ -27,8 +27,8 @@ class TestCut:
 
     def words(self) -> str:
         """For people."""
-        kind = "a full slot" if self.width == 1 else (f"{'climb' if self.climb else 'conventional'} milling {100 * self.width:.0f} "
-                                                       "% of the diameter wide")
+        sense = "climb" if self.climb else "conventional"
+        kind = "a full slot" if self.width == 1 else f"{sense} milling {100 * self.width:.0f} % of the diameter wide"
         return f"{kind} at {1e3 * self.chip:.3g} mm a tooth"
 
     def weight(self, cutter: Cutter, depth: float) -> Array:

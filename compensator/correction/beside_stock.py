@@ -33,11 +33,12 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     step = max(STEP, cut.left.position_std)
     rows, _ = logged_rows(cut, forces, aside, step, rpm, coefficients.mean)
     if len(rows.force) < FEWEST:
-        return [Finding("CS4743", "warning", f"only {len(rows.force)} targets show a force and are engaged as the stock says: the log "
-                        "cannot be held against it", file=source, hint="is it the stock that this program started from?")]
+        return [Finding("CS4743", "warning", f"only {len(rows.force)} targets show a force and are engaged as the stock "
+                        "says: the log cannot be held against it", file=source,
+                        hint="is it the stock that this program started from?")]
     found = disagreement(rows, coefficients, cut.left.position_std, step)
     codes = {"adequate": "CS4740", "named": "CS4741", "ambiguous": "CS4742", "unknown": "CS4743"}
     return [*cut.findings(), Finding(
         codes[found.verdict], "note" if found.verdict == "adequate" else "warning", found.words(), file=source,
-        hint="" if found.verdict == "adequate" else "the log is what the correction goes by; what is expected from the stock is no "
-        "longer true of other programs")]
+        hint="" if found.verdict == "adequate" else "the correction goes by the log; forces predicted for other programs with "
+        "these coefficients are as far off, unless it is this part's stock")]

@@ -36,9 +36,9 @@ from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
-CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force", "sensor": "gain of the force sensor",
-          "motion": "the robot in motion", "cut": "force that follows the cut", "learned": "what was learned",
-          "between": "between targets"}
+CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force",
+          "sensor": "gain of the force sensor", "motion": "the robot in motion", "cut": "force that follows the cut",
+          "learned": "what was learned", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -152,8 +152,8 @@ def predict(
 def _check_sources(forces: str | Path | ForceLog | None, settings: Settings) -> None:
     """Raises CompstiffError (CS4723) where something is missing, or of no use, of what tells the forces."""
     coefficients, stock = settings.cutting.predict_force, settings.cutting.stock
-    missing = [name for name, value in (("cutting coefficients (--predict-force)", coefficients), ("the stock (--stock)", stock))
-               if value is None]
+    named = (("cutting coefficients (--predict-force)", coefficients), ("the stock (--stock)", stock))
+    missing = [name for name, value in named if value is None]
     if missing and (forces is None or len(missing) == 1):
         raise error("CS4723", f"the forces cannot be predicted without {' and '.join(missing)}",
                     hint="name both, or a force log of this program (--forces)")
@@ -266,7 +266,8 @@ def _other_tool(path: RobotPath, placed: TargetForces) -> list[Finding]:
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:
     """A warning (CS3087) where force stands on every move of a program, approach and retract too, and no bias was taken off."""
     count, size = len(placed.forced), np.linalg.norm(placed.wrench[:, :3], axis=1)
-    if placed.unknown is not None or settings.log.tare or path.cell.force_log.bias is not None or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
+    zeroed = placed.unknown is not None or settings.log.tare or path.cell.force_log.bias is not None
+    if zeroed or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
         return []
     return [Finding("CS3087", "warning", f"all {count} moves have force, at least {size.min():.0f} N, the first and the last "
                     "too: nothing shows where the sensor's zero is", file=placed.log.source,

@@ -90,18 +90,20 @@ def read_coefficients(file: str | Path) -> Coefficients:
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror}", file=name) from reason
     except (ValueError, RecursionError) as reason:
-        raise error("CS4720", f"is not JSON: {reason}", file=name, hint="name the file that compstiff cutting wrote") from reason
+        raise error("CS4720", f"is not JSON: {reason}", file=name, hint="compstiff cutting writes it") from reason
     if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("version") != VERSION:
         found = (content.get("format"), content.get("version")) if isinstance(content, dict) else type(content).__name__
-        raise error("CS4720", f"holds no cutting coefficients: format and version are {found}, expected ('{FORMAT}', {VERSION})",
-                    file=name, hint="compstiff cutting writes it")
+        raise error("CS4720", f"holds no cutting coefficients: format and version are {found}, expected ('{FORMAT}', "
+                    f"{VERSION})", file=name, hint="compstiff cutting writes it")
     try:
         part = _File.model_validate(content)
     except ValidationError as reason:
         first = reason.errors()[0]
         raise error("CS4720", f"{'.'.join(map(str, first['loc']))}: {first['msg']}", file=name) from reason
-    if tuple(part.coefficients) != COEFFICIENTS or len(part.mean) != 6 or [len(row) for row in part.covariance] != [*range(1, 7)]:
-        raise error("CS4720", f"expected the mean of {', '.join(COEFFICIENTS)} and the lower half of their covariance", file=name,
+    lower_half = [len(row) for row in part.covariance] == list(range(1, 7))
+    if tuple(part.coefficients) != COEFFICIENTS or len(part.mean) != 6 or not lower_half:
+        raise error("CS4720", f"expected the mean of {', '.join(COEFFICIENTS)} and the lower half of their covariance",
+                    file=name,
                     hint="edit no such file by hand")
     covariance = np.zeros((6, 6))
     for row, values in enumerate(part.covariance):
@@ -114,7 +116,8 @@ def read_coefficients(file: str | Path) -> Coefficients:
     cutter = Cutter(0.5e-3 * part.cutter.diameter_mm, part.cutter.teeth, 1e-3 * part.cutter.corner_radius_mm,
                     np.inf if part.cutter.flute_mm is None else 1e-3 * part.cutter.flute_mm)
     chip = None if part.feed_a_tooth_mm is None else (1e-3 * part.feed_a_tooth_mm[0], 1e-3 * part.feed_a_tooth_mm[1])
-    return Coefficients(np.array(part.mean) / IN_MM, covariance / np.outer(IN_MM, IN_MM), part.model_error, cutter, part.material,
+    return Coefficients(np.array(part.mean) / IN_MM, covariance / np.outer(IN_MM, IN_MM), part.model_error, cutter,
+                        part.material,
                         chip, part.told, Path(file))
 
 

@@ -47,7 +47,7 @@ class Cut:
         scaled = self.engagement.weights.copy()
         scaled[:, :, SHEAR] *= chip[:, None, None]
         scaled[self.engagement.unknown] = 0.0
-        return np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled)
+        return np.asarray(np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled))
 
     @cached_property
     def time(self) -> Array:
@@ -108,8 +108,9 @@ class Cut:
         source, stock = str(self.blank.source), self.left
         found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}", file=source))
         if not self.blank.stated:
-            found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to {1e3 * stock.position_std:g} "
-                                 "mm, 1 sigma, in x, y and z", file=source, hint="state position_std_mm"))
+            found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to "
+                                 f"{1e3 * stock.position_std:g} mm, 1 sigma, in x, y and z", file=source,
+                                 hint="state position_std_mm"))
         lost = np.flatnonzero(self.unknown)
         if len(lost):
             where = ", ".join(str(toolpath.line[target]) for target in lost[:NAMED])

@@ -65,7 +65,7 @@ class Disagreement:
                     f"speed, or a feed of {100 * (1 + share):.0f} %")
         if cause == "strength":
             return f"all forces are {100 * share:+.0f} %, as of another material, tool or gain of the sensor"
-        return ("the tool stood aside of the stock by " + ", ".join(f"{1e3 * value:+.2f} mm in {name}"
+        return ("the stock stands aside of where its file says by " + ", ".join(f"{1e3 * value:+.2f} mm in {name}"
                                                                   for value, name in zip(self.size, "xyz", strict=True)))
 
 
@@ -78,8 +78,8 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
     size = np.linalg.norm(expected, axis=1)
     known = _root(coefficients.covariance)
     always = [weight @ known, np.broadcast_to(ZERO * np.eye(3), (len(weight), 3, 3)), rows.aside * (position_std / step)]
-    further = {"wear": SHARE * of_edge[:, :, None], "chip": SHARE * of_chip[:, :, None], "strength": SHARE * expected[:, :, None],
-               "stock": rows.aside * (FAR / step)}
+    further = {"wear": SHARE * of_edge[:, :, None], "chip": SHARE * of_chip[:, :, None],
+               "strength": SHARE * expected[:, :, None], "stock": rows.aside * (FAR / step)}
     variance = rows.error**2 + LEAST**2 + (coefficients.model_error * size)[:, None] ** 2 / 3 + (
         PLACE * rows.slope(mean)) ** 2
     off = rows.force - expected
@@ -94,16 +94,14 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
     order = sorted(solved, key=lambda cause: -solved[cause][0])
     best, x, left = solved[order[0]]
     own = x[-further[order[0]].shape[2]:]
-    share = tuple(float(value) for value in own * (FAR if order[0] == "stock" else SHARE))
+    # The tool to one side is the stock to the other.
+    share = tuple(float(value) for value in own * (-FAR if order[0] == "stock" else SHARE))
     force = _rms(rows.force)
     if best - none < SURE:
         verdict: Verdict = "adequate" if _fits(left_by_none, scale, force) else "unknown"
         return Disagreement(verdict, (), float(best - none), (), _rms(off), _rms(left_by_none), force)
     near = tuple(cause for cause in order if best - solved[cause][0] < SURE)
-    if not _fits(left, scale, force):
-        verdict = "unknown"
-    else:
-        verdict = "named" if len(near) == 1 else "ambiguous"
+    verdict = "unknown" if not _fits(left, scale, force) else "named" if len(near) == 1 else "ambiguous"
     return Disagreement(verdict, near, float(best - none), share, _rms(off), _rms(left), force)
 
 
@@ -121,7 +119,8 @@ def _solved(off: Array, scale: Array, columns: list[Array], memory: float) -> tu
 
 def _fits(left: Array, scale: Array, force: float) -> bool:
     """Whether what is left is what may be left."""
-    return bool(np.sqrt(np.median((left / scale) ** 2)) < MISFIT * 0.6745 or np.sqrt(np.median(left**2)) < SMALL * force * 0.6745)
+    return bool(np.sqrt(np.median((left / scale) ** 2)) < MISFIT * 0.6745
+                or np.sqrt(np.median(left**2)) < SMALL * force * 0.6745)
 
 
 def _root(covariance: Array) -> Array:

@@ -91,8 +91,8 @@ def fit_coefficients(rows: ForceRows, prior_mean: Array, prior_covariance: Array
         x = start + unit * np.linalg.solve(information, (scaled * weight[:, None]).T @ (y - design @ start))
     covariance = np.linalg.inv(information)[:6, :6] * np.outer(scale, scale)
     residual = (y - design @ x).reshape(count, 3)
-    return ForcePosterior(x[:6].copy(), covariance, x[6:9].copy(), x[9:].copy(), max(model, LEAST_MODEL), floor, memory, residual,
-                          error)
+    return ForcePosterior(x[:6].copy(), covariance, x[6:9].copy(), x[9:].copy(), max(model, LEAST_MODEL), floor, memory,
+                          residual,                           error)
 
 
 def _sizes(residual: Array, known: Array, size: Array) -> tuple[float, float]:

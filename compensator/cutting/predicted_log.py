@@ -79,7 +79,7 @@ def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:
     low, high = float(chip.min()), float(chip.max())
     if low * OUTSIDE >= coefficients.chip[0] and high <= OUTSIDE * coefficients.chip[1]:
         return []
-    return [Finding("CS4722", "warning", f"the feed a tooth is {1e3 * low:.3g} to {1e3 * high:.3g} mm, that of the log which told "
-                    f"the coefficients {1e3 * coefficients.chip[0]:.3g} to {1e3 * coefficients.chip[1]:.3g} mm",
+    return [Finding("CS4722", "warning", f"the feed a tooth is {1e3 * low:.3g} to {1e3 * high:.3g} mm, that of the log which "
+                    f"told the coefficients {1e3 * coefficients.chip[0]:.3g} to {1e3 * coefficients.chip[1]:.3g} mm",
                     file=str(coefficients.source), hint="the force is taken as straight in the chip's thickness; thinner chips "
                     "need more than that")]

@@ -9,6 +9,7 @@ the stock. Where the distance passes zero between two points of the half circle 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -248,4 +249,4 @@ def _straight_runs(start: Array, end: Array) -> list[tuple[int, int]]:
     bends = (np.linalg.norm(np.diff(unit, axis=0), axis=1) > 1e-7) | (np.abs(np.diff(way[:, 2])) > 1e-9) | (
         np.abs(way[1:, 2]) > 1e-9) | (np.abs(start[1:] - end[:-1]).max(axis=1, initial=0.0) > 1e-9)
     edges = [0, *(1 + np.flatnonzero(bends)), len(start)]
-    return [(int(a), int(b) - 1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [(int(a), int(b) - 1) for a, b in pairwise(edges)]

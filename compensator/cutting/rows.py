@@ -32,8 +32,9 @@ def logged_rows(
                      np.zeros((len(chosen), 3, 0)), path.length[chosen])
     if not step or len(chosen) < FEWEST:
         return rows, used
-    if coefficients is None:
-        coefficients = np.linalg.lstsq(rows.weight.reshape(-1, 6), rows.force.reshape(-1), rcond=None)[0]
+    known = np.linalg.lstsq(rows.weight.reshape(-1, 6), rows.force.reshape(-1), rcond=None)[0] if coefficients is None else (
+        coefficients)
     axes = path.base_from_object.rotation[0]
     moved = [cut_of(path, cut.blank, rpm, aside + step * axes[:, k]).per_target[chosen] for k in range(3)]
-    return replace(rows, aside=np.stack([(one - rows.weight) @ coefficients for one in moved], axis=2)), used
+    change = np.stack(moved, axis=3) - rows.weight[:, :, :, None]
+    return replace(rows, aside=np.einsum("nikj,k->nij", change, np.asarray(known))), used

@@ -74,7 +74,8 @@ def check_size(layers: int, ny: int, nx: int) -> None:
     """Raises CompstiffError (CS4704) for a stock that is too large for the memory it may take."""
     if 4.0 * layers * ny * nx > MOST_BYTES:
         raise error("CS4704", f"the stock would take {4e-9 * layers * ny * nx:.1f} GB: {layers} layers of {nx} x {ny} points, "
-                    f"expected at most {1e-9 * MOST_BYTES:.1f} GB", hint="a coarser --resolution-mm, or the stock near this program alone")
+                    f"expected at most {1e-9 * MOST_BYTES:.1f} GB",
+                    hint="a coarser resolution_mm, or a stock file of what is near this program alone")
 
 
 def layers_for(low: float, high: float, tips: Array, corner: float, thickness: float) -> Array:

@@ -84,7 +84,8 @@ def read_stock(file: str | Path) -> Blank:
         return Blank(file, None, left, left.unknown, left.cell, left.position_std, True)
     described = read_yaml(file, StockFile)
     if (described.box is None) == (described.left_by is None):
-        raise error("CS0102", f"names {'both' if described.box else 'neither'} of box and left_by, expected one", file=str(file),
+        raise error("CS0102", f"names {'both' if described.box else 'neither'} of box and left_by, expected one",
+                    file=str(file),
                     hint="box: {from_mm: [x, y, z], to_mm: [x, y, z]}, or left_by: what --leaves of the earlier program wrote")
     unknown = _corners(described.unknown, file, "unknown")
     std, stated = described.position_std_mm, described.position_std_mm is not None

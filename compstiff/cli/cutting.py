@@ -20,10 +20,12 @@ from compstiff.outcome import Outcome, Session, call
 ))
 @CELL
 @TOOLPATH
-@click.option("--stock", "stock_file", type=READABLE, help="What the program started from: stock.yaml, or what an earlier one left.")
-@click.option("--stiffness", "stiffness_file", type=READABLE, help="What identify wrote: how far the tool yielded while it cut.")
-@click.option("--forces", "forces_file", type=READABLE, help="The force log of this program; without one the table of materials "
-              "tells the coefficients.")
+@click.option("--stock", "stock_file", type=READABLE,
+              help="What the program started from: stock.yaml, or what an earlier one left (.npz).")
+@click.option("--stiffness", "stiffness_file", type=READABLE,
+              help="What identify wrote: how far the tool yielded while it cut.")
+@click.option("--forces", "forces_file", type=READABLE,
+              help="The force log of this program; without one the table of materials tells the coefficients.")
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The coefficients (JSON) to write.")
 @click.option("--leaves", type=WRITABLE, help="Also write the stock that the program leaves (.npz), for the next one.")
 @click.option("--logged-with", type=READABLE, help="The offsets.csv that the program had in this pass.")

@@ -23,8 +23,8 @@ def test_a_full_slot_has_the_textbooks_mean_forces() -> None:
 
 def test_it_turns_with_the_path() -> None:
     """The same cut along y has the same force, turned."""
-    along_x = mean_forces(MILL, Ways(np.array([[-80.0, 65.0], [80.0, 65.0]]), np.array([-3.0])), BLOCK, np.array([80.0]), 0.1)[0]
-    along_y = mean_forces(MILL, Ways(np.array([[-65.0, -80.0], [-65.0, 80.0]]), np.array([-3.0])), BLOCK, np.array([80.0]), 0.1)[0]
+    along_x, along_y = (mean_forces(MILL, Ways(np.array(corners), np.array([-3.0])), BLOCK, np.array([80.0]), 0.1)[0]
+                        for corners in ([[-80.0, 65.0], [80.0, 65.0]], [[-65.0, -80.0], [-65.0, 80.0]]))
     assert along_y == pytest.approx([-along_x[1], along_x[0], along_x[2]], rel=0.01)
 
 

@@ -27,7 +27,8 @@ def track_along(corner_mm: np.ndarray, chip_mm: float = 0.1, step_mm: float = 0.
     start = corner[leg] + number[:, None] * way
     done = np.concatenate([[0.0], np.cumsum(size)])[leg] + (number + 0.5) * size[leg] / pieces[leg]
     count = len(leg)
-    arrays = {"start": start, "end": start + way, "place": done, "target": leg, "move": leg, "chip": np.full(count, 1e-3 * chip_mm),
+    arrays = {"start": start, "end": start + way, "place": done, "target": leg, "move": leg,
+              "chip": np.full(count, 1e-3 * chip_mm),
               "joint": np.zeros(count, dtype=bool), "upright": np.ones(count, dtype=bool)}
     return Track(**(arrays | changed))
 

@@ -37,7 +37,8 @@ def test_entry_corner_and_exit(turned_deg: float) -> None:
     """Into the block, round a corner in it, and out of it at an angle: within 15 % of the plateau at every place, and the
     plateaus within 5 %. The grid does not know the direction of the path."""
     turn = np.radians(turned_deg)
-    corner = np.array([[-80.0, 20.0, -3.0], [10.0, 20.0, -3.0], [10.0 + 70 * np.cos(0.9 + turn), 20 + 70 * np.sin(0.9 + turn), -3.0]])
+    end = [10.0 + 70 * np.cos(0.9 + turn), 20.0 + 70 * np.sin(0.9 + turn), -3.0]
+    corner = np.array([[-80.0, 20.0, -3.0], [10.0, 20.0, -3.0], end])
     track, _, force = milled(block(LOW, HIGH, (-3.0,)), corner)
     some = np.arange(2, len(track), 9)
     truth = mean_forces(MILL, Ways(corner[:, :2], np.array([-3.0, -3.0])), SOLID, 1e3 * track.place[some], 0.1, slices=6,
@@ -59,7 +60,7 @@ def test_a_pass_beside_and_under_another() -> None:
     track, engaged, force = milled(block(LOW, HIGH, (-2.0, -5.0)), corner)
     tips = np.array([-2.0, -2.0, -2.0, 10.0, 10.0, -5.0, -5.0, -5.0, -5.0])
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corner, axis=0), axis=1))])
-    for leg, plunging in ((0, False), (2, False), (6, False), (8, False)):
+    for leg in (0, 2, 6, 8):
         middle = 0.5 * (length[leg] + length[leg + 1])
         own = force[np.argmin(np.abs(1e3 * track.place - middle))]
         # The engine knows ways in the plane alone: moves along the axis are left out of it.
@@ -76,7 +77,7 @@ def test_a_spring_pass_cuts_nothing() -> None:
     stock = block(LOW, HIGH, (-4.0,))
     for corner in ([[-80.0, 45.0, -4.0], [80.0, 45.0, -4.0]], [[80.0, 45.0, -4.0], [-80.0, 45.0, -4.0]],
                    [[-80.0, 45.0, -4.0], [80.0, 45.0, -4.0]]):
-        track, engaged, force = milled(stock, np.array(corner))
+        _, engaged, force = milled(stock, np.array(corner))
     assert not engaged.cuts.any()
     assert not force.any()
 
@@ -157,5 +158,5 @@ def test_forces_are_linear_in_the_coefficients() -> None:
     parts = [force_of(track, engaged, row) for row in np.eye(6)]
     rng = np.random.default_rng(5)
     mixed = rng.normal(size=6)
-    assert force_of(track, engaged, mixed) == pytest.approx(sum(a * part for a, part in zip(mixed, parts, strict=True)), abs=1e-12)
+    assert force_of(track, engaged, mixed) == pytest.approx(np.einsum("k,ksi->si", mixed, np.array(parts)), abs=1e-12)
     assert np.isfinite(force).all()

@@ -1,4 +1,5 @@
-"""What a program of the virtual cell starts from, as a file of the program's own form, written here from the part's geometry."""
+"""What a program of the virtual cell starts from, as a file of the program's own form, written here from the part's
+geometry."""
 
 from __future__ import annotations
 
