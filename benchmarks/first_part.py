@@ -8,8 +8,9 @@ coefficients that A's log told, with those of the table, and, for comparison, wi
 tool from the plan at every half millimetre that cuts. Gone: of its RMS. Worse: steps further off than without correction by
 more than 2 of the sigmas that are stated for the part. Covered: the true mean force of a step within 2 sigma of the predicted.
 
---coefficients: how far those that a log tells are off the true ones, in their own sigmas, with teeth that stand out alike and with
-the run-out of the virtual cell's cutter. --hidden: what the comparison of B's log with its stock says where something is not as it was when A was logged.
+--coefficients: how far those that a log tells are off the true ones, in their own sigmas, with teeth that stand out alike and
+with the run-out of the virtual cell's cutter. --hidden: what the comparison of B's log with its stock says where something is not
+as it was when A was logged.
 """
 
 from __future__ import annotations

@@ -126,7 +126,7 @@ def read_npz(file: Path) -> Stock:
     """Reads a stock. Raises CompstiffError: CS0005, CS4704, CS4705."""
     name = str(file)
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             found = {key: content[key] for key in content.files if key in (*ARRAYS, "format", "version")}
     except OSError as reason:
         raise error("CS0005", f"cannot be read: {reason.strerror or reason}", file=name) from reason
