@@ -2,7 +2,8 @@
 
 Causes are further columns beside what is not known anyway (coefficients, the sensor's zero, where the stock stands): a change
 of the edge's forces (wear), of the chip's (another spindle speed or feed), of all (another material, tool or gain), or a stock
-that stands aside by far more than its file says. The marginal likelihood of each says which is likelier, by how much; a
+that stands aside by far more than its file says; and, as the rival of all, anything else: all six coefficients free, the force
+turned. The marginal likelihood of each says which is likelier, by how much; a
 cause is named where it beats the others and none by 20 to 1 and what it leaves is what the model leaves. What no cause explains
 is called unknown, and causes that explain it equally well are all told.
 """
@@ -25,6 +26,10 @@ SURE, MISFIT, SMALL = np.log(20.0), 1.5, 0.06
 # 1 sigma of a cause before it was looked at: shares of the force, and how far a stock may stand aside [m].
 SHARE, FAR = 0.7, 1e-3
 CAUSES = ("wear", "chip", "strength", "stock")
+# Anything else: 1 sigma of each coefficient, as a share of the largest of its kind, and of a turn of the force [rad].
+OTHER, TURNED = 0.5, 0.3
+# No share of a cause is beyond these.
+LEAST_SHARE, MOST_SHARE = -0.6, 3.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Disagreement:
         if self.verdict == "adequate":
             return f"{off}: they agree"
         if self.verdict == "unknown":
-            return f"{off}: none of the causes that are known explains that (wear, chip, material, a stock that stands aside)"
+            return f"{off}: no cause that is known explains that by itself (wear, another speed, another material, a stock aside)"
         told = [self._told(cause) for cause in self.causes]
         if self.verdict == "named":
             return f"{off}: {told[0]}; that leaves {self.left:.1f} N"
@@ -56,7 +61,8 @@ class Disagreement:
     def _told(self, cause: str) -> str:
         if cause != self.causes[0]:
             return {"wear": "the edges are worn, or sharper", "chip": "the spindle or the feed had another speed",
-                    "strength": "material, tool or the sensor's gain is another", "stock": "the stock stands aside"}[cause]
+                    "strength": "material, tool or the sensor's gain is another", "stock": "the stock stands aside",
+                    "other": "something that is not among the causes known"}[cause]
         share = self.size[0]
         if cause == "wear":
             return (f"the edge's forces are {100 * share:+.0f} %, as of {'worn edges' if share > 0 else 'sharper edges'}")
@@ -77,9 +83,12 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
     expected = of_chip + of_edge
     size = np.linalg.norm(expected, axis=1)
     known = _root(coefficients.covariance)
+    largest = np.repeat([np.abs(mean[:3]).max(), np.abs(mean[3:]).max()], 3)
+    turned = np.cross(np.eye(3)[None], expected[:, None, :]).swapaxes(1, 2)
     always = [weight @ known, np.broadcast_to(ZERO * np.eye(3), (len(weight), 3, 3)), rows.aside * (position_std / step)]
     further = {"wear": SHARE * of_edge[:, :, None], "chip": SHARE * of_chip[:, :, None],
-               "strength": SHARE * expected[:, :, None], "stock": rows.aside * (FAR / step)}
+               "strength": SHARE * expected[:, :, None], "stock": rows.aside * (FAR / step),
+               "other": np.concatenate([weight * (OTHER * largest), TURNED * turned], axis=2)}
     variance = rows.error**2 + LEAST**2 + (coefficients.model_error * size)[:, None] ** 2 / 3 + (
         PLACE * rows.slope(mean)) ** 2
     off = rows.force - expected
@@ -101,7 +110,8 @@ def disagreement(rows: ForceRows, coefficients: Coefficients, position_std: floa
         verdict: Verdict = "adequate" if _fits(left_by_none, scale, force) else "unknown"
         return Disagreement(verdict, (), float(best - none), (), _rms(off), _rms(left_by_none), force)
     near = tuple(cause for cause in order if best - solved[cause][0] < SURE)
-    verdict = "unknown" if not _fits(left, scale, force) else "named" if len(near) == 1 else "ambiguous"
+    possible = near[0] != "other" and (near[0] == "stock" or LEAST_SHARE < share[0] < MOST_SHARE)
+    verdict = ("unknown" if not possible or not _fits(left, scale, force) else "named" if len(near) == 1 else "ambiguous")
     return Disagreement(verdict, near, float(best - none), share, _rms(off), _rms(left), force)
 
 

@@ -32,14 +32,13 @@ from compstiff.outcome import Outcome, Session, call
 @with_settings(*LOG_OPTIONS, *POSTING_OPTIONS)
 def cutting(
     session: Session, cell_file: Path, toolpath_file: Path, stock_file: Path | None, stiffness_file: Path | None,
-    forces_file: Path | None, output: Path, leaves: Path | None, logged_with: Path | None, settings: Settings,
+    forces_file: Path | None, output: Path, leaves: Path | None, settings: Settings,
 ) -> Outcome:
     """Learn what force a tool needs in a material, from the log of any program that cut with it.
 
     CELL is cell.yaml with the cutter, TOOLPATH the program that was logged. Written are six coefficients with their covariance,
     which tell the forces of other programs from their stock (predict and correct, --predict-force).
     """
-    from compensator.correction.settings import Settings as Chosen
     from compensator.cutting.stock_file import stock_npz
     from compstiff import cutting_coefficients, read_cell, read_stiffness, read_toolpath, table_coefficients
     from identification.common.files import check_writable, json_bytes, write_whole
@@ -48,16 +47,14 @@ def cutting(
     missing = [name for name, file in with_log.items() if file is None]
     if forces_file and missing:
         raise click.UsageError(f"--forces needs {' and '.join(missing)}.")
-    if not forces_file and (len(missing) < 2 or leaves or logged_with):
+    if not forces_file and (len(missing) < 2 or leaves or settings.correction.logged_with):
         raise click.UsageError("--stock, --stiffness, --leaves and --logged-with are about a log: name it with --forces.")
-    named = [cell_file, toolpath_file, stock_file, stiffness_file, forces_file, logged_with]
+    named = [cell_file, toolpath_file, stock_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
     session.inputs += [file for file in named if file]
     check_writable([output, *([leaves] if leaves else [])], overwrite=session.overwrite)
     cell = read_cell(cell_file)
     program = read_toolpath(toolpath_file, cell, settings.posting)
     if forces_file and stock_file and stiffness_file:
-        settings = Chosen.of(**{name: value for name, value in settings.values().items() if name != "logged_with"},
-                             logged_with=logged_with)
         fitted = cutting_coefficients(cell, program, stock_file, read_stiffness(stiffness_file, cell), forces_file, settings)
     else:
         fitted = table_coefficients(cell, program, settings)
