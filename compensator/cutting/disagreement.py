@@ -52,7 +52,7 @@ class Disagreement:
         if self.verdict == "adequate":
             return f"{off}: they agree"
         if self.verdict == "unknown":
-            return f"{off}: no cause that is known explains that by itself (wear, another speed, another material, a stock aside)"
+            return f"{off}: no cause that is known explains that by itself (wear, speed, material, place of the stock)"
         told = [self._told(cause) for cause in self.causes]
         if self.verdict == "named":
             return f"{off}: {told[0]}; that leaves {self.left:.1f} N"
