@@ -74,7 +74,6 @@ def correct(
 
     if forces_file is None and not settings.cutting.predict_force:
         forces_file = _log_beside(toolpath_files[0])
-    check_forces(forces_file, settings)
     inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file)
     return _correct_one(session, inputs, Outputs(Path(output), offsets, report), settings)
 
@@ -95,6 +94,7 @@ def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: S
     from identification.common.files import check_distinct
 
     check_distinct([*inputs.files(), *(path for _, path in settings.files())], outputs.files())
+    check_forces(inputs.forces, settings)
     for path in (inputs.forces, outputs.offsets, outputs.report):
         if path and path.is_dir():
             raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
