@@ -88,7 +88,15 @@ def cutting_coefficients(
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
     """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no
-    material)."""
+    material).
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> try:
+    ...     compstiff.table_coefficients(cell, compstiff.read_toolpath("insert.mod", cell))
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    CS4701
+    """
     cutter, rpm = cutter_of(cell), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     if not rpm:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
