@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from compensator.coefficients.fit import cutting_coefficients, table_coefficients
     from compensator.correction.budget import error_budget
     from compensator.correction.correct import correct
     from compensator.correction.files import Inputs, Outputs, correct_files
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
 
 # The file of each name, as the imports above say it to the type checker (a test compares them).
 _FILES = {
+    "compensator.coefficients.fit": ("cutting_coefficients", "table_coefficients"),
     "compensator.correction.budget": ("error_budget",),
     "compensator.correction.correct": ("correct",),
     "compensator.correction.files": ("Inputs", "Outputs", "correct_files"),
@@ -108,12 +110,13 @@ _FILES = {
 }
 _FILE_OF = {name: file for file, names in _FILES.items() for name in names}
 __all__ = [
-    "Address", "CellAnswers", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request", "Settings",
-    "Shared", "built_in_robots", "check_files", "check_robot", "convert_log", "correct", "correct_files", "correct_programs",
-    "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs", "error_budget", "explain_code", "fit_joint_logs",
-    "fit_stiffness", "judge_plan", "learn", "milling_poses", "new_cell", "offsets_csv", "paired", "post_files", "predict",
-    "push", "read_cell", "read_force_log", "read_learned", "read_measurements", "read_motion_log", "read_offsets",
-    "read_stiffness", "read_toolpath", "report", "still_payload", "upload", "verify", "watch_folder", "write",
+    "Address", "CellAnswers", "CompstiffError", "Controller", "Finding", "Folders", "Inputs", "Outputs", "Request",
+    "Settings", "Shared", "built_in_robots", "check_files", "check_robot", "convert_log", "correct", "correct_files",
+    "correct_programs", "cutting_coefficients", "design_plan", "deviation_csv", "diagnose", "diagnose_joint_logs",
+    "error_budget", "explain_code", "fit_joint_logs", "fit_stiffness", "judge_plan", "learn", "milling_poses", "new_cell",
+    "offsets_csv", "paired", "post_files", "predict", "push", "read_cell", "read_force_log", "read_learned",
+    "read_measurements", "read_motion_log", "read_offsets", "read_stiffness", "read_toolpath", "report", "still_payload",
+    "table_coefficients", "upload", "verify", "watch_folder", "write",
 ]
 
 

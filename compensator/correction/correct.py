@@ -102,6 +102,7 @@ class Corrected:
             "targets",
             *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
+            *([f"forces predicted from the stock: {self.as_logged()}"] if self.logged.on_plan else []),
             *(self.advice.lines() if self.advice else []),
             *(self.feed.lines() if self.feed else []),
         ]
@@ -116,6 +117,8 @@ class Corrected:
     def as_logged(self) -> str:
         """What an unknown cutting stiffness leaves, for people."""
         left = self.as_dict()["left_at_10_n_per_mm_um"]
+        if left is None:
+            return "they are those of a tool on the plan, as the corrected one is"
         return (f"a cutting stiffness of 10 N/mm leaves {left['rms']:.1f} um RMS, {left['largest']:.1f} um at most "
                 "(--cutting-stiffness, or correct the log of the corrected pass)")
 

@@ -14,39 +14,19 @@ ch. 2), climb milling with cutters of 10 to 25 mm, feeds of 0.04 to 0.15 mm a to
 diameter: 0.56 to 0.99, 0.75 in the middle, standard deviation of its logarithm 0.16; the edges' part does not grow, and the
 push across grows faster than the force as the engagement opens.
 
-k_c1.1 and m_c: ISCAR, Turning Tools catalogue 2017, p. 558, and Boring Systems 2022, p. 111, material groups by DIN/ISO 513
-and VDI 3323; the middle of a group's values in logarithms (the two differ for titanium alone). WIDTH and DIRECTION are
-engineering judgement: the values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the
-direction by 1.3 (linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
+k_c1.1 and m_c: compensator/cutting/materials.py, which names the source. WIDTH and DIRECTION are engineering judgement: the
+values of a group differ by a factor of 1.0 to 1.4 either way, a worn edge and its rake by 1.2, the direction by 1.3
+(linear-edge coefficients of aluminium, steel and titanium, depths from 1 % to half of the diameter).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from compensator.correction.settings import Estimate
+from compensator.cutting.materials import MATERIALS
 from identification.model.cell import CuttingFile
 
-
-class Material(NamedTuple):
-    """specific: k_c1.1 [N/mm^2], of a chip 1 mm thick and wide; exponent: m_c."""
-
-    specific: float
-    exponent: float
-
-
-MATERIALS = {
-    "aluminium": Material(735.0, 0.25),            # groups 21 to 25: 700 to 800
-    "copper_alloy": Material(700.0, 0.27),         # 26 to 28: 700
-    "cast_iron": Material(1270.0, 0.26),           # 15 to 20: 1150 to 1420
-    "steel": Material(1740.0, 0.23),               # 1 to 11: 1350 to 2500
-    "stainless_steel": Material(1970.0, 0.21),     # 12 to 14: 1875 to 2150
-    "titanium": Material(1560.0, 0.23),            # 36, 37: 1160 to 2110
-    "superalloy": Material(3090.0, 0.24),          # 31 to 35: 2600 to 3300
-    "hardened_steel": Material(4600.0, 0.24),      # 38 to 41: 4500 to 4700; its exponent is not given: as of steel
-}
 DIRECTION, WIDTH = 0.8, 0.4
 # Of the mean chip thickness alone: teeth, and depth by diameter.
 TEETH, ENGAGED = 3, 0.1

@@ -64,12 +64,14 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class LoggedPass:
-    """What is known of the pass that the log was taken in. offsets (N, 3) [m], base frame, that the program had then, None: it
+    """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted
+    ones are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
     was the planned one; stiffness: of the cut [N/m], None: not known."""
 
     offsets: Array | None
     stiffness: CuttingStiffness | None
     findings: tuple[Finding, ...] = ()
+    on_plan: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +92,9 @@ class CorrectedPass:
 
 def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> CorrectedPass:
     """The corrected pass of a program whose targets as given stand at the places `kept`."""
+    if logged.on_plan:
+        nothing = np.zeros(len(predicted.targets))
+        return CorrectedPass(predicted.loaded, predicted.prediction, nothing, nothing, None, 0.0)
     offsets = _at_all(logged.offsets, kept, predicted)
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         per_newton, _ = _deeper(predicted, offsets)

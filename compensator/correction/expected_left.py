@@ -4,6 +4,7 @@ The covariance of a prediction is that of the robot under the force as logged. O
 
     model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known; and what a correction
               that is held back leaves
+    force     of a force that was predicted: its coefficients, the model's error, where the stock stands
     scatter   of the mean force at a target, as the log shows it: large where the tool enters or leaves the cut
     sensor    the gain of the force sensor: so large a share of the deviation
     motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
@@ -35,9 +36,9 @@ from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, read_only, rms
 
 Indices = NDArray[np.intp]
-CAUSES = {"model": "the model", "scatter": "scatter of the force", "sensor": "gain of the force sensor",
-          "motion": "the robot in motion", "cut": "force that follows the cut", "learned": "what was learned",
-          "between": "between targets"}
+CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force",
+          "sensor": "gain of the force sensor", "motion": "the robot in motion", "cut": "force that follows the cut",
+          "learned": "what was learned", "between": "between targets"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class ExpectedLeft:
     """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause."""
 
     model: Array
+    force: Array
     scatter: Array
     sensor: Array
     motion: Array
@@ -99,12 +101,14 @@ def expected_left(
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
     of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
     of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
-    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter, 0.0))
+    of_force = np.clip(prediction.of_force, 0.0, np.maximum(of_model - of_scatter, 0.0))
+    of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
     learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
     unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
     gain = 0.0 if learned else cell.force_log.form.gain_std
     return ExpectedLeft(
-        np.sqrt(np.maximum(of_model - of_scatter - of_learned, 0.0) + residual**2), np.sqrt(of_scatter), gain * size,
+        np.sqrt(np.maximum(of_model - of_scatter - of_force - of_learned, 0.0) + residual**2), np.sqrt(of_force),
+        np.sqrt(of_scatter), gain * size,
         unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, cut.prediction, between)[targets])
 
 

@@ -20,7 +20,7 @@ from identification.model.stiffness_file import read_stiffness
 
 @dataclass(frozen=True)
 class Inputs:
-    """The files of one job.
+    """The files of one job. forces: None where they are predicted (settings.cutting).
 
     >>> from pathlib import Path
     >>> compstiff.Inputs(*map(Path, ("cell.yaml", "insert.mod", "stiffness.json", "insert.forces.parquet"))).toolpath.name
@@ -30,11 +30,11 @@ class Inputs:
     cell: Path
     toolpath: Path
     stiffness: Path
-    forces: Path
+    forces: Path | None
 
     def files(self) -> list[Path]:
         """All of them."""
-        return [self.cell, self.toolpath, self.stiffness, self.forces]
+        return [self.cell, self.toolpath, self.stiffness, *([self.forces] if self.forces else [])]
 
 
 @dataclass(frozen=True)

@@ -106,4 +106,5 @@ def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Arr
     own = np.searchsorted(grid.kept, at[alone])
     wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
     count[alone], forced[alone] = planned.samples[own], planned.forced[own]
-    return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced)
+    unknown = None if placed.unknown is None else placed.unknown[at]
+    return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced, unknown=unknown)

@@ -92,7 +92,7 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
     points = np.flatnonzero(known & near)
     learned = planned.loaded.learned
-    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed)), planned.model, points, learned)
+    loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed), unknown=None), planned.model, points, learned)
     # What is left of the covariance is the mean force's.
     exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0)
     prediction = predict_path(replace(loaded, model=exact, learned=learned.exactly() if learned else None))

@@ -38,6 +38,8 @@ def logged_pass(predicted: Predicted) -> LoggedPass:
     `read_offsets` and `pass_pair` raise, and what the first pass's log raises; Refused (CS3117) where the force falls with the
     depth."""
     settings = predicted.settings.correction
+    if predicted.forces.unknown is not None:
+        return LoggedPass(None, None, on_plan=True)
     offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
     prior, findings = known_before(predicted, offsets)
     if settings.first_forces is None or offsets is None:

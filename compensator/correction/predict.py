@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.beside_stock import beside_stock
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settings
+from compensator.cutting.coefficients import read_coefficients
+from compensator.cutting.predicted_log import in_base, predicted_log
 from compensator.forces.marks import has_marks, placed_by_marks
 from compensator.forces.placement import ForceLog, TargetForces, place_forces, read_force_log
 from compensator.forces.two_logs import compared
@@ -112,13 +115,15 @@ def largest_and_rms(values: Array) -> dict[str, float]:
 
 
 def predict(
-    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog,
+    cell: Cell, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog | None,
     settings: Settings = DEFAULTS,
 ) -> Predicted:
-    """Deviation of every target with force, the log read from a file as cell and settings say, or already read.
+    """Deviation of every target with force, the log read from a file as cell and settings say, or already read; None: the
+    forces are predicted from the stock, as `settings.cutting` says (docs/cutting.md).
 
-    Raises Refused (CS1022) for a model that its own measurements reject, CompstiffError (CS4202) for a program without a move,
-    and what `read_force_log`, `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
+    Raises CompstiffError (CS4723) for neither a log nor all that a prediction needs, Refused (CS1022) for a
+    model that its own measurements reject, CompstiffError (CS4202) for a program without a move, and what `read_force_log`,
+    `place_forces`, `compared`, `targets_to_correct` and `predict_path` raise.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -126,6 +131,8 @@ def predict(
     >>> predicted.as_dict()["predicted"], (1e6 * predicted.prediction.position[0]).round(1).tolist()
     (2777, [-11.1, 13.0, 0.9])
     """
+    _check_sources(forces, settings)
+    cell = cell if forces is not None else in_base(cell)
     doubts = _of_rejected(model, accepted=settings.correction.accept_rejected)
     learned = _learned(cell, settings)
     if learned is not None:
@@ -138,7 +145,21 @@ def predict(
     # Absurd numbers overflow on their way to a refusal; the refusal says so, NumPy need not.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         predicted = under_forces(robot_path(program.toolpath, cell), program, model, forces, settings, learned)
-    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted)))
+    return replace(predicted, findings=(*doubts, *predicted.findings, *_compared(predicted),
+                                        *beside_stock(predicted.loaded, predicted.prediction, settings)))
+
+
+def _check_sources(forces: str | Path | ForceLog | None, settings: Settings) -> None:
+    """Raises CompstiffError (CS4723) where something is missing, or of no use, of what tells the forces."""
+    coefficients, stock = settings.cutting.predict_force, settings.cutting.stock
+    named = (("cutting coefficients (--predict-force)", coefficients), ("the stock (--stock)", stock))
+    missing = [name for name, value in named if value is None]
+    if missing and (forces is None or len(missing) == 1):
+        raise error("CS4723", f"the forces cannot be predicted without {' and '.join(missing)}",
+                    hint="name both, or a force log of this program (--forces)")
+    if forces is None and (settings.log.tare or settings.log.other_forces or settings.correction.logged_with):
+        raise error("CS4723", "--tare, --other-forces and --logged-with are about a force log, and none is named",
+                    hint="leave them out, or name the log with --forces")
 
 
 def _compared(predicted: Predicted) -> list[Finding]:
@@ -179,16 +200,14 @@ def _learned(cell: Cell, settings: Settings) -> Learned | None:
 
 
 def under_forces(
-    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog, settings: Settings,
+    path: RobotPath, program: PlannedProgram, model: IdentifiedModel, forces: str | Path | ForceLog | None, settings: Settings,
     learned: Learned | None = None,
 ) -> Predicted:
-    """The program as the robot drives it, under the forces of one log. Raises as `predict`."""
+    """The program as the robot drives it, under the forces of one log, or, without one, under those its stock lets expect.
+    Raises as `predict`."""
     noticed: tuple[Finding, ...] = program.toolpath.findings
     try:
-        log = forces if isinstance(forces, ForceLog) else read_force_log(
-            forces, path.cell.force_log.form, log_format=settings.log.log_format, spindle_rpm=settings.log.spindle_rpm,
-            borders=borders(path.length))
-        log = _by_marks(log, path, program, settings)
+        log = _by_marks(_log(path, forces, settings), path, program, settings)
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
@@ -202,6 +221,19 @@ def under_forces(
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
     return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))
+
+
+def _log(path: RobotPath, forces: str | Path | ForceLog | None, settings: Settings) -> ForceLog:
+    """The log, read from a file or as it is; None: predicted."""
+    if isinstance(forces, ForceLog):
+        return forces
+    if forces is not None:
+        return read_force_log(forces, path.cell.force_log.form, log_format=settings.log.log_format,
+                              spindle_rpm=settings.log.spindle_rpm, borders=borders(path.length))
+    assert settings.cutting.predict_force is not None
+    assert settings.cutting.stock is not None
+    return predicted_log(path, read_coefficients(settings.cutting.predict_force), settings.cutting.stock,
+                         settings.log.spindle_rpm)[0]
 
 
 def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings: Settings) -> ForceLog:
@@ -234,7 +266,8 @@ def _other_tool(path: RobotPath, placed: TargetForces) -> list[Finding]:
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:
     """A warning (CS3087) where force stands on every move of a program, approach and retract too, and no bias was taken off."""
     count, size = len(placed.forced), np.linalg.norm(placed.wrench[:, :3], axis=1)
-    if settings.log.tare or path.cell.force_log.bias is not None or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
+    zeroed = placed.unknown is not None or settings.log.tare or path.cell.force_log.bias is not None
+    if zeroed or count < FEW or size.min() <= max(QUIET * size.max(), LEAST):
         return []
     return [Finding("CS3087", "warning", f"all {count} moves have force, at least {size.min():.0f} N, the first and the last "
                     "too: nothing shows where the sensor's zero is", file=placed.log.source,

@@ -32,8 +32,8 @@ class Prediction:
     the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
-    [m^2]: that of the mean force's scatter; unseen (M, 3, 3) [m^2]: the
-    part of covariance of what no measured part shows there.
+    [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
+    the part of covariance of what no measured part shows there.
     """
 
     targets: Indices
@@ -46,6 +46,7 @@ class Prediction:
     of_learned: Array
     of_scatter: Array
     unseen: Array
+    of_force: Array
 
     @property
     def known(self) -> Array:
@@ -73,15 +74,21 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
     learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    of_scatter = np.zeros(count)
+    of_scatter, of_force, unknown = np.zeros(count), np.zeros(count), loaded.forces.unknown
     for tool, places in loaded.each_tool():
         position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
         for part in chunks(len(places)):
             few = places[part]
             covariance[few] = model.deviation_covariance(
                 theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
+            if not scatter[few].any() and unknown is None:
+                continue
+            carried = position_compliance(model.robot, theta[few], tool, model.compliance)
+            if unknown is not None:
+                predicted = carried @ unknown[targets[few]] @ carried.swapaxes(1, 2)
+                covariance[few] += predicted
+                of_force[few] = np.trace(predicted, axis1=1, axis2=2)
             if scatter[few].any():
-                carried = position_compliance(model.robot, theta[few], tool, model.compliance)
                 scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[few], carried)
                 covariance[few] += scattered
                 of_scatter[few] = np.trace(scattered, axis1=1, axis2=2)
@@ -101,9 +108,9 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
     of_learned = np.trace(added, axis1=1, axis2=2)
-    read_only(position, rotation, covariance, notes, learned, of_learned, of_scatter, unseen)
+    read_only(position, rotation, covariance, notes, learned, of_learned, of_scatter, unseen, of_force)
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
-                      of_learned, of_scatter, unseen)
+                      of_learned, of_scatter, unseen, of_force)
 
 
 def deviation_slopes(loaded: LoadedPath) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from compensator.cutting.settings import CuttingSettings
 from compensator.forces.settings import LogSettings
 from compensator.learned.learned import Repeats
 from compensator.posting.settings import PostingSettings
@@ -86,6 +87,7 @@ class FeedSettings:
 
 
 GROUPS: dict[str, type[Any]] = {"log": LogSettings, "correction": CorrectionSettings, "feed": FeedSettings,
+                                "cutting": CuttingSettings,
                                 "posting": PostingSettings}
 
 
@@ -102,6 +104,7 @@ class Settings:
     correction: CorrectionSettings = field(default_factory=CorrectionSettings)
     feed: FeedSettings = field(default_factory=FeedSettings)
     posting: PostingSettings = field(default_factory=PostingSettings)
+    cutting: CuttingSettings = field(default_factory=CuttingSettings)
 
     @classmethod
     def of(cls, **values: Any) -> Settings:
@@ -130,6 +133,8 @@ class Settings:
         scale, options = self.correction.scale, self.log_options()
         options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
         options += ["--accept-rejected"] if self.correction.accept_rejected else []
+        options += ["--predict-force", str(self.cutting.predict_force)] if self.cutting.predict_force else []
+        options += ["--stock", str(self.cutting.stock)] if self.cutting.stock else []
         options += ["--learned", str(self.correction.learned)] if self.correction.learned else []
         options += ["--repeats", self.correction.repeats] if self.correction.repeats != "nothing" else []
         return options

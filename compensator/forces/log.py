@@ -36,7 +36,8 @@ class ForceLog:
     None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
-    keeps of them, one over T seconds 1/T times that.
+    keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
+    what is not known of them along a whole stretch; None: logged.
     """
 
     source: str
@@ -55,6 +56,7 @@ class ForceLog:
     findings: tuple[Finding, ...] = ()
     spread: Array | None = None
     lines_left: float = 0.0
+    covariance: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

@@ -41,7 +41,8 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    log: by path length, or by target where it names them.
+    log: by path length, or by target where it names them. unknown (N, 3, 3) [N^2], base frame: covariance of forces that were
+    predicted, None where they were logged.
     """
 
     wrench: Array
@@ -51,6 +52,7 @@ class TargetForces:
     tare: Array | None
     findings: tuple[Finding, ...]
     log: ForceLog
+    unknown: Array | None = None
 
     @property
     def named(self) -> bool:
@@ -98,12 +100,20 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _gradient(path, wrench[:, :3]) * spread)
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), log)
+                          zero.bias, (), log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, {kind: seen[0][:, :3] for kind, seen in in_frames.items()},
                                     cell.force_log.kind, log.source)]
     return replace(forces, findings=(*log.findings, *findings))
+
+
+def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
+    """Covariance (N, 3, 3) [N^2] of predicted forces at the targets; None where they were logged."""
+    if log.covariance is None:
+        return None
+    mean = rows.mean(log.covariance[on].reshape(-1, 9)).reshape(-1, 3, 3)
+    return np.where(forced[:, None, None], mean, 0.0)
 
 
 def _stretches(tare: Range | Sequence[Range] | None) -> list[Range]:

@@ -15,6 +15,7 @@ from compstiff.cli.options import (
     CORRECTION_OPTIONS,
     CUT_OPTIONS,
     FEED_OPTIONS,
+    FORCE_OPTIONS,
     LEARNED_OPTIONS,
     LOG_OPTIONS,
     OTHER_LOG,
@@ -22,6 +23,7 @@ from compstiff.cli.options import (
     SPLITTING_OPTIONS,
     STIFFNESS,
     Shard,
+    check_forces,
     with_settings,
 )
 from compstiff.outcome import Outcome, Session
@@ -39,10 +41,11 @@ if TYPE_CHECKING:
 @click.argument("toolpath_files", metavar="TOOLPATH...", nargs=-1, required=True, type=EXISTING)
 @STIFFNESS
 @click.option("--forces", "forces_file", type=EXISTING,
-              help="The force log of this program; of several the folder of their logs.  [default: beside each]")
+              help="The force log of this program; of several the folder of their logs.  [default: beside each, "
+              "unless --predict-force]")
 @click.option("-o", "--output", required=True, type=TEXT_PATH, help="The corrected program to write; of several a folder.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS, *FEED_OPTIONS,
-               *SPLITTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CORRECTION_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS, *FORCE_OPTIONS,
+               *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="Also write an HTML report.")
 @option("Output", "--offsets", type=PATH, help="Also write the offsets, one row a target (CSV).")
 @option("Output", "--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Of several, so many at a time.")
@@ -65,6 +68,8 @@ def correct(
     if is_batch(toolpath_files, output):
         if settings.log.other_forces or settings.correction.first_forces:
             raise click.UsageError("--other-forces and --first-forces name the log of one program: call it by itself.")
+        if settings.cutting.stock:
+            raise click.UsageError("--stock is what one program starts from: call it by itself.")
         from compstiff.batch.pairing import Folders
         from compstiff.batch.programs import Shared
 
@@ -74,7 +79,9 @@ def correct(
         raise click.UsageError("--scheduler and --shard are for several programs, or a folder of them.")
     from compstiff import Inputs, Outputs
 
-    inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file or _log_beside(toolpath_files[0]))
+    if forces_file is None and not settings.cutting.predict_force:
+        forces_file = _log_beside(toolpath_files[0])
+    inputs = Inputs(cell_file, toolpath_files[0], stiffness_file, forces_file)
     return _correct_one(session, inputs, Outputs(Path(output), offsets, report), settings)
 
 
@@ -94,10 +101,11 @@ def _correct_one(session: Session, inputs: Inputs, outputs: Outputs, settings: S
     from identification.common.files import check_distinct
 
     check_distinct([*inputs.files(), *(path for _, path in settings.files())], outputs.files())
+    check_forces(inputs.forces, settings)
     for path in (inputs.forces, outputs.offsets, outputs.report):
         if path and path.is_dir():
             raise click.UsageError(f"'{path}' is a folder. For a batch, '-o' has to be a folder too.")
-    session.inputs += [inputs.cell, inputs.toolpath, inputs.stiffness, inputs.forces, *(path for _, path in settings.files())]
+    session.inputs += [*inputs.files(), *(path for _, path in settings.files())]
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     corrected = correct_files(inputs, outputs, settings, overwrite=session.overwrite)

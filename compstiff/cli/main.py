@@ -15,6 +15,7 @@ COMMANDS = {
     "check": "Check the files of a cell, and say all that is wrong with them, without computing.",
     "convert": "Turn a public or a sensor's own log into columns that the other commands read.",
     "correct": "Correct a milling program for the deflection under its logged forces.",
+    "cutting": "Learn what force a tool needs in a material, from the log of any program that cut with it.",
     "demo": "Run identify and correct on the shipped samples, into DIR.",
     "design": "Plan the poses and loads that tell most, and certify how good the plan is.",
     "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",

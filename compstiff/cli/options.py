@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -112,9 +113,12 @@ CELL = click.argument("cell_file", metavar="CELL", type=READABLE)
 TOOLPATH = click.argument("toolpath_file", metavar="TOOLPATH", type=READABLE)
 STIFFNESS = click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
 FORCES = click.option("--forces", "forces_file", required=True, type=READABLE, help="The force log of this program.")
+FORCES_IF_ANY = click.option("--forces", "forces_file", type=READABLE,
+                             help="The force log of this program; without one --predict-force and --stock tell the forces.")
 REPORT = click.option("--report", type=WRITABLE, help="Also write an HTML report.")
 
 _log = functools.partial(option, "Force log")
+_cutting = functools.partial(option, "Forces from the stock")
 _posting = functools.partial(option, "Posting (APT, CSV)")
 _correction = functools.partial(option, "Correction")
 _feed = functools.partial(option, "Feed")
@@ -144,6 +148,12 @@ LEARNED_OPTIONS: tuple[Decorator, ...] = (
     _correction("--repeats", type=click.Choice(("nothing", "setup", "job")), default=DEFAULTS.correction.repeats,
                 show_default=True, help="With --learned: the measured part's set-up comes again, or its whole job with its "
                 "warming."),
+)
+# Forces that are predicted from the stock: `predict` and `correct`.
+FORCE_OPTIONS: tuple[Decorator, ...] = (
+    _cutting("--predict-force", type=READABLE, help="What cutting wrote of tool and material: the forces are predicted, and "
+             "no log of this program is needed; beside a log both are compared."),
+    _cutting("--stock", type=READABLE, help="What the program starts from: stock.yaml, or what an earlier one left (.npz)."),
 )
 # What a log is held against, for one program: `predict` and `correct`.
 OTHER_LOG: tuple[Decorator, ...] = (
@@ -200,6 +210,15 @@ FEED_OPTIONS: tuple[Decorator, ...] = (
     _feed("--check-feed", is_flag=True, help="Also report whether the robot can hold the feed, before and after."),
     _feed("--strict-feed", is_flag=True, help="As --check-feed, and refuse (exit 3) a cut that cannot hold its feed."),
 )
+
+
+def check_forces(forces_file: Path | None, settings: Settings) -> None:
+    """UsageError where nothing tells the forces, or half of what predicts them is missing."""
+    cutting = settings.cutting
+    if (cutting.predict_force is None) != (cutting.stock is None):
+        raise click.UsageError("--predict-force and --stock go together: coefficients, and what is cut.")
+    if forces_file is None and cutting.predict_force is None:
+        raise click.UsageError("Missing option '--forces': the log of this program, or --predict-force and --stock.")
 
 
 def with_settings(*options: Decorator) -> Decorator:

@@ -11,7 +11,8 @@ from compstiff.cli.console import WRITABLE, command
 from compstiff.cli.options import (
     CELL,
     CUT_OPTIONS,
-    FORCES,
+    FORCE_OPTIONS,
+    FORCES_IF_ANY,
     LEARNED_OPTIONS,
     LOG_OPTIONS,
     OTHER_LOG,
@@ -19,6 +20,7 @@ from compstiff.cli.options import (
     REPORT,
     STIFFNESS,
     TOOLPATH,
+    check_forces,
     with_settings,
 )
 from compstiff.outcome import Outcome, Session, call
@@ -28,15 +30,15 @@ from compstiff.outcome import Outcome, Session, call
 @CELL
 @TOOLPATH
 @STIFFNESS
-@FORCES
+@FORCES_IF_ANY
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The deviation file (CSV) to write.")
 @click.option("--budget", is_flag=True, help="Also say what a tolerance would be spent on after a correction.")
 @click.option("--tolerance-um", type=click.FloatRange(0, min_open=True),
               help="With --budget: the largest deviation that is accepted on the part.")
-@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS)
+@with_settings(*LOG_OPTIONS, *OTHER_LOG, *POSTING_OPTIONS, *CUT_OPTIONS, *LEARNED_OPTIONS, *FORCE_OPTIONS)
 @REPORT
 def predict(
-    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path, output: Path,
+    session: Session, cell_file: Path, toolpath_file: Path, stiffness_file: Path, forces_file: Path | None, output: Path,
     report: Path | None, settings: Settings, budget: bool, tolerance_um: float | None,
 ) -> Outcome:
     """Predict how far the tool is pushed off its path.
@@ -55,10 +57,11 @@ def predict(
     if not budget and _of_the_cut(settings) != _of_the_cut(DEFAULTS):
         raise click.UsageError("--cutting-stiffness, --depth-of-cut, --logged-with and --first-forces are for correct, and for "
                                "--budget: the force of the logged pass is predicted.")
+    check_forces(forces_file, settings)
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
     inputs = Inputs(cell_file, toolpath_file, stiffness_file, forces_file)
-    session.inputs += [cell_file, toolpath_file, stiffness_file, forces_file, *(path for _, path in settings.files())]
+    session.inputs += [*inputs.files(), *(path for _, path in settings.files())]
     outputs = [output, *([report] if report else [])]
     check_writable(outputs, overwrite=session.overwrite)
     predicted = predict_files(inputs, settings)
@@ -73,8 +76,8 @@ def predict(
     if spent is not None:
         figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]
     return Outcome(figures, findings, lines,
-                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file, "--forces", forces_file,
-                                  *settings.as_options(), "-o",
+                   next_step=call("correct", cell_file, toolpath_file, "--stiffness", stiffness_file,
+                                  *(["--forces", forces_file] if forces_file else []), *settings.as_options(), "-o",
                                   f"{toolpath_stem(toolpath_file)}_corrected{rapid_suffix(toolpath_file)}"))
 
 

@@ -110,11 +110,14 @@ Material = Literal["aluminium", "copper_alloy", "cast_iron", "steel", "stainless
 
 
 class CuttingFile(Strict):
-    """The cut that this cell mills with: how stiff it is across the feed, or what its prior is made from."""
+    """The cut that this cell mills with: how stiff it is across the feed, or what its prior is made from; and its cutter."""
 
     material: Material | None = None
     tool_diameter_mm: Positive | None = None
     contact_mm: Positive | None = None
+    teeth: Annotated[int, Field(ge=1, le=100)] | None = None
+    corner_radius_mm: NotNegative | None = None
+    flute_mm: Positive | None = None
     stiffness_n_per_mm: Positive | None = None
     std_n_per_mm: NotNegative | None = None
 
@@ -356,6 +359,8 @@ def _cutting(cutting: CuttingFile, file: Path) -> CuttingFile:
     """As it stands. CompstiffError (CS0102) where a key says nothing without another one."""
     needs = (("std_n_per_mm", "stiffness_n_per_mm"), ("tool_diameter_mm", "material"), ("contact_mm", "material"))
     for key, other in needs:
+        if key == "tool_diameter_mm" and cutting.teeth is not None:
+            continue                # a cutter of its own (docs/cutting.md)
         if getattr(cutting, key) is not None and getattr(cutting, other) is None:
             raise error("CS0102", f"cutting.{key} is stated without cutting.{other}, and says nothing by itself",
                         file=str(file), hint=f"state cutting.{other} too")

@@ -1,0 +1,167 @@
+"""`cutting`: the force coefficients of a tool in a material, from the log of any program that cut with it, or from the
+table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.coefficients.fitted import FittedCoefficients
+from compensator.coefficients.next_cut import next_cut
+from compensator.correction.logged_pass import read_offsets
+from compensator.correction.predict import Predicted, predict
+from compensator.correction.settings import DEFAULTS, Settings
+from compensator.cutting.coefficients import Coefficients
+from compensator.cutting.cut import Cut, cut_of
+from compensator.cutting.cutter import cutter_of
+from compensator.cutting.materials import coefficients_of
+from compensator.cutting.posterior import fit_coefficients
+from compensator.cutting.rows import FEWEST, logged_rows
+from compensator.cutting.settings import CuttingSettings
+from compensator.cutting.stock_file import read_stock
+from compensator.forces.placement import ForceLog
+from compensator.posting.read_toolpath import PlannedProgram
+from identification.common.arrays import Array
+from identification.common.files import sha256
+from identification.common.findings import Finding, error
+from identification.model.cell import Cell
+from identification.model.stiffness import IdentifiedModel
+
+# Without a material in cell.yaml nothing is known before: a middle one, known to a factor of ten. Engineering judgement.
+ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
+# Teeth that stand out by 10 to 20 um, as nobody has measured them, miss part of a light cut: by so large a share the edge's
+# coefficients of one log may be others' in another cut. Engineering judgement.
+RUNOUT = 0.1
+# What the table leaves of the force at a place, beside the coefficients.
+TABLE_MODEL_ERROR = 0.05
+
+
+def cutting_coefficients(
+    cell: Cell, program: PlannedProgram, stock: str | Path, model: IdentifiedModel, forces: str | Path | ForceLog,
+    settings: Settings = DEFAULTS,
+) -> FittedCoefficients:
+    """From the log of a program, what it started from, and the robot's model: while it was logged the tool stood off its plan
+    by what the logged forces pushed it, and cut less.
+
+    settings as for `predict`; logged_with: the offsets.csv that the program had. Raises what `predict`, `cut_of` and
+    `read_offsets` raise; CompstiffError (CS4730) for a log that shows too little of the cut.
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
+    >>> try:
+    ...     compstiff.cutting_coefficients(cell, program, "no_stock.yaml", model, "insert.forces.parquet")
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    CS4701
+    """
+    cutter_of(cell)
+    predicted = predict(cell, program, model, forces, replace(settings, cutting=CuttingSettings()))
+    blank, rpm = read_stock(stock), settings.log.spindle_rpm
+    aside = standing(predicted)
+    cut = cut_of(predicted.path, blank, rpm, aside)
+    rows, used = logged_rows(cut, predicted.forces, aside, cut.left.position_std, rpm)
+    if len(rows.force) < FEWEST:
+        raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at "
+                    f"least {FEWEST}", file=predicted.forces.log.source,
+                    hint="is it the log of this program, and the stock it started from, in its work object?")
+    chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
+    mean, covariance, material, assumed = before(cell, float(np.median(chip)))
+    found = fit_coefficients(rows, mean, covariance)
+    gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
+    of_edge = np.where(np.arange(6) < 3, 0.0, found.mean)
+    coefficients = Coefficients(
+        found.mean.copy(),
+        found.covariance + gain**2 * np.outer(found.mean, found.mean) + RUNOUT**2 * np.outer(of_edge, of_edge),
+        found.model_error, cut.cutter,
+        material,
+        (float(chip.min()), float(chip.max())),
+        {"from": "log", "spindle_rpm": 60 / cut.revolution, "made_from": _made_from(cell, program, blank.source, forces)})
+    depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
+    noise = float(np.hypot(found.floor, 0.5))
+    further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
+    findings = (*predicted.findings, *cut.findings(), *assumed, *_said(found.mean, found.aside, cut, predicted, used))
+    return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
+
+
+def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
+    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no
+    material).
+
+    >>> cell = compstiff.read_cell("cell.yaml")
+    >>> try:
+    ...     compstiff.table_coefficients(cell, compstiff.read_toolpath("insert.mod", cell))
+    ... except compstiff.CompstiffError as stopped:
+    ...     print(stopped.findings[0].code)
+    CS4701
+    """
+    cutter, rpm = cutter_of(cell), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
+    if not rpm:
+        raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
+                    hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
+    if cell.cutting.material is None:
+        raise error("CS4731", "without a log the coefficients come from the table, and cutting.material is not stated",
+                    file=str(cell.source), hint="state cutting.material in cell.yaml, or name a log (--forces)")
+    feed = program.toolpath.feed[np.isfinite(program.toolpath.feed) & ~program.air]
+    if not len(feed):
+        raise error("CS4731", "the program states no feed", file=program.toolpath.source, hint="the chip's thickness needs it")
+    chip = float(np.median(feed)) * 60 / rpm / cutter.teeth
+    mean, covariance, material, assumed = before(cell, chip)
+    coefficients = Coefficients(mean, covariance, TABLE_MODEL_ERROR, cutter, material, None,
+                                {"from": "table", "spindle_rpm": rpm})
+    depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
+    return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
+                              next_cut(mean, covariance, cutter, depth, chip, 0.5), tuple(assumed))
+
+
+def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Finding]]:
+    """Mean (6,) and covariance (6, 6) of the coefficients before any log, the material, and what was assumed."""
+    material = cell.cutting.material
+    if material is not None:
+        mean, covariance = coefficients_of(material, chip)
+        return mean, covariance, material, [Finding(
+            "CS4732", "note", f"known before: the coefficients of {material} by its specific cutting force, to about 40 %",
+            file=str(cell.source))]
+    mean, covariance = coefficients_of(ANY_MATERIAL, chip)
+    return mean, covariance * (ANY_WIDTH / 0.4) ** 2, None, [Finding(
+        "CS4732", "note", "cutting.material is not stated: next to nothing is taken to be known of the coefficients before",
+        file=str(cell.source))]
+
+
+def standing(predicted: Predicted) -> Array:
+    """Where the tool stood off its plan while the log was taken (N, 3) [m], base frame."""
+    path, logged_with = predicted.path, predicted.settings.correction.logged_with
+    stood = np.zeros((len(path.toolpath), 3)) if logged_with is None else read_offsets(logged_with, path).copy()
+    stood[predicted.targets] += predicted.prediction.position
+    return stood
+
+
+def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: NDArray[np.bool_]) -> list[Finding]:
+    """What a user must know of the fit."""
+    findings = []
+    source = predicted.forces.log.source
+    with_force = int(predicted.forces.forced.sum())
+    if with_force and used.sum() < 0.8 * with_force:
+        findings.append(Finding("CS4733", "warning", f"{with_force - int(used.sum())} of {with_force} targets with force cut "
+                                "nothing of the stock, or are not known to, and were left out", file=source,
+                                hint="is the stock what the program started from?"))
+    if (mean[[0, 3]] <= 0).any():
+        findings.append(Finding("CS4734", "warning", "a tangential coefficient came out negative: no tool cuts like that",
+                                file=source, hint="check force_log.frame and sign, the spindle's sense of turning, the stock"))
+    far = np.abs(aside) > 2
+    if far.any():
+        where = ", ".join(f"{-1e3 * value * cut.left.position_std:+.2f} mm in {name}" for value, name, one in zip(
+            aside, "xyz", far, strict=True) if one)
+        findings.append(Finding("CS4735", "warning", f"the log fits best where the stock stands aside by {where}, more than "
+                                "twice what its file says may be", file=source, hint="measure where the stock stands"))
+    return findings
+
+
+def _made_from(cell: Cell, program: PlannedProgram, stock: Path, forces: str | Path | ForceLog) -> dict[str, dict[str, str]]:
+    log = forces.source if isinstance(forces, ForceLog) else forces
+    named = {"cell": cell.source, "toolpath": program.source, "stock": stock, "forces": Path(log)}
+    return {name: {"file": file.name, "sha256": sha256(file)} for name, file in named.items() if file and file.is_file()}
+
+

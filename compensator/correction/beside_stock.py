@@ -1,0 +1,44 @@
+"""The log of a program beside what its stock lets expect of forces: what is to be said of both (CS4740 to CS4743)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.prediction import Prediction
+from compensator.correction.settings import Settings
+from compensator.cutting.coefficients import check_same, read_coefficients
+from compensator.cutting.cut import cut_of
+from compensator.cutting.disagreement import disagreement
+from compensator.cutting.rows import FEWEST, logged_rows
+from identification.common.findings import Finding
+
+# The stock is moved by this [m] to see what that changes; more where its place is known worse.
+STEP = 0.1e-3
+
+
+def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings) -> list[Finding]:
+    """Nothing where no coefficients are named. The tool stood off its plan by the predicted deviation while it was logged; with
+    --logged-with it stood on it, next to."""
+    chosen, path, forces = settings.cutting, loaded.path, loaded.forces
+    if chosen.predict_force is None or chosen.stock is None or forces.unknown is not None:
+        return []
+    coefficients = read_coefficients(chosen.predict_force)
+    aside = np.zeros((len(path.toolpath), 3))
+    if settings.correction.logged_with is None:
+        aside[loaded.targets] = prediction.position
+    rpm, source = settings.log.spindle_rpm, forces.log.source
+    cut = cut_of(path, chosen.stock, rpm, aside)
+    check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
+    step = max(STEP, cut.left.position_std)
+    rows, _ = logged_rows(cut, forces, aside, step, rpm, coefficients.mean)
+    if len(rows.force) < FEWEST:
+        return [Finding("CS4743", "warning", f"only {len(rows.force)} targets show a force and are engaged as the stock "
+                        "says: the log cannot be held against it", file=source,
+                        hint="is it the stock that this program started from?")]
+    found = disagreement(rows, coefficients, cut.left.position_std, step)
+    codes = {"adequate": "CS4740", "named": "CS4741", "ambiguous": "CS4742", "unknown": "CS4743"}
+    return [*cut.findings(), Finding(
+        codes[found.verdict], "note" if found.verdict == "adequate" else "warning", found.words(), file=source,
+        hint="" if found.verdict == "adequate" else "the correction goes by the log; forces predicted for other programs with "
+        "these coefficients are as far off, unless it is this part's stock")]

@@ -1,0 +1,1 @@
+"""What a cut is: stock, cutter, how they engage along a path, and the mean force of that."""

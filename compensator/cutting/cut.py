@@ -1,0 +1,153 @@
+"""Cut: a program that goes through its stock: the engagement along its path, and what its mean forces weigh coefficients
+with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.cutting.chips import SHEAR
+from compensator.cutting.cutter import Cutter, cutter_of
+from compensator.cutting.removal import Engagement, mill_through
+from compensator.cutting.stock import Stock
+from compensator.cutting.stock_file import Blank, read_stock
+from compensator.cutting.track import Track, track_of
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+from identification.common.findings import Finding, counted, error
+
+# Steps of a track are so long at most, and this share of the cutter's radius [m].
+LONGEST, SHARE = 0.5e-3, 1 / 16
+# So many places that stay as they are are named.
+NAMED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A program under way: path, cutter, revolution [s] of the spindle, blank; track and engagement (S steps); left: the stock
+    behind it."""
+
+    path: RobotPath
+    cutter: Cutter
+    revolution: float
+    blank: Blank
+    track: Track
+    engagement: Engagement
+    left: Stock
+
+    @cached_property
+    def per_step(self) -> Array:
+        """A (S, 3, 6): the mean force of a step [N], base frame, is A K; coefficients K in N/m^2 and N/m. Zero where it is not
+        known."""
+        chip = np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
+        scaled = self.engagement.weights.copy()
+        scaled[:, :, SHEAR] *= chip[:, None, None]
+        scaled[self.engagement.unknown] = 0.0
+        return np.asarray(np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled))
+
+    @cached_property
+    def time(self) -> Array:
+        """What the steps (S,) count in a mean: their time [s], for one feed in their length."""
+        feed = self.path.toolpath.feed[self.track.move]
+        usual = np.nanmedian(feed) if np.isfinite(feed).any() else 1.0
+        return np.asarray(self.track.length / np.where(np.isfinite(feed) & (feed > 0), feed, usual))
+
+    @cached_property
+    def per_target(self) -> Array:
+        """A (N, 3, 6) of the targets: the mean over half the way to its neighbours."""
+        return self.mean(self.per_step)
+
+    def mean(self, values: Array) -> Array:
+        """Means (N, ...) over each target's stretch of values (S, ...) of the steps."""
+        count = len(self.path.toolpath)
+        total = np.maximum(np.bincount(self.track.target, self.time, minlength=count), 1e-300)
+        flat = values.reshape(len(values), -1)
+        summed = np.column_stack([np.bincount(self.track.target, self.time * column, minlength=count) for column in flat.T])
+        return np.asarray((summed / total[:, None]).reshape(count, *values.shape[1:]))
+
+    @cached_property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Targets (N,) that cut somewhere in their stretch with a force that is not known."""
+        return np.bincount(self.track.target[self.engagement.unknown], minlength=len(self.path.toolpath)) > 0
+
+    @cached_property
+    def cuts(self) -> NDArray[np.bool_]:
+        """Targets (N,) that cut somewhere in their stretch."""
+        return np.bincount(self.track.target[self.engagement.cuts], minlength=len(self.path.toolpath)) > 0
+
+    def figures(self) -> dict[str, float | int]:
+        """JSON values: lengths in mm."""
+        cuts, time, chip = self.engagement.cuts, self.time, self.track.chip
+        if not cuts.any():
+            return {"cutting_targets": 0, "unknown_targets": int(self.unknown.sum())}
+        weight = time[cuts] / time[cuts].sum()
+        return {
+            "cutting_targets": int(self.cuts.sum()), "unknown_targets": int(self.unknown.sum()),
+            "depth_mm": 1e3 * float(weight @ self.engagement.depth[cuts]),
+            "width_mm": 1e3 * float(weight @ self.engagement.width[cuts]),
+            "feed_a_tooth_mm": 1e3 * float(np.nanmedian(chip[cuts])),
+            "climb_share": float(weight @ (self.engagement.low[cuts] + self.engagement.high[cuts] < 0)),
+        }
+
+    def line(self) -> str:
+        """For the terminal."""
+        figures = self.figures()
+        if not figures["cutting_targets"]:
+            return "engagement: the program touches its stock nowhere"
+        return (f"engagement: {figures['cutting_targets']} targets cut, on average {figures['depth_mm']:.2f} mm deep along the "
+                f"axis and {figures['width_mm']:.2f} mm across the feed, {100 * figures['climb_share']:.0f} % climb, "
+                f"{figures['feed_a_tooth_mm']:.3g} mm a tooth")
+
+    def findings(self) -> list[Finding]:
+        """What a user must know of it."""
+        toolpath, found = self.path.toolpath, []
+        source, stock = str(self.blank.source), self.left
+        found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}", file=source))
+        if not self.blank.stated:
+            found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to "
+                                 f"{1e3 * stock.position_std:g} mm, 1 sigma, in x, y and z", file=source,
+                                 hint="state position_std_mm"))
+        lost = np.flatnonzero(self.unknown)
+        if len(lost):
+            where = ", ".join(str(toolpath.line[target]) for target in lost[:NAMED])
+            found.append(self.path.finding(
+                int(lost[0]), "CS4708", "warning", f"the force of {counted(len(lost), 'target')} that may cut is not known and "
+                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that is tilted "
+                "by over 1 degree, no feed, or a box that the stock file calls unknown",
+                "they stay where they are; log a pass to correct them too"))
+        if not self.cuts.any():
+            found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,
+                                 hint="is the stock in the program's work object, in millimetres?"))
+        return found
+
+
+def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None) -> Cut:
+    """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
+    where the tool stood off the plan.
+
+    Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, and what `read_stock` raises.
+    """
+    cell = path.cell
+    cutter = cutter_of(cell)
+    speed = rpm or cell.force_log.form.spindle_rpm
+    if not speed:
+        raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
+                    hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
+    blank = stock if isinstance(stock, Blank) else read_stock(stock)
+    off = None if aside is None else path.base_from_object.inverse().turn(aside)
+    step = min(LONGEST, SHARE * cutter.radius)
+    track = track_of(path, cutter.teeth, 60 / speed, step, off)
+    # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
+    made = blank.stock(_levels(track if off is None else track_of(path, cutter.teeth, 60 / speed, step)), cutter.corner)
+    engagement = mill_through(made, track, cutter)
+    return Cut(path, cutter, 60 / speed, blank, track, engagement, made)
+
+
+def _levels(track: Track) -> Array:
+    """The heights (n,) [m] at which the tip goes sideways."""
+    sideways = np.hypot(*(track.end - track.start)[:, :2].T) > 1e-9
+    return np.concatenate([track.start[sideways, 2], track.end[sideways, 2]])

@@ -1,0 +1,85 @@
+"""The forces that a program will meet, worked out from its stock: a force log that nobody took, with what is not known of
+it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from compensator.cutting.coefficients import Coefficients, check_same
+from compensator.cutting.cut import Cut, cut_of
+from compensator.forces.log import ForceLog
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+from identification.common.findings import Finding
+from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
+
+# Rows of the log stand for no more of the path than this where there is a cut [m], so that every place between targets has
+# some; and what they weigh in a mean is their length in such [m].
+A_ROW, A_SAMPLE = 0.1e-3, 0.01e-3
+# The feed a tooth may be outside of that of the log by this factor before it is said.
+OUTSIDE = 1.3
+
+
+def in_base(cell: Cell) -> Cell:
+    """The cell as predicted forces want it: in the base frame, on the tool, without bias, payload or gain of a sensor."""
+    return replace(cell, force_log=ForceLogFrame("base", None, 1.0, weight="removed", form=ForceLogFile(
+        gain_std=0.0, spindle_rpm=cell.force_log.form.spindle_rpm)))
+
+
+def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path, rpm: float | None) -> tuple[ForceLog, Cut]:
+    """Of a program whose tool stands on its plan, which is where a corrected one stands. Rows are steps along the path, forces
+    in the base frame; covariance of each: the coefficients', the model's error, and where the stock stands.
+
+    Raises CompstiffError: CS4721 another cutter or material, and what `cut_of` raises.
+    """
+    cut = cut_of(path, stock, rpm)
+    check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
+    force = cut.per_step @ coefficients.mean
+    covariance = np.einsum("sij,jk,slk->sil", cut.per_step, coefficients.covariance, cut.per_step)
+    size = np.linalg.norm(force, axis=1)
+    covariance += (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
+    for moved in _moved(cut, coefficients, rpm):
+        covariance += np.einsum("si,sj->sij", moved - force, moved - force)
+    # A target with a step of unknown force has none, and stays as it is.
+    lost = cut.unknown[cut.track.target]
+    force[lost], covariance[lost] = 0.0, 0.0
+    pieces = np.where(cut.engagement.cuts, np.maximum(np.ceil(cut.track.length / A_ROW), 1), 1).astype(np.intp)
+    step = np.repeat(np.arange(len(force)), pieces)
+    number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (number + 0.5) / pieces[step] - 0.5
+    place = cut.track.place[step] + share * cut.track.length[step]
+    force, covariance, rows = force[step], covariance[step], len(step)
+    findings = (*cut.findings(), *_outside(cut, coefficients))
+    return ForceLog(
+        str(coefficients.source), force, np.zeros((rows, 3)), False, "path_mm", place, np.arange(1, rows + 1),
+        np.maximum(np.round(cut.track.length[step] / pieces[step] / A_SAMPLE), 1.0), None, None, None,
+        np.concatenate([force, np.zeros((rows, 3))], axis=1), np.zeros(rows, dtype=bool), findings,
+        covariance=covariance), cut
+
+
+def _moved(cut: Cut, coefficients: Coefficients, rpm: float | None) -> list[Array]:
+    """The forces (S, 3) [N] where the stock stands aside by its standard deviation along x, y and z of the work object."""
+    std = cut.left.position_std
+    if not std:
+        return []
+    axes = cut.path.base_from_object.rotation[0]
+    count = len(cut.path.toolpath)
+    return [np.asarray(cut_of(cut.path, cut.blank, rpm, np.tile(std * axes[:, k], (count, 1))).per_step @ coefficients.mean)
+            for k in range(3)]
+
+
+def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:
+    """A warning (CS4722) where the feed a tooth is not that of the log."""
+    chip = cut.track.chip[cut.engagement.cuts & ~cut.engagement.unknown]
+    if coefficients.chip is None or not len(chip):
+        return []
+    low, high = float(chip.min()), float(chip.max())
+    if low * OUTSIDE >= coefficients.chip[0] and high <= OUTSIDE * coefficients.chip[1]:
+        return []
+    return [Finding("CS4722", "warning", f"the feed a tooth is {1e3 * low:.3g} to {1e3 * high:.3g} mm, that of the log which "
+                    f"told the coefficients {1e3 * coefficients.chip[0]:.3g} to {1e3 * coefficients.chip[1]:.3g} mm",
+                    file=str(coefficients.source), hint="the force is taken as straight in the chip's thickness; thinner chips "
+                    "need more than that")]

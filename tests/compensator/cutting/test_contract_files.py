@@ -1,0 +1,119 @@
+"""Stock files and cutting.json: what they may hold, what is refused, and that they come back as they were."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.cutting.coefficients import Coefficients, check_same, read_coefficients
+from compensator.cutting.cutter import Cutter
+from compensator.cutting.materials import coefficients_of
+from compensator.cutting.stock_file import read_npz, read_stock, stock_npz
+from identification.common.findings import CompstiffError
+from tests.compensator.cutting.milled import FLAT, block, milled
+
+BOX = "box: {from_mm: [0, 0, -20], to_mm: [50, 40, 0]}\n"
+
+
+def code_of(file: Path) -> str:
+    with pytest.raises(CompstiffError) as stopped:
+        read_stock(file)
+    return stopped.value.findings[0].code
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "stock.yaml"
+    file.write_text(text)
+    return file
+
+
+def test_a_box_is_a_box(tmp_path: Path) -> None:
+    blank = read_stock(written(tmp_path, BOX + "resolution_mm: 0.5\nposition_std_mm: 0.2\n"))
+    stock = blank.stock(1e-3 * np.array([-5.0, -8.0]), 0.0)
+    assert stock.volume == pytest.approx(50e-3 * 40e-3 * 20e-3, rel=0.01)
+    assert 1e3 * stock.height == pytest.approx([-20, -8, -5, 0])
+    assert (blank.cell, blank.position_std, blank.stated) == (0.5e-3, 0.2e-3, True)
+
+
+@pytest.mark.parametrize(("text", "code"), [
+    ("resolution_mm: 0.2\n", "CS0102"), (BOX + "left_by: a.npz\n", "CS0102"),
+    ("box: {from_mm: [0, 0, 0], to_mm: [50, 40, 0]}\n", "CS0102"), (BOX + "resolution_mm: 0.001\n", "CS0102"),
+    (BOX + "positon_std_mm: 1\n", "CS0102"), ("left_by: gone.npz\n", "CS0005"), ("box: 5\n", "CS0102"),
+    ("box: {from_mm: [0, 0, -20], to_mm: [9000, 9000, 0]}\nresolution_mm: 0.02\n", "CS4704")])
+def test_what_is_no_stock_is_refused(tmp_path: Path, text: str, code: str) -> None:
+    assert code_of(written(tmp_path, text)) == code
+
+
+def test_what_a_program_left_comes_back(tmp_path: Path) -> None:
+    stock = block((-60.0, -40.0, -20.0), (60.0, 40.0, 0.0), (-4.0,), 0.5)
+    milled(stock, np.array([[-80.0, 0.0, -4.0], [80.0, 0.0, -4.0]]))
+    file = tmp_path / "left.npz"
+    file.write_bytes(stock_npz(replace(stock, position_std=0.3e-3)))
+    back = read_npz(file)
+    assert back.volume == pytest.approx(stock.volume, rel=1e-6)
+    assert np.array_equal(back.inside, stock.inside) or np.allclose(back.inside, stock.inside, atol=1e-8)
+    # The slot is still there for the next program, which goes deeper.
+    again = read_stock(file).stock(np.array([-6e-3]), 0.0)
+    _, engaged, _ = milled(again, np.array([[-80.0, 0.0, -6.0], [80.0, 0.0, -6.0]]))
+    assert engaged.depth.max() == pytest.approx(2e-3, rel=1e-6)
+    assert again.position_std == pytest.approx(0.3e-3)
+
+
+@pytest.mark.parametrize("broken", ["text", "format", "missing", "shape", "nan", "order", "cut"])
+def test_a_damaged_stock_is_refused(tmp_path: Path, broken: str) -> None:
+    stock = block((0.0, 0.0, -5.0), (10.0, 10.0, 0.0), ())
+    file = tmp_path / "left.npz"
+    file.write_bytes(stock_npz(stock))
+    with np.load(file) as content:
+        arrays = {name: content[name] for name in content.files}
+    if broken == "text":
+        file.write_text("no archive")
+    elif broken == "cut":
+        file.write_bytes(file.read_bytes()[:200])
+    else:
+        arrays |= {"format": {"format": np.array("other")}, "shape": {"height_mm": np.arange(5.0)},
+                   "nan": {"inside_mm": np.full_like(arrays["inside_mm"], np.nan)},
+                   "order": {"height_mm": arrays["height_mm"][::-1]}}.get(broken, {})
+        if broken == "missing":
+            del arrays["origin_mm"]
+        np.savez(file, **arrays)
+    assert code_of(file) == "CS4705"
+
+
+def coefficients() -> Coefficients:
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    return Coefficients(mean, covariance, 0.04, Cutter(8e-3, 3, 1e-3, 30e-3), "aluminium", (5e-5, 1e-4), {"from": "log"})
+
+
+def test_coefficients_come_back(tmp_path: Path) -> None:
+    file, own = tmp_path / "cutting.json", coefficients()
+    file.write_text(json.dumps(own.as_dict()))
+    back = read_coefficients(file)
+    assert back.mean == pytest.approx(own.mean, rel=1e-12)
+    assert back.covariance == pytest.approx(own.covariance, rel=1e-12)
+    assert (back.cutter.teeth, back.material, back.model_error) == (3, "aluminium", 0.04)
+    assert 1e3 * back.cutter.flute == pytest.approx(30)
+
+
+@pytest.mark.parametrize("changed", [{"format": "x"}, {"version": 2}, {"mean": [1, 2]}, {"covariance": [[1]]},
+                                     {"mean": [1, 2, 3, 4, 5, None]}, {"cutter": {}}, {"coefficients": ["a"] * 6},
+                                     {"covariance": [[-1.0], *([0.0] * k + [1.0] for k in range(1, 6))]}, None])
+def test_no_coefficients_are_refused(tmp_path: Path, changed: dict[str, object] | None) -> None:
+    file = tmp_path / "cutting.json"
+    file.write_text("{" if changed is None else json.dumps(coefficients().as_dict() | changed))
+    with pytest.raises(CompstiffError) as stopped:
+        read_coefficients(file)
+    assert stopped.value.findings[0].code == "CS4720"
+
+
+def test_coefficients_of_another_tool_are_refused() -> None:
+    own = coefficients()
+    check_same(own, own.cutter, "aluminium", "cell.yaml")
+    check_same(own, replace(own.cutter, teeth=4), None, "cell.yaml")     # the same edges, more of them
+    for cutter, material in ((FLAT, "aluminium"), (own.cutter, "steel")):
+        with pytest.raises(CompstiffError, match="CS4721"):
+            check_same(own, cutter, material, "cell.yaml")

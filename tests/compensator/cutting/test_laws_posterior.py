@@ -1,0 +1,106 @@
+"""What a log tells of the coefficients: right, as wide as it says, and as little as it knows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from compensator.coefficients.next_cut import next_cut
+from compensator.cutting.materials import MATERIALS, coefficients_of
+from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
+from tests.compensator.cutting.milled import FLAT, TRUE
+
+# Mean force by the textbook's closed forms, an engaged angle from a to b, per mm of depth: written here, not the program's.
+TEETH = 3
+
+
+def textbook(low: float, high: float, chip: float, depth: float) -> np.ndarray:
+    """A (3, 6) by numerical integration over the angle."""
+    phi = np.linspace(low, high, 2001)
+    phi = 0.5 * (phi[1:] + phi[:-1])
+    step, zero, one = (high - low) / 2000, np.zeros_like(phi), np.ones_like(phi)
+    t, r, a = (np.array(v) for v in ((-np.sin(phi), np.cos(phi), zero), (-np.cos(phi), -np.sin(phi), zero), (zero, zero, -one)))
+    h = chip * np.cos(phi)
+    return np.asarray(np.column_stack([*((v * h).sum(axis=1) for v in (t, r, a)), *(v.sum(axis=1) for v in (t, r, a))])
+                      * TEETH * depth * step / (2 * np.pi))
+
+
+def simulated(seed: int, *, slots_only: bool = False, noise: float = 2.0, memory: float = 0.0) -> ForceRows:
+    rng = np.random.default_rng(seed)
+    weights = []
+    for k in range(240):
+        part = k // 60
+        low, high = (-np.pi / 2, np.pi / 2) if slots_only or part == 3 else (-np.pi / 2, -np.pi / 2 + (0.4, 0.7, 1.2)[part])
+        weights.append(textbook(low, high, 1e-4 if slots_only else (0.6e-4, 1.2e-4)[part % 2], 4e-3))
+    weight = np.array(weights)
+    error = rng.normal(size=(240, 3)) * noise
+    for i in range(1, 240):
+        error[i] = memory * error[i - 1] + np.sqrt(1 - memory**2) * error[i]
+    force = weight @ TRUE + rng.normal(size=3) * 1.0 + error
+    return ForceRows(weight, force, np.full((240, 3), 0.1), np.zeros((240, 3, 0)), 1e-3 * np.arange(240))
+
+
+def fitted(rows: ForceRows) -> ForcePosterior:
+    return fit_coefficients(rows, *coefficients_of("aluminium", 1e-4))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_the_stated_covariance_is_the_scatter(memory: float) -> None:
+    """On 60 logs: the squares in units of the covariance are those of six normal numbers, with white noise and with noise that
+    remembers; with remembered noise taken as white they would be five times that."""
+    squares = []
+    for seed in range(60):
+        found = fitted(simulated(400 + seed, noise=20.0, memory=memory))
+        off = found.mean - TRUE
+        squares.append(off @ np.linalg.solve(found.covariance, off) / 6)
+    assert 0.4 < np.mean(squares) < 1.6
+
+
+def test_a_log_tells_more_than_the_table() -> None:
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    found = fitted(simulated(3))
+    before, after = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(found.covariance))
+    assert (after < 0.5 * before).all()
+    assert np.linalg.norm((found.mean - TRUE) / TRUE[[0, 0, 0, 3, 3, 3]]) < 0.3 * np.linalg.norm(
+        (mean - TRUE) / TRUE[[0, 0, 0, 3, 3, 3]])
+
+
+def test_one_kind_of_cut_does_not_tell_chip_from_edge() -> None:
+    """Slots at one feed: the force is known, its parts are not; the next cut asks for another feed or width."""
+    found = fitted(simulated(5, slots_only=True))
+    same = textbook(-np.pi / 2, np.pi / 2, 1e-4, 4e-3)
+    light = textbook(-np.pi / 2, -np.pi / 2 + 0.3, 2e-4, 4e-3)
+    spread = [np.sqrt(np.trace(a @ found.covariance @ a.T)) / np.linalg.norm(a @ found.mean) for a in (same, light)]
+    assert spread[0] < 0.02
+    assert spread[1] > 3 * spread[0]
+    further = next_cut(found.mean, found.covariance, FLAT, 4e-3, 1e-4, 1.0)
+    assert further.after < 0.7 * further.before
+    assert (further.width, further.chip) != (1.0, 1e-4)
+
+
+def test_a_gross_row_counts_little() -> None:
+    rows = simulated(7)
+    spoilt = rows.force.copy()
+    spoilt[100:104] += 400.0
+    clean, robust = fitted(rows), fitted(ForceRows(rows.weight, spoilt, rows.error, rows.aside, rows.place))
+    assert np.abs((robust.mean - clean.mean) / np.sqrt(np.diag(clean.covariance))).max() < 3
+
+
+def test_where_the_stock_stands_is_found_with_them() -> None:
+    rows = simulated(9)
+    aside = np.zeros((240, 3, 1))
+    aside[:60, :, 0] = 0.1 * (rows.weight[:60] @ TRUE)
+    found = fitted(ForceRows(rows.weight, rows.force + 2.0 * aside[:, :, 0], rows.error, aside, rows.place))
+    assert found.aside[0] == pytest.approx(2.0, abs=0.5)
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_the_table_is_kienzles_tangent(material: str) -> None:
+    """At the chip it was linearised at the tangential force is the handbook's, and its slope too."""
+    chip, thick = 1e-4, 0.05
+    mean, covariance = coefficients_of(material, chip)
+    known = MATERIALS[material]
+    for h in (0.98 * thick, thick, 1.02 * thick):
+        assert 1e-6 * mean[0] * h + 1e-3 * mean[3] == pytest.approx(known.specific * h ** (1 - known.exponent), rel=1e-3)
+    assert np.linalg.eigvalsh(covariance / np.outer(mean, mean)).min() > 0
+    assert 0.35 < np.sqrt(covariance[0, 0]) / mean[0] < 0.5
