@@ -9,7 +9,7 @@ from identification.common.report import ReportTable
 
 # So many places are listed; the JSON result holds all.
 SHOWN = 20
-COLOURS = dict(zip(CAUSES, ("s1", "s8", "s3", "s2", "s4", "s6", "s5"), strict=True))
+COLOURS = dict(zip(CAUSES, ("s1", "s7", "s8", "s3", "s2", "s4", "s6", "s5"), strict=True))
 
 
 def budget_sentence(budget: Budget) -> str:
