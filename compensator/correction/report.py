@@ -46,6 +46,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
             + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
                if corrected.left_as_logged is None and corrected.stiffness is not None else
+               f"The forces are predicted from the stock, for a tool on its plan: {corrected.as_logged()}."
+               if corrected.logged.on_plan else
                "The forces are taken as logged. A corrected path cuts a little more, and the force changes with it: "
                f"{corrected.as_logged()}."))
         if predicted.settings.correction.scale == EXACTLY_ONE:

@@ -145,9 +145,9 @@ def _intervals(cell: Cell, fit: Fit) -> Figure:
     series: list[Series] = [
         Points("known before, 95 %", place, prior, "possible", "dash", interval=(prior / spread, prior * spread)),
         Points("identified, 95 %", place, model.stiffness, "after", size=9, labels=labels, interval=(low, high))]
-    return Figure("Stiffness with its interval", "A dot smaller than its bar is less certain than it looks; point at one for "
-                                                 "its "
-                  "numbers.", [Panel(series, Axis(categories=JOINTS), Axis("stiffness [N m/rad]", log=True))])
+    return Figure("Stiffness with its interval", "Where a dot hides its blue bar the interval is narrower than the dot; "
+                  "point at it for its numbers.",
+                  [Panel(series, Axis(categories=JOINTS), Axis("stiffness [N m/rad]", log=True))])
 
 
 def _residuals(measurements: Measurements, fit: Fit) -> Figure:
