@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from compensator.modbus.wire import LARGEST_UM, OffsetTable, to_registers
 from identification.common.arrays import Array
+from identification.common.files import AsRead, sha256
 from identification.common.findings import Finding, Refused, counted, error
 
 OFFSET = ("ox_mm", "oy_mm", "oz_mm")
@@ -23,6 +24,7 @@ class Offsets:
     """offset (N, 3) [m], work object, of the targets first ... first + N - 1; lines (N,): where each stands in the file.
 
     turn (N,) [rad]: angle by which the correction also turns the tool, NaN where the file does not say, which is not sent.
+    sha256: of the file as it was read.
     """
 
     source: str
@@ -31,6 +33,7 @@ class Offsets:
     turn: Array
     lines: NDArray[np.intp]
     findings: tuple[Finding, ...]
+    sha256: str = ""
 
     @property
     def length(self) -> Array:
@@ -53,7 +56,8 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     """Reads the file that `correct --offsets` writes, or any with target, ox_mm, oy_mm, oz_mm.
 
     reach_mm: distance between TCP and cutting edge for which the error of the turn not sent is stated. Raises
-    CompstiffError: CS5001 targets that are not consecutive, CS5006 an offset with some cells empty, and those of read_table.
+    CompstiffError: CS5001 targets that are not consecutive, CS5006 an offset with some cells empty, CS0080 a file that changes
+    while it is read, and those of read_table.
 
     >>> offsets = compstiff.read_offsets("offsets.csv", reach_mm=10.0)
     >>> offsets.first, offsets.offset.shape
@@ -61,6 +65,7 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     """
     from identification.common.tables import read_table
 
+    read = AsRead.of([Path(file)])
     table = read_table(file, required=("target", *OFFSET), optional=TURN, may_be_empty=(*OFFSET, *TURN), together=(TURN,))
     if not len(table):
         raise error("CS5001", "has no row: there is nothing to push", file=str(file))
@@ -81,7 +86,9 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
         turn = np.radians(np.linalg.norm(table.stack(*TURN), axis=1))
     findings.append(_turn_not_sent(table.numbers["target"], turn, reach_mm, file))
     first = int(table.numbers["target"][0])
-    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings))
+    digest = sha256(file)
+    read.check()
+    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings), digest)
 
 
 def check_offsets(offsets: Offsets, limit: float) -> None:

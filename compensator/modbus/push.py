@@ -27,7 +27,6 @@ from compensator.modbus.transfer import (
 from compensator.modbus.windows import ROBOT_PATIENCE_S, push_windows
 from compensator.modbus.wire import ROUNDING_UM, OffsetTable, to_micrometres
 from identification.common import audit
-from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, Interrupted, Refused
 from identification.model.cell import Cell
 
@@ -187,7 +186,7 @@ def _transferred(
 ) -> list[str]:
     """Pushes all windows and logs it; returns how each went. Raises what push_windows raises, CS0004 for the log."""
     offsets, address = planned.offsets, planned.address
-    entry = {"offsets": offsets.source, "sha256": sha256(offsets.source), "cell": str(address),
+    entry = {"offsets": offsets.source, "sha256": offsets.sha256, "cell": str(address),
              "tables": [table.header.name for table in planned.tables], "rows": len(offsets.offset)}
 
     def keep(**more: Any) -> None:

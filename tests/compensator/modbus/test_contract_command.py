@@ -1,5 +1,6 @@
 """`push` and `cell` as a user calls them: what they print, write and answer, exit code by exit code."""
 
+import hashlib
 import json
 import socket
 import sys
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import compstiff as compstiff_api
 from compensator.modbus.server import Loopback
 from compstiff.cli.push import push
 from tests.compensator.modbus import tables_and_devices as kit
@@ -79,6 +81,20 @@ def test_dry_run_then_apply_then_again(tmp_path):
     log = [json.loads(line) for line in (tmp_path / "push-log.jsonl").read_text().splitlines()]
     assert [line["result"] for line in log] == ["started", "committed", "started", "already active"]
     assert all(line["sha256"] and line["user"] and line["time"] and line["tables"] == [table.header.name] for line in log)
+
+
+def test_the_log_has_the_hash_of_what_was_read_and_not_of_what_stands_there_now(tmp_path):
+    device = kit.offset_device(tmp_path / "state")
+    (tmp_path / "state").mkdir()
+    file = offsets_csv(tmp_path, rows_mm(kit.random_table(1)))
+    sent = hashlib.sha256(file.read_bytes()).hexdigest()
+    offsets = compstiff_api.read_offsets(file, reach_mm=10.0)
+    file.write_text("something else")
+    with Loopback(device) as server:
+        cell = compstiff_api.read_cell(cell_yaml(tmp_path, server.port))
+        log = tmp_path / "log.jsonl"
+        compstiff_api.push(cell, offsets, compstiff_api.Address("127.0.0.1", server.port, 1), apply=True, log=log)
+    assert {json.loads(line)["sha256"] for line in log.read_text().splitlines()} == {sent}
 
 
 @pytest.mark.parametrize(("row", "code", "exit_code"), [
