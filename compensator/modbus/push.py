@@ -29,6 +29,7 @@ from compensator.modbus.wire import ROUNDING_UM, OffsetTable, to_micrometres
 from identification.common import audit
 from identification.common.findings import CompstiffError, Finding, Interrupted, Refused
 from identification.model.cell import Cell
+from identification.model.controller import check_rapid
 
 LOG = "push-log.jsonl"
 
@@ -131,7 +132,8 @@ def push(
     called with page and pages; say: with a line for each of several windows. Raises Refused: CS5003 over the cell's limit,
     CS5004 too large for a register, CS5010 another device, CS5011 over the device's limit, CS5014 another writer;
     Unconfirmed: CS5012 the device is lost or does not confirm (of a dry run a warning, CS5015), CS5013 busy, CS5016 no sign
-    of the robot; Interrupted (CS5018); CompstiffError: CS0003 the receiver exists, CS0004 a file cannot be written.
+    of the robot; Interrupted (CS5018); CompstiffError: CS0003 the receiver exists, CS0004 a file cannot be written,
+    CS0060 a receiver for another maker's robot.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> address = compstiff.Address(cell.modbus.host, cell.modbus.port, cell.modbus.unit)
@@ -139,6 +141,8 @@ def push(
     >>> print(dry_run.lines()[-1])
     dry run: nothing was sent
     """
+    if receiver:
+        check_rapid(cell.robot, "--receiver writes RAPID")
     check_offsets(offsets, cell.max_offset)
     result = _compared(cell, offsets, address, needed=apply)
     if receiver:

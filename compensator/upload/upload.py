@@ -17,6 +17,7 @@ from compensator.upload.transfer import NEW, OLD, UNKNOWN, name_taken, place, st
 from identification.common import audit
 from identification.common.findings import CompstiffError, Finding, Interrupted, Refused
 from identification.model.cell import Cell
+from identification.model.controller import check_rapid
 
 LOG = "upload-log.jsonl"
 
@@ -109,7 +110,7 @@ def upload(
     log: file that keeps every upload that is applied; say: called with each step. Never starts, stops or moves anything. Raises
     what `read_module`, `place` and `load_module` raise; Refused: CS6107 certificate, CS6108 no web services, CS6121 another
     system than controller.system, CS6122 no such folder; Unconfirmed: CS6109 (in a dry run a warning, CS6110); Interrupted:
-    CS6120; CompstiffError: CS0004 the log.
+    CS6120; CompstiffError: CS0004 the log, CS0060 another maker's robot.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> nobody = compstiff.Controller("127.0.0.1", "Default User", "secret", port=9, timeout_s=1.0, retries=0)
@@ -118,6 +119,7 @@ def upload(
     (['CS6110'], 'dry run: nothing was sent')
     """
     wanted = wanted or Wanted()
+    check_rapid(cell.robot, "upload loads RAPID", str(file))
     module = read_module(Path(file), cell.robot.name, changed=wanted.changed)
     name = check_name(wanted.name) if wanted.name else module.new_name
     planned = UploadResult(module, controller, f"{cell.controller.folder}/{name}", wanted, None, module.findings)

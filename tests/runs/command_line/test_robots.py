@@ -76,6 +76,7 @@ def cell_and_files(folder: Path, robot: str) -> None:
     rows = [f"{x},{0},{0},0,0,1,0,20,0" for x in range(0, 100, 10)]
     (folder / "path.csv").write_text("x_mm,y_mm,z_mm,q1,q2,q3,q4,feed_mm_s,rapid\n" + "\n".join(rows) + "\n")
     (folder / "path.forces.csv").write_text("target,fx_n,fy_n,fz_n\n" + "\n".join(f"{n},60,90,-120" for n in range(10)) + "\n")
+    (folder / "offsets.csv").write_text("target,ox_mm,oy_mm,oz_mm\n0,0.1,0,0\n")
     (folder / "part.mod").write_bytes((ROOT / "samples/insert.mod").read_bytes())
     parameters = [{"name": f"k{j + 1}", "unit": "N*m/rad", "estimate": float(k), "std": 0.02 * float(k),
                    "interval_95": [0.9 * k, 1.1 * k], "grade": "reliable"} for j, k in enumerate(STIFFNESS)]
@@ -92,12 +93,17 @@ RAPID = {
     "correct of a table": ["correct", "cell.yaml", "path.csv", *MODEL, "--tare", "0:1", "--trust-tare", "-o", "out.mod"],
     "post": ["post", "cell.yaml", "path.csv", "-o", "out.mod"],
     "design --rapid": ["design", "cell.yaml", "-o", "plan.csv", "--measurements", "2", "--quick", "--rapid", "out.mod"],
+    "upload": ["upload", "cell.yaml", "part.mod", "--host", "127.0.0.1", "--port", "9"],
+    "push --receiver": ["push", "cell.yaml", "offsets.csv", "--receiver", "out.mod"],
 }
 
 
 @pytest.mark.parametrize("robot", ["kr210-r2700-extra", "r2000ic-210f"])
 @pytest.mark.parametrize("call", RAPID.values(), ids=list(RAPID))
-def test_rapid_is_refused_for_another_makers_robot(call: list[str], robot: str, tmp_path: Path) -> None:
+def test_rapid_is_refused_for_another_makers_robot(
+    call: list[str], robot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COMPSTIFF_CONTROLLER_PASSWORD", "of upload")
     cell_and_files(tmp_path, robot)
     before = {path.name for path in tmp_path.iterdir()}
     done = compstiff(*call, "--json", cwd=tmp_path)
