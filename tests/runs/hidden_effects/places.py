@@ -42,6 +42,8 @@ MEASUREMENT = (
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
 # Effects that only logs taken in motion show: tests/identification/motion hides them there.
 IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "transmission_error")
+# What a wider law can do as well, with more numbers than it takes: the narrow one is likelier by far, and is named.
+WIDER = {"base_shift": ("stand_compliance",)}
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)
 
 
@@ -54,7 +56,7 @@ def check_named(where: Place) -> None:
     """Hidden at a clear size: the right name, parameters within their uncertainty, the gain of the true model."""
     found = run(where.seed, where.hidden)
     (seen,) = visible(found.case)
-    assert seen.identifiable, f"the design cannot tell it: {seen}"
+    assert seen.identifiable or seen.others == WIDER.get(where.hidden.effect), f"the design cannot tell it: {seen}"
     assert complaints(found) == []
 
 
