@@ -99,7 +99,8 @@ class Page:
 
 
 def render(page: Page) -> str:
-    """The page as HTML; everything in it is escaped, the JSON result holds no `<`."""
+    """The page as HTML; everything in it is escaped, the JSON result holds no `<`. A file's name may hold what is no UTF-8: it
+    stands as it would in Python."""
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
@@ -115,11 +116,12 @@ def render(page: Page) -> str:
         scripts += [_file("vendor/uPlot.iife.min.js"), _file("path_view.js")]
         styles.append(_file("vendor/uPlot.min.css"))
         made_with += " and uPlot"
-    return environment.from_string(_file("report.html.j2")).render(
+    text: str = environment.from_string(_file("report.html.j2")).render(
         page=page, first=shown[:len(page.first)], others=shown[len(page.first):], folded=FOLDED,
         findings=findings, levels=_levels(page.findings), placed=frozenset().union(*(
             item.marks for item in items if isinstance(item, View))), result=embedded(page.result), styles="\n".join(styles),
         script=_file("report.js"), scripts=scripts, made_with=made_with, version=version("compstiff"))
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def count_words(findings: Sequence[Finding], *levels: str) -> str:
