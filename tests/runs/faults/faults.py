@@ -419,7 +419,8 @@ def two_at_once(command: Command, folder: Path, most: int = 3) -> list[str]:
             said += wrong_answer(each, (0, 1))
         if all(each.code for each in ended):
             said.append("neither was done")
-        now = {name: content.replace(b"FOLDER/other", b"FOLDER") for name, content in left(place).items() if name not in GROWING}
+        now = {name: content.replace(b"FOLDER/other", b"FOLDER")
+               for name, content in left(place).items() if name not in GROWING}
         wanted = [{name: content for name, content in undisturbed(command.name, which).items() if name not in GROWING}
                   for which in (False, True)]
         if now not in wanted:
