@@ -42,10 +42,9 @@ def on_cluster(
 ) -> Iterator[tuple[ProgramFiles, ProgramResult | None]]:
     """Each program with what came of it, in order; scheduler: tls://HOST:PORT, or tcp:// on this machine.
 
-    None where every worker that had it was lost: Dask tries
-    `distributed.scheduler.allowed-failures` more, and all that twice. Raises CompstiffError: CS6040 to CS6046."""
-    from distributed import KilledWorker
-
+    None where every worker that had it was lost: Dask tries `distributed.scheduler.allowed-failures` more, and all that twice.
+    Raises CompstiffError: CS6040 to CS6046.
+    """
     settings = replace(shared.settings, **{
         name: replace(group, **{key: value.absolute() for key, value in vars(group).items() if isinstance(value, Path)})
         for name, group in vars(shared.settings).items()})
@@ -53,6 +52,8 @@ def on_cluster(
                     logs=shared.logs and shared.logs.absolute())
     total, yielded, new = len(programs), 0, {files: is_new(files) for files in programs}
     with connected(scheduler) as client:
+        from distributed import KilledWorker
+
         workers, pool = checked(client, there, scheduler), client.get_executor()
 
         def submit(files: ProgramFiles, again: str = "") -> Future[ProgramResult]:

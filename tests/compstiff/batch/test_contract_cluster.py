@@ -189,6 +189,14 @@ def test_without_a_scheduler_or_a_worker_it_says_so(place: Shop, monkeypatch: py
         assert code(on(place, address)) == "CS6043"
 
 
+def test_without_dask_it_says_what_to_install(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+    place.put("a")
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    done = on(place, "tcp://localhost:8786")
+    assert code(done) == "CS6040"
+    assert "compstiff[cluster]" in done.stdout
+
+
 def test_shards_are_a_partition_that_stays(place: Shop) -> None:
     for number in range(12):
         program, = place.put(f"p{number:02}")
