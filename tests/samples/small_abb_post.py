@@ -18,7 +18,7 @@ class RobotPost:
     """What RoboDK asks of a post, as far as the test's program needs it."""
 
     PROG_EXT = "mod"
-    PROG_FILES: list[str] | str = []  # noqa: RUF012
+    PROG_FILES: list[str] | str = []  # noqa: RUF012 - RoboDK's own posts have it so, one list of the class
 
     def __init__(self, post: str, robot: str, axes: int = 6, **_: object) -> None:
         self.data: dict[str, str] = {}

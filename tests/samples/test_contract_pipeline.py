@@ -157,7 +157,7 @@ def test_the_container_s_call_runs_without_root_and_its_health_is_the_lock(cell:
                                "CMD"}
     assert words["ENTRYPOINT"] == ["compstiff"]
     if not shutil.which("flock"):
-        pytest.skip("flock is not there")
+        pytest.skip("flock (util-linux) is not there: the container's health check asks it for the lock of the watch")
     with started(sys.executable, "-m", "compstiff", *words["CMD"], cwd=cell, stderr=subprocess.DEVNULL) as process:
         end = time.monotonic() + 30
         while not (cell / "corrected/compstiff-watch.lock").exists() and time.monotonic() < end:

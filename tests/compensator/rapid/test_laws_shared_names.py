@@ -24,7 +24,10 @@ def drawn(seed: int) -> tuple[str, list[int]]:
     """A program in which few names serve many moves, inline numbers and aliases among them; and the moves that have force."""
     random = Random(seed)
     names = [f"p{k}" for k in range(random.randint(1, 4))]
-    target = lambda: f"[[{random.randint(0, 99)},{random.randint(0, 99)},5],[1,0,0,0],[0,0,0,0],{UNUSED}]"  # noqa: E731
+
+    def target() -> str:
+        return f"[[{random.randint(0, 99)},{random.randint(0, 99)},5],[1,0,0,0],[0,0,0,0],{UNUSED}]"
+
     declared = [f"{random.choice(STORAGE)}robtarget {name}:={target()};" for name in names]
     declared += [f"CONST robtarget alias:={names[0]};", f"LOCAL CONST robtarget list{{2}}:=[{target()},{names[-1]}];"]
     moves, inline = [], 0
