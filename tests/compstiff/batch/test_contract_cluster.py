@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import sys
+from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,10 +20,12 @@ import trustme
 from click.testing import Result
 
 from compstiff.batch.cluster import standing
-from compstiff.batch.pairing import Folders, ProgramFiles, paired, share_of
+from compstiff.batch.pairing import Folders, paired, share_of
+from compstiff.batch.processes import in_processes
 from compstiff.batch.programs import Shared
 from compstiff.batch.running import correct_programs
 from identification.common.findings import CompstiffError
+from tests.compstiff.batch.deadly import Deadly, dies_at_a
 from tests.compstiff.batch.programs import Shop, shop
 from tests.support import free_port, started
 
@@ -222,16 +225,6 @@ def test_a_shard_that_is_none(place: Shop, shard: str) -> None:
     assert place.correct(place.source, "-o", f"{place.folder / 'out'}/", "--shard", shard).exit_code == 2
 
 
-class Deadly(ProgramFiles):
-    """A program whose correction ends its process; not the one that the tests run in."""
-
-    @property
-    def forces(self) -> Path:
-        if os.environ.get("COMPSTIFF_TEST_PROCESS") != str(os.getpid()):
-            os._exit(9)
-        raise AssertionError("corrected in the first process")
-
-
 def test_a_deadly_program_is_blamed_alone(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COMPSTIFF_TEST_PROCESS", str(os.getpid()))
     place.put(*"abcdef")
@@ -242,3 +235,9 @@ def test_a_deadly_program_is_blamed_alone(place: Shop, monkeypatch: pytest.Monke
     results = list(correct_programs(batch, Shared(place.cell, place.stiffness), processes=2))
     assert [result.status for result in results] == ["defect", "ok", "ok", "ok", "ok", "ok"]
     assert [finding.code for finding in results[0].findings] == ["CS6010"]
+
+
+def test_who_was_under_way_beside_it_is_tried_again(place: Shop) -> None:
+    batch = paired(place.put("a", "b", "c"), None, Folders(place.folder))
+    done = list(in_processes(deque(batch), dies_at_a, 2, lambda: False))
+    assert [result for _, result in done] == [None, "b.mod", "c.mod"]
