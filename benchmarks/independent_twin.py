@@ -53,6 +53,8 @@ from tests.second_cell.effects import DICTIONARY, OUTSIDE
 from tests.second_cell.noise import STRATA
 from tests.second_cell.plans import PLANS
 
+# Bound to a row, a pose or a number of cycles that was found: nothing that a model could be told beforehand.
+AT_A_PLACE = ("sensor_step", "encoder_zero", "transmission_error")
 KINDS = {"single": (DICTIONARY, 1), "pair": (DICTIONARY, 2), "outside": (OUTSIDE, 1)}
 
 
@@ -162,7 +164,7 @@ def at_fresh_poses(case: Case, found: Diagnosis) -> Fresh:
     state = data.load_state(judgement.plain.compliance)
     entries = [(effects().get(hidden.truth["effect"]), hidden.truth["joint"]) for hidden in case.hidden]
     told = None
-    if all(entry is not None and entry.parameters and entry.name != "sensor_step" for entry, _ in entries):
+    if all(entry is not None and entry.parameters and entry.name not in AT_A_PLACE for entry, _ in entries):
         terms = tuple(Term(entry, joint, typical, typical, entry.neutral(state)) for entry, joint in entries if entry
                       for typical in [entry.typical(state, joint)])
         told = extended_model(replace(judgement, carried=None, plain=posterior(data, terms)))

@@ -33,7 +33,7 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
     figures: dict[str, Any] = {"rows": len(judgement.rows), "residual_rms_um": 1e6 * rms(fitted.residual), "chi2": fitted.chi2,
                "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.components.sensor,
                "diagnosis": judgement.verdict, "model_check": check.as_dict(),
-               "measurement_effects": [cause.label for cause in judgement.causes if not cause.effect.of_robot]}
+               "measurement_effects": [term.label for term in judgement.extended.terms if not term.effect.of_robot]}
     cell = plain.data.cell
     return IdentifiedModel(cell.robot, cell.flange_from_tcp, mean, covariance,
                            tuple(grade.grade for grade in grades), figures, tuple(inside),

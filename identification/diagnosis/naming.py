@@ -87,23 +87,35 @@ def _without(extended: Posterior, slight: set[str]) -> Posterior:
 
 
 def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> set[str]:
-    """Labels of terms that are small against their typical size, or small in these rows beside an effect whose law is uncertain
-    and of no use on rows that were not fitted."""
-    slight, strength = set(), {}
+    """Labels of terms that are small against their typical size, or small beside an effect whose law is uncertain, in the rows
+    they touch, and of no use on rows that were not fitted."""
+    slight, added = set(), {}
     for term, values in zip(extended.terms, extended.term_values, strict=True):
         if _typical_sizes(term, values) < SLIGHT:
             slight.add(term.label)
-        added = extended.at_map.noise.whitening @ term.contribution(extended.load_state, values)[:, :3, None]
-        strength[term.label] = float(np.sqrt(extended.weights.inner(added, added)[0, 0]))
+        added[term.label] = extended.at_map.noise.whitening @ term.contribution(extended.load_state, values)[:, :3, None]
+
+    def strength(label: str, at: np.ndarray) -> float:
+        moved = added[label] * at[:, None, None]
+        return float(np.sqrt(extended.weights.inner(moved, moved)[0, 0]))
+
     for term in extended.terms:
         if not uncertain(term.effect):
             continue
-        for label in [label for label, value in strength.items() if value < BESIDE * strength[term.label]]:
-            others = [other for other in extended.terms if other.label != label]
-            without = attempt(extended.data, others, extended)
-            if without is not None and gain(data, without, extended, rng).support < -AGAINST:
-                slight.add(label)
+        for other in extended.terms:
+            at = np.any(added[other.label] != 0, axis=(1, 2)) | (not other.effect.where)
+            if other is term or strength(other.label, at) >= BESIDE * strength(term.label, at):
+                continue
+            # What begins at a row, or is at one pose, nobody can tell there from a law that is off.
+            if not at.all() or _of_no_use(data, extended, other.label, rng):
+                slight.add(other.label)
     return slight
+
+
+def _of_no_use(data: LoadTest, extended: Posterior, label: str, rng: np.random.Generator) -> bool:
+    """Whether rows that were not fitted are predicted as well without the term."""
+    without = attempt(extended.data, [term for term in extended.terms if term.label != label], extended)
+    return without is not None and gain(data, without, extended, rng).support < -AGAINST
 
 
 def _typical_sizes(term: Term, values: np.ndarray) -> float:

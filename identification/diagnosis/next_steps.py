@@ -25,7 +25,7 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":
         return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
-    of_robot = any(cause.effect.of_robot for cause in diagnosis.causes)
+    of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)
     return [Step("Write the stiffness file that carries what the robot does:" if of_robot else
                  "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
                  call(*again, "--extended", "stiffness_extended.json", "--force")),

@@ -128,7 +128,7 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
                 for parameter, estimate, std in zip(term.effect.parameters, model.mean[own], spread[own], strict=True)}
             parameters |= {name: {"estimate": value, "std": 0.0} for name, value in term.effect.where.items()}
             moved = term.contribution(model.load_state, fitted)[:, :3]
-            return _named(cause) | {"family": cause.effect.family, "of_robot": cause.effect.of_robot,
+            return _named(cause) | {"family": cause.effect.family, "of_robot": term.effect.of_robot,
                                     "open_laws": cause.open_laws, "sentence": cause.sentence, "parameters": parameters,
                                     "largest_um": 1e6 * float(np.linalg.norm(moved, axis=1).max())}
         place = own.stop

@@ -255,6 +255,47 @@ def force_misalignment(world: World, joint: int, factor: float, rng: np.random.G
     world.force.append(lambda force: force @ frame.T)
 
 
+def _sensor_frames(world: World, rng: np.random.Generator) -> np.ndarray:
+    """The axes of the force sensor at each row, one for all or (n, 3, 3): it stands in the cell, or turns with the flange."""
+    if rng.random() < 0.5:
+        return np.eye(3)
+    robot, q = world.arm.robot, world.plan.q
+    return np.stack([robot.tcp(q, axis) - robot.tcp(q, np.zeros(3)) for axis in np.eye(3)], axis=2)
+
+
+def _misread(world: World, error: np.ndarray, rng: np.random.Generator) -> None:
+    """A sensor whose error matrix (3, 3) in its own axes grows by a tenth over 1000 N."""
+    frames = _sensor_frames(world, rng)
+
+    def real(force: np.ndarray) -> np.ndarray:
+        own = np.einsum("...ji,...j->...i", frames, force)
+        own = own + (1 + np.linalg.norm(force, axis=1, keepdims=True) / 1e4) * (own @ error.T)
+        return np.einsum("...ij,...j->...i", frames, own)
+
+    world.force.append(real)
+
+
+@effect("force_axis_gain")
+def force_axis_gain(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """What the three axes have in common nobody can see, so there is none of it."""
+    gains = rng.standard_normal(3)
+    gains -= gains.mean()
+    _misread(world, np.diag(0.025 * factor * gains / np.linalg.norm(gains)), rng)
+
+
+@effect("force_crosstalk")
+def force_crosstalk(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    xy, xz, yz = 0.017 * factor * direction(rng)
+    _misread(world, np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]]), rng)
+
+
+@effect("force_offset")
+def force_offset(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """A zero that was not taken off, in every reading under load."""
+    zero = _sensor_frames(world, rng) @ (5.0 * factor * direction(rng))
+    world.force.append(lambda force: force + zero * (force != 0).any(axis=1, keepdims=True))
+
+
 @effect("deflection_sensor_gain")
 def deflection_sensor_gain(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     gains = 1 + 0.014 * factor * rng.choice([-1, 1], 3) * rng.uniform(0.5, 1.5, 3)
@@ -265,6 +306,15 @@ def deflection_sensor_gain(world: World, joint: int, factor: float, rng: np.rand
 def deflection_sensor_rotation(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     frame = turn(0.025 * factor * direction(rng))
     world.reading.append(lambda seen: seen @ frame.T)
+
+
+@effect("deflection_sensor_crosstalk")
+def deflection_sensor_crosstalk(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """Gauges that lean in pairs, towards each other or away; what they turn together is another effect."""
+    xy, xz, yz = 0.024 * factor * direction(rng)
+    lines = np.array([[1, xy, xz], [xy, 1, yz], [xz, yz, 1]])
+    lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+    world.reading.append(lambda seen: seen @ lines.T)
 
 
 @effect("target_curvature")
@@ -309,6 +359,20 @@ def sensor_step(world: World, joint: int, factor: float, rng: np.random.Generato
     world.reading.append(lambda seen: seen + on[:, None] * step)
 
 
+@effect("transmission_error", ALL)
+def transmission_error(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """The joint stands off by a wave of its own angle: a pose is not come back to as it was, which looks like re-seating."""
+    wave = 1.5e-5 * factor * np.sin(rng.uniform(3, 40) * world.plan.q[:, joint - 1] + rng.uniform(0, 2 * np.pi))
+    world.reading.append(lambda seen: seen + world.across_tcp(joint, wave))
+
+
+@effect("encoder_zero", ALL)
+def encoder_zero(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
+    """A joint's zero moves once between two visits."""
+    moved = world.plan.visit >= rng.uniform(0.25, 0.75) * world.plan.visits
+    world.reading.append(lambda seen: seen + world.across_tcp(joint, 2e-5 * factor * moved))
+
+
 # In no dictionary.
 
 @effect("hose_drag", outside=True)
@@ -341,20 +405,6 @@ def softening(world: World, joint: int, factor: float, rng: np.random.Generator)
     """All gears soften while the cell warms up."""
     for i, k in enumerate(world.arm.stiffness):
         world.arm.laws.append(Softening(i, k, 0.1 * factor, 2400.0))
-
-
-@effect("transmission_error", ALL, outside=True)
-def transmission_error(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
-    """The joint stands off by a wave of its own angle: a pose is not come back to as it was, which looks like re-seating."""
-    wave = 1.5e-5 * factor * np.sin(rng.uniform(3, 40) * world.plan.q[:, joint - 1] + rng.uniform(0, 2 * np.pi))
-    world.reading.append(lambda seen: seen + world.across_tcp(joint, wave))
-
-
-@effect("encoder_zero", ALL, outside=True)
-def encoder_zero(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
-    """A joint's zero moves once between two visits."""
-    moved = world.plan.visit >= rng.uniform(0.25, 0.75) * world.plan.visits
-    world.reading.append(lambda seen: seen + world.across_tcp(joint, 2e-5 * factor * moved))
 
 
 @effect("pose_typo", outside=True)

@@ -5,6 +5,8 @@ Typical sizes are the dictionary's (docs/effects.md); where that gives a range, 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +15,7 @@ from tests.virtual_cell.laws import Row
 from tests.virtual_cell.plant import Plant
 
 # In this order the faults of the reading act: first what moves the target, last what the sensors and their log add.
-STAND, CURVATURE, ROTATION, GAIN, DRIFT, STEP, BURST = range(7)
+ANGLE, STAND, CURVATURE, ROTATION, GAIN, DRIFT, STEP, BURST = range(8)
 WARM_UP_S = 36000.0     # after which a drift levels off; made up for tests
 
 
@@ -30,6 +32,36 @@ def force_gain(plant: Plant, joint: None, parameters: Parameters) -> None:
 def force_misalignment(plant: Plant, joint: None, parameters: Parameters) -> None:
     turn = _turn(parameters)
     plant.force_faults.append(lambda force, row: turn @ force)
+
+
+def _axis_gains(draw: Draw) -> Parameters:
+    about = draw.phase()
+    return {"x": draw.factor * 0.02 * float(np.cos(about)), "y": draw.factor * 0.02 * float(np.sin(about))}
+
+
+@effect("force_axis_gain", _axis_gains)
+def force_axis_gain(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """Three load cells, each with an amplifier of its own; the third is off by what makes their mean right."""
+    gains = 1 + np.array([parameters["x"], parameters["y"], -parameters["x"] - parameters["y"]])
+    plant.force_faults.append(lambda force, row: gains * force)
+
+
+@effect("force_crosstalk", lambda draw: draw.vector("xy xz yz", 0.01 * np.sqrt(3)))
+def force_crosstalk(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """Each axis answers to the two others."""
+    def seen(force: np.ndarray, row: Row) -> np.ndarray:
+        x, y, z = force
+        xy, xz, yz = (parameters[pair] for pair in ("xy", "xz", "yz"))
+        return np.array([x + xy * y + xz * z, y + xy * x + yz * z, z + xz * x + yz * y])
+
+    plant.force_faults.append(seen)
+
+
+@effect("force_offset", lambda draw: draw.vector("x_n y_n z_n", 3.0 * np.sqrt(3)))
+def force_offset(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """The sensor's zero was read before the cylinder's head was screwed on; without a load nobody looks at it."""
+    zero = np.array([parameters[f"{axis}_n"] for axis in "xyz"])
+    plant.force_faults.append(lambda force, row: force + zero if np.any(row.force) else force)
 
 
 @effect("side_load", lambda draw: {"ratio": draw.factor * np.sqrt(0.02 * 0.05), "angle_rad": draw.phase()})
@@ -63,6 +95,14 @@ def deflection_sensor_gain(plant: Plant, joint: None, parameters: Parameters) ->
 def deflection_sensor_rotation(plant: Plant, joint: None, parameters: Parameters) -> None:
     turn = _turn(parameters)
     plant.reading_faults.append((ROTATION, lambda seen, row, force: turn @ seen))
+
+
+@effect("deflection_sensor_crosstalk", lambda draw: draw.vector("xy xz yz", 0.014 * np.sqrt(3)))
+def deflection_sensor_crosstalk(plant: Plant, joint: None, parameters: Parameters) -> None:
+    """Each laser's line leans towards the two others'."""
+    lines = np.array([[1.0, parameters["xy"], parameters["xz"]], [parameters["xy"], 1.0, parameters["yz"]],
+                      [parameters["xz"], parameters["yz"], 1.0]])
+    plant.reading_faults.append((ROTATION, lambda seen, row, force: lines @ seen))
 
 
 def _curvatures(draw: Draw) -> Parameters:
@@ -125,3 +165,41 @@ def sensor_step(plant: Plant, joint: None, parameters: Parameters) -> None:
         return seen + step if on else seen
 
     plant.reading_faults.append((STEP, stepped))
+
+
+def _stands_off(plant: Plant, joint: int, row: Row, angle: float) -> np.ndarray:
+    """How far the unloaded tool is off (3,) [m] where a joint stands off by an angle [rad]."""
+    turned = row.q + angle * (np.arange(6) == joint - 1)
+    return np.asarray(plant.at_rest(replace(row, q=turned), np.zeros(3), None).tcp
+                      - plant.at_rest(row, np.zeros(3), None).tcp)
+
+
+def _zero(draw: Draw) -> Parameters:
+    """From a pose on that lies between a fifth and four fifths of the way; `row` is its first row, from 1."""
+    fitted = draw.design.pose[~draw.design.validate]
+    first = np.flatnonzero(np.diff(fitted)) + 1
+    row = int(first[draw.rng.integers(len(first) // 5, len(first) - len(first) // 5)]) + 1
+    return {"zero_rad": draw.factor * 2e-5 * float(draw.rng.choice([-1, 1])), "row": row}
+
+
+@effect("encoder_zero", _zero, range(1, 7))
+def encoder_zero(plant: Plant, joint: int, parameters: Parameters) -> None:
+    """The brake let go for a moment."""
+    plant.reading_faults.append((ANGLE, lambda seen, row, force: seen + _stands_off(plant, joint, row, parameters["zero_rad"])
+                                 if row.number + 1 >= parameters["row"] else seen))
+
+
+def _wave(draw: Draw) -> Parameters:
+    phase, size = draw.phase(), draw.factor * 1e-5 * np.sqrt(2)
+    return {"sin_rad": float(size * np.cos(phase)), "cos_rad": float(size * np.sin(phase)),
+            "cycles_per_turn": float(draw.rng.uniform(2, 36))}
+
+
+@effect("transmission_error", _wave, range(1, 7))
+def transmission_error(plant: Plant, joint: int, parameters: Parameters) -> None:
+    """A wheel of the gear runs out of true, some times a turn of the joint."""
+    def seen(reading: np.ndarray, row: Row, force: np.ndarray) -> np.ndarray:
+        at = parameters["cycles_per_turn"] * row.q[joint - 1]
+        return reading + _stands_off(plant, joint, row, parameters["sin_rad"] * np.sin(at) + parameters["cos_rad"] * np.cos(at))
+
+    plant.reading_faults.append((ANGLE, seen))

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from identification.model.effects import effects
-from identification.model.effects.sensor_step import SensorStep
 from identification.model.load_state import LoadState, load_state
 from identification.model.robot import RobotModel, read_robot
 from identification.model.rotations import Frame
+from tests.runs.hidden_effects.oracle import at_its_place
 from tests.virtual_cell.cell import DICTIONARY, Case, Hidden, simulate
 from tests.virtual_cell.files import robot_yaml
 from tests.virtual_cell.hidden import EFFECTS
@@ -42,8 +42,8 @@ def rows(robot: RobotModel, case: Case) -> LoadState:
 def test_dictionary_is_the_physics(robot: RobotModel, name: str, joint: int | None) -> None:
     given = {"x_m": 1e-5, "y_m": 0.0, "z_m": 2e-6, "row": 40} if name == "sensor_step" else None
     case = simulate(1, "ladder12", [Hidden(name, joint, parameters=given)], "none")
-    entry = SensorStep("row", 40) if given else effects()[EFFECTS[name].known_as]
     truth = case.truth[0]["parameters"]
+    entry = at_its_place(effects()[EFFECTS[name].known_as], truth)
     situated = rows(robot, case)
     values = np.array([truth[parameter.name] for parameter in entry.parameters])
     neutral = np.where([parameter.shape for parameter in entry.parameters], values, entry.neutral(situated))

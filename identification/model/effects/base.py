@@ -100,7 +100,7 @@ class Effect(ABC):
         return f"{self.name}.{self.law}" if self.law else self.name
 
     @property
-    def where(self) -> dict[str, int | str]:
+    def where(self) -> dict[str, int | str | float]:
         """What says, beside the joint, which one it is (the row of a step)."""
         return {}
 

@@ -34,7 +34,7 @@ class ChannelDelay(InMotion):
         self.channel = channel
 
     @property
-    def where(self) -> dict[str, int | str]:
+    def where(self) -> dict[str, int | str | float]:
         return {"channel": self.channel}
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,30 @@ def nothing_hangs(rows: LoadState) -> str:
     """Why effects of hung weights cannot show, "" where most loads hang."""
     loaded = int(np.any(rows.wrench[:, :3] != 0, axis=1).sum())
     return "" if loaded and hanging(rows).sum() >= MOST_HANG * loaded else NOTHING_HANGS
+
+
+def from_row_on(rows: LoadState, row: int) -> NDArray[np.bool_]:
+    """The rows (n,) from one of the file on, until the reference is taken anew."""
+    after = rows.row >= row
+    if not after.any():
+        return after
+    return np.asarray(after & (rows.reference == rows.reference[int(np.argmax(after))]))
+
+
+def evenly(places: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most so many of the places (m,), from the last backwards."""
+    return places[:: -(-len(places) // most)] if len(places) else places
+
+
+def as_it_is(coefficients: Array) -> Array:
+    """The values of a signature whose coefficients are the effect's parameters."""
+    return coefficients
+
+
+def crossed(values: Array) -> Array:
+    """What axes see of each other (3, 3), alike in both directions, of the shares (3,) xy, xz and yz."""
+    xy, xz, yz = values
+    return np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
 
 
 class AtJoint(Effect):
@@ -74,6 +99,24 @@ class OfWrench(Effect):
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         return rows.compliant(self.true_wrench(rows, joint, values) - rows.wrench)
+
+
+class ForceAxes(OfWrench):
+    """What the axes of a force measurement get wrong: true force = (1 + E) reported force, E in the base frame or, on_flange,
+    in the frame that turns with the flange."""
+
+    family = "force measurement"
+    on_flange: ClassVar[bool] = False
+
+    @abstractmethod
+    def share(self, values: Array) -> Array:
+        """E (3, 3) of values (P,)."""
+
+    def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        force, share = rows.wrench[:, :3, None], self.share(values)
+        if self.on_flange:
+            share = rows.flange @ share @ rows.flange.transpose(0, 2, 1)
+        return np.concatenate([(force + share @ force)[:, :, 0], rows.wrench[:, 3:]], axis=1)
 
 
 class OfReading(Effect):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Signature
-from identification.model.effects.kinds import OfReading, along_axes
+from identification.model.effects.kinds import OfReading, along_axes, as_it_is, evenly, from_row_on
 from identification.model.load_state import LoadState
 
 # In longer files only the starts of poses are tried as places of a step.
@@ -33,7 +33,7 @@ class SensorStep(OfReading):
         self.kind, self.place = kind, place
 
     @property
-    def where(self) -> dict[str, int | str]:
+    def where(self) -> dict[str, int | str | float]:
         return {self.kind: self.place}
 
     def misread(self, rows: LoadState, values: Array) -> Array:
@@ -43,20 +43,17 @@ class SensorStep(OfReading):
         """The rows (n,) the step touches: a pose's, or from a row of the file on until the reference is taken anew."""
         if self.kind == "pose":
             return np.asarray(_names(rows) == self.place)
-        after = rows.row >= int(self.place)
-        if not after.any():
-            return after
-        return np.asarray(after & (rows.reference == rows.reference[int(np.argmax(after))]))
+        return from_row_on(rows, int(self.place))
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         first = rows.row[1:] if len(rows) <= MOST_ROWS else rows.row[rows.starts][1:]
-        first = first[:: -(-len(first) // MOST_PLACES)] if len(first) else first
+        first = evenly(first, MOST_PLACES)
         names = _names(rows)
         poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]
         steps = [(SensorStep("row", int(row)), False) for row in first]
         steps += [(SensorStep("pose", str(name)), True) for name in dict.fromkeys(poses.tolist())]
         scale = self.typical(rows, joint)
-        return [Signature(step._mask(rows)[:, None, None] * np.eye(3), scale, False, _as_it_is, step, local)
+        return [Signature(step._mask(rows)[:, None, None] * np.eye(3), scale, False, as_it_is, step, local)
                 for step, local in steps]
 
 
@@ -65,6 +62,3 @@ def _names(rows: LoadState) -> NDArray[np.object_]:
     numbers = np.array([str(visit + 1) for visit in rows.visit.tolist()], dtype=object)
     return np.where(rows.labels == "", numbers, rows.labels)
 
-
-def _as_it_is(coefficients: Array) -> Array:
-    return coefficients

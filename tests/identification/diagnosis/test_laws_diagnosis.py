@@ -187,8 +187,7 @@ def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
     grades = {one.entry.label: one for one in plan.effects}
     assert grades["force_gain"].grade == "invisible"
     assert set(plan.left_out) == {
-        "channel_delay", "joint_friction", "motor_inertia", "hook_offset", "swinging_weight", "transmission_error",
-        "soft_track"}
+        "channel_delay", "joint_friction", "motor_inertia", "hook_offset", "swinging_weight", "soft_track"}
     easy = [one for one in plan.effects
             if one.identifiable < 0.5 and one.entry.effect.name in ("base_rocking", "bearing_tilt", "backlash")]
     assert len(easy) >= 3

@@ -22,7 +22,8 @@ CONTRACT = [
     "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "wrist_coupling", "force_gain",
     "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
     "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step",
-    "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance"]
+    "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance",
+    "force_axis_gain", "force_crosstalk", "force_offset", "deflection_sensor_crosstalk", "encoder_zero"]
 
 
 def test_the_dictionary_is_the_contract_s() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from identification.fit.fitted_model import Term
@@ -9,12 +12,23 @@ from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import Measurements
 from identification.model.cell import Cell
-from identification.model.effects import effects
+from identification.model.effects import Effect, effects
+from identification.model.effects.encoder_zero import EncoderZero
 from identification.model.effects.sensor_step import SensorStep
+from identification.model.effects.transmission_error import BetweenPoses
 from tests.virtual_cell.cell import Case
 
 # Where the hidden law is another than the dictionary's, its parameters have no one true value.
 OTHER_LAW = frozenset({"soft_zone", "hysteresis", "drift", "creep"})
+
+
+def at_its_place(effect: Effect, values: Mapping[str, Any]) -> Effect:
+    """An effect that is bound to a row, a pose or a number of cycles, where the truth has it; others as they are."""
+    if effect.name == "sensor_step":
+        return SensorStep("pose", values["pose"]) if "pose" in values else SensorStep("row", values["row"])
+    if effect.name == "encoder_zero":
+        return EncoderZero(values["row"])
+    return BetweenPoses(values["cycles_per_turn"]) if effect.name == "transmission_error" else effect
 
 
 def true_terms(data: LoadTest, case: Case) -> tuple[Term, ...] | None:
@@ -25,8 +39,7 @@ def true_terms(data: LoadTest, case: Case) -> tuple[Term, ...] | None:
         values, effect = truth["parameters"], effects().get(truth["effect"])
         if effect is None or "single_row" in values:
             return None
-        if effect.name == "sensor_step":
-            effect = SensorStep("pose", values["pose"]) if "pose" in values else SensorStep("row", values["row"])
+        effect = at_its_place(effect, values)
         start = np.array([values[parameter.name] for parameter in effect.parameters])
         terms.append(Term(effect, truth["joint"], start, effect.typical(state, truth["joint"]), effect.neutral(state)))
     return tuple(terms)

@@ -37,11 +37,17 @@ MEASUREMENT = (
     place("drift", None, 2, "target_curvature"),
     place("sensor_step", None, 3, "drift"),
     place("stand_compliance", None, 2, "base_shift"),
+    place("force_axis_gain", None, 1, "stand_compliance"),
+    place("force_crosstalk", None, 2, "force_misalignment"),
+    place("force_offset", None, 0, "side_load"),
+    place("deflection_sensor_crosstalk", None, 3, "deflection_sensor_rotation"),
+    place("encoder_zero", 2, 2, "sensor_step"),
+    place("transmission_error", 3, 2, "encoder_zero", 3),
 )
 # An effect that no deflection shows (docs/effects.md): hidden, it must be missed.
 NEVER_SEEN = (place("force_gain", None, 1, "deflection_sensor_gain", factor=2.0),)
 # Effects that only logs taken in motion show: tests/identification/motion hides them there.
-IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia", "transmission_error")
+IN_MOTION = ("channel_delay", "joint_friction", "motor_inertia")
 # What a wider law can do as well, with more numbers than it takes: the narrow one is likelier by far, and is named.
 WIDER = {"base_shift": ("stand_compliance",)}
 ALL = (*GEARS, *STRUCTURE, *MEASUREMENT, *NEVER_SEEN)

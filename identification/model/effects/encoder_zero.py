@@ -1,0 +1,53 @@
+"""A joint's zero moved between two poses: from there on the joint stands off by the same angle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.common.arrays import Array
+from identification.model.effects.base import Parameter, Signature
+from identification.model.effects.kinds import AtJoint, as_it_is, evenly, from_row_on
+from identification.model.load_state import LoadState
+
+# Of more starts of poses, so many evenly, at each of six joints.
+MOST_PLACES = 60
+
+
+class EncoderZero(AtJoint):
+    """`J_i zero` in all rows from a pose on, until the reference is taken anew. It is no answer to a load: the readings are put
+    right, nothing is carried into the model; the controller's absolute accuracy is off by as much."""
+
+    name = "encoder_zero"
+    family = "deflection measurement"
+    of_robot = False
+    joints = (1, 2, 3, 4, 5, 6)
+    formula_source = "the paper, eq. 1: a joint that stands off turns everything behind it"
+    parameters = (Parameter("zero_rad", "rad", 2e-5, -5e-3, 5e-3,
+                            source="engineering judgement: 0.07 arcmin, 30 um at 1.5 m, as a brake or a restart leaves it",
+                            bounds_source="docs/real-data.md: 2.4 mrad between two records on one axis; twice that"),)
+    sentence = "the zero of joint {joint} moved between two poses: from there on it stands off by the same angle"
+    settles = "go back to the first pose and read without a load; check the joint's calibration marks"
+
+    def __init__(self, row: int = 1) -> None:
+        self.row = row
+
+    @property
+    def where(self) -> dict[str, int | str | float]:
+        return {"row": self.row}
+
+    def missing(self, rows: LoadState) -> str:
+        return "" if self._starts(rows).size else "the reference was taken anew at every pose"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        return np.asarray(from_row_on(rows, self.row)[:, None] * rows.jacobian[:, :, self.index(joint)] * values)
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        move, scale = rows.jacobian[:, :3, self.index(joint), None], self.typical(rows, joint)
+        moved = [EncoderZero(int(row)) for row in evenly(self._starts(rows), MOST_PLACES)]
+        return [Signature(from_row_on(rows, shift.row)[:, None, None] * move, scale, False, as_it_is, shift) for shift in moved]
+
+    @staticmethod
+    def _starts(rows: LoadState) -> np.ndarray:
+        """First rows, as numbers in their file, of the poses that share their reference with the one before."""
+        first = np.flatnonzero(rows.starts)[1:]
+        return np.asarray(rows.row[first[rows.reference[first] == rows.reference[first - 1]]])
