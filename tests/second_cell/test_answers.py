@@ -49,6 +49,19 @@ def test_a_gear_that_stiffens_under_the_arm_s_weight_is_no_compensator(seed: int
     assert [cause.label for cause in found.causes] == ["soft_zone[2]"]
 
 
+@pytest.mark.parametrize(("name", "joint"), [("force_axis_gain", 0), ("encoder_zero", 2)])
+def test_faults_of_sensors_and_zeros_are_named(name: str, joint: int) -> None:
+    """A sensor that stands in the cell or turns with the flange, as the seed draws it."""
+    found = diagnosed(simulate(7730, "cycles", "near", (Hidden(name, joint, 1.5),), weight="unknown"))
+    assert [cause.label for cause in found.causes] == [f"{name}[{joint}]" if joint else name]
+
+
+def test_friction_seen_from_far_has_no_small_bumped_sensor_beside_it() -> None:
+    """Its law is not exactly the dictionary's: 8 of 190 um from one row on are no step of a sensor."""
+    found = diagnosed(simulate(500025, "cycles", "near", (Hidden("hysteresis", 1, 1.866),), weight="unknown"))
+    assert [cause.label for cause in found.causes] == ["hysteresis[1]"]
+
+
 def test_creep_that_goes_back_is_named() -> None:
     found = diagnosed(simulate(95001, "cycles", "near", (Hidden("creep", 0, 1.5),), weight="known"))
     assert [cause.label for cause in found.causes] == ["creep"]

@@ -48,7 +48,7 @@ def from_row_on(rows: LoadState, row: int) -> NDArray[np.bool_]:
 
 
 def evenly(places: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most so many of the places (m,), from the last backwards."""
+    """At most so many of the places (m,), the first among them."""
     return places[:: -(-len(places) // most)] if len(places) else places
 
 
