@@ -108,7 +108,8 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
     return Rows(np.asarray(mean @ points.value[used]), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
-                np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()), sparse.csr_array(mean @ of_targets),
+                np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
+                sparse.csr_array(mean @ of_targets),
                 tuple(findings))
 
 

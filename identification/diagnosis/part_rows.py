@@ -1,4 +1,4 @@
-"""The search for causes on the numbers of a machined part: a linear model with what a part has beside the load, its noise known.
+"""The search for causes on the numbers of a machined part: a linear model with all that a part has beside the load.
 
 The detection, the dictionary and the search are those of load tests; what differs is how a row sees the arm, what else is free
 beside the springs, and which effects a part can show at all.
@@ -18,7 +18,7 @@ from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.discrepancy import stiffening
 from identification.diagnosis.judgement import Cause
-from identification.diagnosis.naming import credible, inclusion, kindred, with_open_laws
+from identification.diagnosis.naming import beyond_nothing, credible, inclusion, kindred, with_open_laws
 from identification.diagnosis.procedure import ALARM, INADEQUATE, MOST_CAUSES, NAMING, OPEN_LAWS_DIFFER, SUPPORT, certain
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import Hypothesis, Survey, searched
@@ -43,9 +43,9 @@ def effects_of_parts() -> dict[str, Effect]:
 
 @dataclass(frozen=True, eq=False)
 class PartRows:
-    """n numbers of a part and the arm while it was cut. state: N rows in the order of the loads; see: displacements (N, 3, k) [m]
-    -> what the numbers see of them (n, k) [m]; factor (n, n): Cholesky factor of the noise's covariance, all that is smooth or
-    shared in it; residual (n,) [m]: measured less the model without effects; free (n, q) [m]: what else is free, in
+    """n numbers of a part and the arm while it was cut. state: N rows in the order of the loads; see: displacements (N, 3, k)
+    [m] -> what the numbers see of them (n, k) [m]; factor (n, n): Cholesky factor of the noise's covariance, all that is smooth
+    or shared in it; residual (n,) [m]: measured less the model without effects; free (n, q) [m]: what else is free, in
     units of its 1 sigma before the part was measured."""
 
     state: LoadState
@@ -93,16 +93,23 @@ class PartRows:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search says. verdict; causes: named, or the set that cannot be told apart; terms: the named ones, to be fitted."""
+    """What a search says. verdict; causes: named, or the set that cannot be told apart; terms: the named ones, to be fitted.
+    clear: chance so seldom shows as much that it would be enough for a name."""
 
     verdict: Verdict
     causes: tuple[Cause, ...] = ()
     terms: tuple[Term, ...] = ()
+    clear: bool = False
 
 
 def alarm(rows: PartRows, dictionary: Dictionary, rng: np.random.Generator, replicates: int = REPLICATES) -> Detection:
     """Is there anything that acts with the force and that the model without effects does not explain?"""
     return detect(rows.base, dictionary, (), rows, rng, replicates)
+
+
+def adequate(detection: Detection) -> bool:
+    """Whether chance shows as much too often for an alarm."""
+    return detection.p_value > ALARM
 
 
 def best_of(rows: PartRows, dictionary: Dictionary) -> Survey:
@@ -139,14 +146,15 @@ def enough(
 
 def judged(rows: PartRows, seen: Survey, first: Detection, after: Detection) -> Found:
     """Names by the rules of load tests: certain, enough, likelier than none, and a detection that chance seldom shows."""
-    if first.p_value > ALARM:
+    if adequate(first):
         return Found("adequate")
+    clear = first.p_value <= max(NAMING, first.resolution)
     if not seen.hypotheses:
-        return Found("unknown")
+        return Found("unknown", clear=clear)
     best = seen.hypotheses[0]
     too_little = best.log_evidence < SUPPORT or after.p_value <= max(INADEQUATE, min(first.p_value, ALARM))
-    if too_little or first.p_value > max(NAMING, first.resolution):
-        return Found("unknown", inclusion(seen)[:MOST_CAUSES])
+    if too_little or not clear:
+        return Found("unknown", inclusion(seen)[:MOST_CAUSES], clear=clear)
     labels = {seen.dictionary.entries[k].label for k in best.key}
     causes = tuple(cause for cause in inclusion(seen) if cause.label in labels)
     together = sum(one.probability for one in seen.hypotheses if one.key == best.key)
@@ -154,8 +162,20 @@ def judged(rows: PartRows, seen: Survey, first: Detection, after: Detection) -> 
         kin = kindred(seen, best)
         causes = with_open_laws(seen, causes)
         if not certain(sum(one.probability for one in kin), causes) or _apart(seen, kin) > OPEN_LAWS_DIFFER:
-            return Found("ambiguous", credible(seen, best))
-    return Found("named", causes, seen.terms(best))
+            return Found("ambiguous", credible(seen, best), clear=clear)
+    return Found("named", causes, seen.terms(best), clear)
+
+
+def of_nothing(terms: tuple[Term, ...], off: Array, covariance: Array) -> tuple[str, ...]:
+    """Labels of terms whose parameters, but for those that only shape them, all lie within two standard deviations of nothing;
+    off (P,), covariance (P, P): of all their parameters from where the effects are absent."""
+    nothing, place = [], 0
+    for term in terms:
+        of_size = place + np.flatnonzero([not parameter.shape for parameter in term.effect.parameters])
+        place += len(term.effect.parameters)
+        if not beyond_nothing(off[of_size], covariance[np.ix_(of_size, of_size)]):
+            nothing.append(term.label)
+    return tuple(nothing)
 
 
 def _apart(seen: Survey, kin: tuple[Hypothesis, ...]) -> float:

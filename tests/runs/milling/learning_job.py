@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,18 +30,19 @@ MOTION = 1.2        # how much more the springs give way in motion
 @dataclass
 class ErringJob(MillingJob):
     """One robot, one part. motion: factor on the compliance in motion; astray: what else is off, None: nothing; since:
-    effects that came to the robot after its load test."""
+    effects that came to the robot after its load test, came: what they are, known once it milled."""
 
     motion: float = MOTION
     astray: Astray | None = None
     since: Sequence[Hidden] = ()
+    came: list[dict[str, Any]] = field(default_factory=list)
 
     @cached_property
     def moving(self) -> Plant:
         """The plant as it is while it mills."""
         plant = Plant(self.case.stiffness / self.motion, self.case.tool, self.case.gravity)
         for each in self.since:
-            install(plant, each, np.random.default_rng([self.seed, 94]), self.case.design)
+            self.came.append(install(plant, each, np.random.default_rng([self.seed, 94]), self.case.design))
         return plant
 
     def mill(self, commands: Commands, given_n: np.ndarray | None = None, part: Part | None = None) -> Pass:
