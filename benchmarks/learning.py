@@ -182,7 +182,8 @@ def caused(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, st
     effect, seed, motion, erring = arguments
     with tempfile.TemporaryDirectory() as folder:
         astray = drawn(seed, 0.2, 0.04) if erring else None
-        job = ErringJob(Path(folder), seed, part=slot_and_pocket(**PART), motion=motion, astray=astray, since=() if effect == TURNED else parse(effect))
+        came = () if effect == TURNED else parse(effect)
+        job = ErringJob(Path(folder), seed, part=slot_and_pocket(**PART), motion=motion, astray=astray, since=came)
         if effect == TURNED:                # not as cell.yaml says
             job.sensor = replace(job.sensor, turn=Rotation.from_euler("z", TURN_DEG, degrees=True) * job.sensor.turn)
         stiffness = job.identify()
@@ -207,7 +208,7 @@ def caused(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, st
         without = gone(job, corrected(job, log, stiffness, learned, "job"))
         left_out = " -> ".join(f"{each:.1f}" for each in causes["left_out_um"])
         values = ", ".join(f"{each['estimate']:.3g} +- {each['std']:.2g}" for each in causes["parameters"])
-        truth = ", ".join(f"{value:.3g}" for value in job.came[0]["parameters"].values())
+        truth = ", ".join(f"{value:.3g}" for came in job.came for value in came["parameters"].values())
         return effect, causes["verdict"], causes["p_value"], (
             f"| {effect or 'nothing'} | {seed} | {causes['verdict']} {names} | {causes['p_value']:.3f} | {left_out} | "
             f"{without[2]:.1f} -> {with_it[2]:.1f} % | {values} ({truth}) |")
