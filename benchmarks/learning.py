@@ -1,7 +1,7 @@
 """Does a second part get better by what was measured on the first? Milled, measured, learned and milled again in the virtual
 cell.
 
-    OMP_NUM_THREADS=1 python benchmarks/learning.py [ROBOTS] [FIRST_SEED] [--only parts|noise] [--workers N]
+    OMP_NUM_THREADS=1 python benchmarks/learning.py [ROBOTS] [FIRST_SEED] [--only parts|noise|causes] [--workers N]
 
 The truth is tests/virtual_cell alone: springs that give way 1.2 times as much in motion as in the load test, a smooth kinematic
 error of up to 0.2 mm (a sum of plane waves of 0.3 to 1.5 m), and a spindle that grows by 40 um as it warms up; the model knows
@@ -10,6 +10,8 @@ a machine of 3 um. Mirroring, what shops do: the planned targets less the deviat
 
 Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Worse: robots whose RMS grew.
 noise: parts that are off by their deflection and white noise, or noise that neighbours share, alone: what is learned of them.
+causes: an effect came to the robot after its load test: what `learn` says of it, what stretches left out and the second part
+gain by it; and what it says of parts where nothing came, with and without the kinematic error and the warming.
 """
 
 from __future__ import annotations
@@ -17,18 +19,25 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections import defaultdict
+from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import compstiff
+from compensator.learning.causes import Asked, ask
 from compensator.learning.chance import FALSE_RATE
-from tests.runs.milling.learning_job import Both, ErringJob, corrected, mirrored, off_um
+from compensator.learning.learning import Learning
+from tests.runs.milling.learning_job import MOTION, Both, ErringJob, corrected, mirrored, off_um
 from tests.runs.milling.milling_job import Correction, rms, settings
+from tests.virtual_cell.astray import drawn
+from tests.virtual_cell.cell import parse
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 from tests.virtual_cell.milling import Commands
 
@@ -37,6 +46,10 @@ PROBE_UM = 3.0
 CUT = "  spindle_rpm: 9000\ncutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: {depth:g}}}\n"
 NOISES_UM = (3.0, 10.0)
 DRAWS = 12
+# Of the typical size, or of a multiple of it.
+TURNED, TURN_DEG = "force sensor turned", 3.0
+CAUSES = ("backlash:1", "soft_zone:1", "gear_friction:1", "base_rocking::2", "spindle_compliance::2", "bearing_tilt:2:2",
+          "link_bending:3:2", TURNED)
 
 
 def gone(job: ErringJob, commands: Commands | Correction) -> tuple[float, float, float]:
@@ -157,11 +170,72 @@ def noise(arguments: tuple[int, float, bool]) -> tuple[int, int, list[float], in
         return found, refused, changed, of_job
 
 
+def asked(job: ErringJob, stiffness: Path, log: Path, points: Path, *, cause: bool) -> tuple[Learning, Path]:
+    """Learned with or without the question for causes."""
+    with patch("compensator.learning.learn.ask", ask if cause else lambda fitted, _: Asked(None, fitted.terms.rows)):
+        return job.learn(stiffness, log, points)
+
+
+def caused(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, str]:
+    """One robot, to which an effect came ("" none): the verdict, p, and a line of the table. erring: by a kinematic error and
+    warming too."""
+    effect, seed, motion, erring = arguments
+    with tempfile.TemporaryDirectory() as folder:
+        astray = drawn(seed, 0.2, 0.04) if erring else None
+        came = () if effect == TURNED else parse(effect)
+        job = ErringJob(Path(folder), seed, part=slot_and_pocket(**PART), motion=motion, astray=astray, since=came)
+        if effect == TURNED:                # not as cell.yaml says
+            job.sensor = replace(job.sensor, turn=Rotation.from_euler("z", TURN_DEG, degrees=True) * job.sensor.turn)
+        stiffness = job.identify()
+        try:
+            log = job.log(job.first, job.planned, "log.csv")
+        except RuntimeError as stopped:     # so soft, or so steep an effect, that the simulated cut finds no balance
+            return effect, "not milled", 1.0, f"| {effect} | {seed} | {stopped} | | | | |"
+        points = job.measure(job.first, "points.csv", PROBE_UM)
+        try:
+            learning, learned = asked(job, stiffness, log, points, cause=True)
+        except compstiff.CompstiffError as stopped:
+            return effect, stopped.findings[0].code, 0.0, f"| {effect} | {seed} | {stopped.findings[0].code} | | | | |"
+        causes = learning.as_dict()["causes"]
+        names = ", ".join(f"{each['effect']}{'' if each['joint'] is None else ':' + str(each['joint'])} "
+                          f"{100 * each['probability']:.0f} %" for each in causes["causes"][:3])
+        if not causes["carried"]:
+            return effect, causes["verdict"], causes["p_value"], (
+                f"| {effect or 'nothing'} | {seed} | {causes['verdict']} {names} | {causes['p_value']:.3f} | | | "
+                f"{causes['withdrawn']} |")
+        with_it = gone(job, corrected(job, log, stiffness, learned, "job"))
+        _, learned = asked(job, stiffness, log, points, cause=False)
+        without = gone(job, corrected(job, log, stiffness, learned, "job"))
+        left_out = " -> ".join(f"{each:.1f}" for each in causes["left_out_um"])
+        values = ", ".join(f"{each['estimate']:.3g} +- {each['std']:.2g}" for each in causes["parameters"])
+        truth = ", ".join(f"{value:.3g}" for came in job.came for value in came["parameters"].values())
+        return effect, causes["verdict"], causes["p_value"], (
+            f"| {effect or 'nothing'} | {seed} | {causes['verdict']} {names} | {causes['p_value']:.3f} | {left_out} | "
+            f"{without[2]:.1f} -> {with_it[2]:.1f} % | {values} ({truth}) |")
+
+
+def print_causes(pool: ProcessPoolExecutor, seeds: range) -> None:
+    """What `learn` names: nothing hidden on every robot, each effect on every seventh of them."""
+    print("| came after the load test | seed | said | p | stretches left out [um] | gone of the second part | parameters "
+          "(truth) |\n|---|---|---|---|---|---|---|")
+    for words, motion, erring in (("nothing; noise alone", 1.0, False), (f"nothing; springs {MOTION:g} times as soft, "
+                                                                        "kinematic error, warming", MOTION, True)):
+        every = list(pool.map(caused, [("", seed, motion, erring) for seed in seeds]))
+        said = Counter(verdict for _, verdict, _, _ in every)
+        low = sum(p <= 0.05 for _, verdict, p, _ in every if verdict != "not milled")
+        print(*(line for _, verdict, _, line in every if verdict not in ("adequate", "not milled")), sep="\n")
+        print(f"| {words} | {len(every)} robots | {', '.join(f'{name}: {count}' for name, count in said.items())} | <= 0.05: "
+              f"{low} | | | |", flush=True)
+    for effect in CAUSES:
+        for _, _, _, line in pool.map(caused, [(effect, seed, MOTION, True) for seed in seeds[::7]]):
+            print(line, flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("robots", type=int, nargs="?", default=6)
     parser.add_argument("first_seed", type=int, nargs="?", default=8100)
-    parser.add_argument("--only", choices=["parts", "noise"])
+    parser.add_argument("--only", choices=["parts", "noise", "causes"])
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     seeds = range(options.first_seed, options.first_seed + options.robots)
@@ -178,6 +252,8 @@ def main() -> None:
                 before, after, share = np.array(values).T
                 print(f"| {name} | {before.mean():.0f} | {after.mean():.1f} ({after.max():.1f}) | {share.mean():.1f} % "
                       f"({share.min():.1f}) | {int((share < 0).sum())} | {len(values)} |")
+        if options.only in (None, "causes"):
+            print_causes(pool, seeds)
         if options.only in (None, "noise"):
             print(f"\nDeflection and noise alone: {DRAWS} parts a robot. Limit of a remainder by chance: "
                   f"{100 * FALSE_RATE:g} %")

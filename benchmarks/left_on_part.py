@@ -53,6 +53,7 @@ class Kind:
 KINDS = {
     "1.5 mm": Kind({}),
     "0.5 mm": Kind({"spacing_mm": 0.5}),
+    "1.5 mm, thin": Kind({"allowance_mm": 0.4, "wall_depth_mm": 10.0}),
     "0.5 mm, thin": Kind({"spacing_mm": 0.5, "allowance_mm": 0.4, "wall_depth_mm": 10.0}),
     "steel": Kind({"spacing_mm": 0.5, "allowance_mm": 0.8}, STEEL, "steel"),
     "titanium": Kind({"spacing_mm": 0.5, "allowance_mm": 0.8}, TITANIUM, "titanium"),
@@ -213,6 +214,9 @@ def print_job(name: str, every: list[Result | None]) -> None:
             f"{np.mean([rms(one.off) for one in each]):.1f}, {np.mean([rms(one.std) for one in each]):.1f} |"
         )
     results = [result for result in results if result.real]
+    if not results:
+        print("by cause: none of these robots", flush=True)
+        return
     print(
         f"by cause, pass 2 with nothing stated, {len(results)} of them: root mean square [um] really left / stated\n| | "
         + " | ".join(results[0].real)

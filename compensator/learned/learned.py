@@ -21,6 +21,7 @@ from compensator.learned.remainder import INSIDE, Remainder
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding, Refused, error
+from identification.model.effects_in_force import EffectInForce
 from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 
@@ -72,31 +73,35 @@ class Rest:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """prior (S,): the mean of the stiffness file that it was learned with. mean (Z,), covariance (Z, Z) of z. told: figures of
-    the learning, as learned.json carries them."""
+    """prior: the mean of the stiffness file that it was learned with. mean (Z,), covariance (Z, Z) of z; x_eff has the file's
+    parameters, then those of `effects`, which the part showed beyond them. told: figures of the learning, as learned.json
+    carries them."""
 
     prior: Array
     mean: Array
     covariance: Array
     frame: JobFrame
     remainder: Remainder = NO_REMAINDER
+    effects: tuple[EffectInForce, ...] = ()
     told: dict[str, Any] = field(default_factory=dict)
     source: Path | None = None
 
     @property
     def springs(self) -> int:
-        """S."""
-        return len(self.prior)
+        """S, of x_eff."""
+        return len(self.prior) + sum(len(term.effect.parameters) for term in self.effects)
 
     def model(self, model: IdentifiedModel) -> IdentifiedModel:
-        """The model of the stiffness file with what was learned of its parameters. Raises CompstiffError (CS5321): learned with
-        another stiffness file."""
+        """The model of the stiffness file with what was learned of its parameters, and with the effects that the part showed.
+        Raises CompstiffError (CS5321): learned with another stiffness file."""
         size = self.springs
-        if len(model.mean) != size or np.abs(model.mean - self.prior).max() > SAME_MODEL * max(1.0, np.abs(self.prior).max()):
+        same = len(model.mean) == len(self.prior)
+        if not same or np.abs(model.mean - self.prior).max() > SAME_MODEL * max(1.0, np.abs(self.prior).max()):
             raise error("CS5321", f"was learned with another stiffness file than {model.source or 'this'}",
                         file=str(self.source) if self.source else None,
                         hint="name the stiffness file that learn was called with, or learn again")
-        return replace(model, mean=self.mean[:size], covariance=self.covariance[:size, :size], interval=None)
+        return replace(model, mean=self.mean[:size], covariance=self.covariance[:size, :size], interval=None,
+                       effects=(*model.effects, *self.effects))
 
     def carried(self, repeats: Repeats) -> Learned:
         """What a program takes: without set-up and drift for another set-up, without drift for the same set-up, all of it for

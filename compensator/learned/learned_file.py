@@ -16,9 +16,10 @@ from identification.common.findings import error
 from identification.common.sizes import LARGEST_VARIANCE
 from identification.model.cell import Cell
 from identification.model.rotations import Frame
+from identification.model.stiffness_file import NamedEffect, check_track, effects_named
 
 FORMAT = "compstiff-learned"
-MOST_PLACES = 500
+MOST_PLACES, MOST_EFFECTS = 500, 20
 Three = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Four = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 Six = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
@@ -55,6 +56,7 @@ class _File(_Part):
     covariance: list[list[FiniteFloat]]
     job: _Frame
     remainder: _Remainder
+    effects: list[NamedEffect] = Field(default=[], max_length=MOST_EFFECTS)
     told: dict[str, Any] = {}
 
 
@@ -70,6 +72,7 @@ def learned_json(learned: Learned, cell: Cell) -> dict[str, Any]:
         "remainder": {"length_mm": 1e3 * remainder.length, "amplitude_um": 1e6 * remainder.amplitude,
                       "places_mm": (1e3 * remainder.places).round(4).tolist(),
                       "posture_deg": np.degrees(remainder.posture).round(6).tolist()},
+        "effects": [{"effect": term.effect.stored, "joint": term.joint} for term in learned.effects],
         "prior": learned.prior.tolist(), "mean": learned.mean.tolist(),
         "covariance": [learned.covariance[row, :row + 1].tolist() for row in range(len(learned.mean))],
     }
@@ -78,7 +81,8 @@ def learned_json(learned: Learned, cell: Cell) -> dict[str, Any]:
 def read_learned(file: str | Path, cell: Cell) -> Learned:
     """Reads learned.json for this cell.
 
-    Raises CompstiffError: CS0005 cannot be read, CS5320 not such a file or not whole, CS5321 of another robot.
+    Raises CompstiffError: CS0005 cannot be read, CS5320 not such a file or not whole, CS5321 of another robot, CS1204 and
+    CS4512 effects that this version or this cell does not have.
 
     >>> try:
     ...     compstiff.read_learned("stiffness.json", compstiff.read_cell("cell.yaml"))
@@ -107,9 +111,12 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
             part.robot_sha256 != cell.robot.sha256 and part.geometry_sha256 != cell.robot.geometry_sha256):
         raise error("CS5321", f"was learned on robot '{part.robot}' (SHA-256 {part.robot_sha256[:12]}...), the cell's is "
                     f"'{cell.robot.name}' ({cell.robot.sha256[:12]}...)", file=name, hint="learn on this robot")
+    in_force = effects_named(part.effects, name)
+    check_track(cell, in_force, name)
+    own = sum(len(term.effect.parameters) for term in in_force)
     count = part.springs + SETUP + DRIFT + 3 * len(part.remainder.places_mm)
     if (len(part.prior), len(part.mean), len(part.remainder.posture_deg)) != (
-            part.springs, count, len(part.remainder.places_mm)):
+            part.springs - own, count, len(part.remainder.places_mm)):
         raise error("CS5320", f"has {len(part.mean)} parameters, by its springs and places {count} are expected", file=name,
                     hint="edit no learned file by hand")
     position = 1e-3 * np.array(part.remainder.places_mm).reshape(-1, 3)
@@ -121,8 +128,8 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
         np.array(part.prior), np.array(part.mean), _covariance(part.covariance, count, name),
         JobFrame(Frame.from_quaternion(1e-3 * np.array(job.position_mm), job.quaternion), 1e-3 * np.array(job.centre_mm),
                  1e-3 * job.radius_mm, job.duration_s),
-        Remainder(position, posture, 1e-3 * part.remainder.length_mm, 1e-6 * part.remainder.amplitude_um), part.told,
-        Path(file))
+        Remainder(position, posture, 1e-3 * part.remainder.length_mm, 1e-6 * part.remainder.amplitude_um), in_force,
+        part.told, Path(file))
 
 
 def _covariance(rows: list[list[float]], count: int, name: str) -> Array:

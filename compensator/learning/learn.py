@@ -12,28 +12,24 @@ from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
-from compensator.learning.chance import FALSE_RATE, chance_of_remainder
-from compensator.learning.held_out import held_out
+from compensator.learning.causes import ask, said_of_causes, tested
+from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.measured_points import read_points
 from compensator.learning.path_places import place_points
-from compensator.learning.posterior import Posterior, expected, posterior
-from compensator.learning.refusals import refuse_without_physics, refuse_worse, refuse_wrong_factor, said_of
+from compensator.learning.posterior import Posterior, expected
+from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
 from compensator.learning.rows import rows_of
-from compensator.learning.sizes import Sizes, with_remainder, without_remainder
-from compensator.learning.terms import Terms, frame_of, terms_of
+from compensator.learning.terms import Terms
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.model.cell import Cell
-from identification.model.effects_in_force import SPRINGS
+from identification.model.effects_in_force import SPRINGS, EffectInForce
 from identification.model.stiffness import IdentifiedModel
 
 # How far the moving robot may give way otherwise than at rest, 1 sigma, where --scale says nothing and cell.yaml no more: wide,
 # for the part was measured to tell it. Engineering judgement.
 MOTION = 0.2
-ROUNDS = 3
-# A displacement of the job that is not known to this share of what was assumed before is not shown by the points.
-UNSHOWN = 0.05
 
 
 def learn(
@@ -70,36 +66,25 @@ def learn(
     wide = Estimate(1.0, max(MOTION, cell.motion.compliance_std))
     motion = wide if chosen.scale == EXACTLY_ONE else chosen.scale
     mean, before = _before(model, motion, cell)
-    frame = frame_of(rows, predicted)
-
-    def linearised(x: Array, job: Array) -> Terms:
-        return terms_of(rows, predicted, offsets, replace(model, mean=x), mean, before, frame, job)
-
-    terms = linearised(mean, np.eye(SETUP + DRIFT))
-    noise = without_remainder(terms)
-    refuse_wrong_factor(terms, noise, rows.seen(predicted.prediction.position)[:, 0] * motion.value, points.source)
-    for _ in range(ROUNDS - 1):
-        terms = linearised(mean + posterior(terms, noise).mean[:len(mean)], terms.job)
-        noise = without_remainder(terms, noise)
-    chance, length = chance_of_remainder(terms, noise)
-    sizes = noise
-    if chance <= FALSE_RATE:
-        # The length that stood out before the noise was sized anew, and those beside it.
-        sizes = max((with_remainder(terms, noise, factor * length) for factor in (1.0, 0.5, 2.0)), key=lambda one: one.evidence)
-    terms = _seen_of_the_job(terms, sizes)
-    found = posterior(terms, sizes)
-    terms = linearised(mean + found.mean[:len(mean)], terms.job)
-    found = posterior(terms, sizes)
-    tried = held_out(terms, sizes)
+    without = fitted_part(rows, predicted, offsets, Believed(model, mean, before, mean), motion, points.source)
+    asked = ask(without, predicted)
+    fitted = without
+    if asked.terms:
+        extended = without.believed.extended(asked.terms, without.x)
+        with_causes = fitted_part(asked.rows, predicted, offsets, extended, motion, points.source)
+        asked = tested(asked, without, with_causes)
+        fitted = with_causes if asked.terms else without
+    terms, found = fitted.terms, fitted.posterior
     measured = rows.value - rows.seen(offsets)[:, 0]
     parts = _parts(terms, found, measured, rows.seen(predicted.prediction.position)[:, 0])
-    absolute = found.mean.copy()
-    absolute[:len(mean)] += mean
-    learned = Learned(model.mean.copy(), absolute, found.covariance, frame, found.remainder)
-    result = Learning(predicted, terms, sizes, learned, measured, parts, _motion(before, found, motion, cell), chance, tried,
+    in_force = tuple(EffectInForce(term.effect, term.joint) for term in asked.terms)
+    learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force)
+    result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
+                      _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
-    findings = (*points.findings, *predicted.findings, *placed.findings, *rows.findings, *said_of(result, before, mean))
-    refuse_worse(tried, points.source, findings)
+    findings = (*points.findings, *predicted.findings, *placed.findings, *rows.findings, *said_of(result, before, mean),
+                *said_of_causes(asked, points.source))
+    refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
     return replace(result, findings=findings)
 
@@ -127,25 +112,6 @@ def _motion(before: Array, found: Posterior, motion: Estimate, cell: Cell) -> Es
     left = variance - float(share @ with_x) + float(share @ found.covariance[:size, :size] @ share)
     value = float(motion.value * np.exp(log))
     return Estimate(value, value * float(np.sqrt(max(left, 0.0))))
-
-
-def _seen_of_the_job(terms: Terms, sizes: Sizes) -> Terms:
-    """Without the displacements of set-up and drift that the points do not show (a plane of walls alone says nothing of their
-    height), and without all of drift or set-up where chance would show as much (Wald, at the false rate)."""
-    from scipy.special import chdtrc
-
-    size = terms.by_x.shape[1]
-    for part in (slice(SETUP, SETUP + DRIFT), slice(0, SETUP)):
-        found = posterior(terms, sizes)
-        where, std = size + np.arange(SETUP + DRIFT)[part], terms.of_job_std[part]
-        value, covariance = found.mean[where] / std, found.covariance[np.ix_(where, where)] / np.outer(std, std)
-        known, directions = np.linalg.eigh(covariance)
-        shown, variance = directions[:, known < UNSHOWN**2], known[known < UNSHOWN**2]
-        chi2 = float(np.sum((shown.T @ value) ** 2 / variance))
-        job = terms.job.copy()
-        job[part, part] = shown @ shown.T if shown.shape[1] and chdtrc(shown.shape[1], chi2) <= FALSE_RATE else 0.0
-        terms = replace(terms, job=job)
-    return terms
 
 
 def _parts(terms: Terms, found: Posterior, measured: Array, predicted: Array) -> dict[str, Array]:

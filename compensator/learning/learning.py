@@ -13,6 +13,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.settings import Estimate
 from compensator.learned.learned import DRIFT, SETUP, Learned
 from compensator.learned.learned_file import learned_json
+from compensator.learning.causes import Asked
 from compensator.learning.chance import FALSE_RATE
 from compensator.learning.held_out import HeldOut
 from compensator.learning.sizes import Sizes
@@ -29,9 +30,9 @@ PARTS = {"predicted": "deflection, as it was predicted", "springs": "springs and
 
 @dataclass(frozen=True, eq=False)
 class Learning:
-    """What a measured part taught. parts: the rows' displacement (n,) [m] that each took, by PARTS; measured (n,) [m]. motion:
-    factor on the deflection; chance: of a
-    remainder as clear as this without one. points: used, and in the file `source`; logged_with: the offsets of the pass."""
+    """What a measured part taught. parts: the rows' displacement (n,) [m] that each took, by PARTS; measured (n,) [m].
+    motion: factor on the deflection; chance: of a remainder as clear as this without one; asked: which causes the part shows.
+    points: used, and in the file `source`; logged_with: the offsets of the pass."""
 
     predicted: Predicted
     terms: Terms
@@ -42,6 +43,7 @@ class Learning:
     motion: Estimate
     chance: float
     held_out: HeldOut | None
+    asked: Asked
     points: tuple[int, int]
     source: str
     logged_with: Path | None
@@ -84,7 +86,19 @@ class Learning:
             "noise": {"factor": self.sizes.noise, "shared_um": 1e6 * self.sizes.shared,
                       "smear_mm": 1e3 * self.sizes.smear},
             "held_out": self.held_out.as_dict() if self.held_out else None,
+            "causes": self._causes(),
         }
+
+    def _causes(self) -> dict[str, Any]:
+        """What the dictionary of causes says, with the parameters of those that are carried."""
+        first, learned = len(self.learned.prior), self.learned
+        size = learned.springs
+        parameters = [(label, parameter.unit) for term in learned.effects
+                      for label, parameter in zip(term.names, term.effect.parameters, strict=True)]
+        std = np.sqrt(np.diag(learned.covariance))[first:size]
+        return self.asked.as_dict() | {"parameters": [
+            {"name": label, "unit": unit, "estimate": float(value), "std": float(sigma)}
+            for (label, unit), value, sigma in zip(parameters, learned.mean[first:size], std, strict=True)]}
 
     def gone(self) -> dict[str, float]:
         """Share of the measured RMS that is gone with each part taken off too, one after the other, in the order of PARTS."""

@@ -108,16 +108,17 @@ def rows_of(points: MeasuredPoints, placed: PathPlaces, predicted: Predicted, mo
     sigma = np.sqrt(np.bincount(row, points.sigma[used] ** 2, minlength=number)) * weight
     return Rows(np.asarray(mean @ points.value[used]), sigma, np.asarray(mean @ direction), keys[:, 0].astype(np.intp),
                 position, posture, middle(placed.length)[:, 0], middle(placed.time)[:, 0],
-                np.asarray(abs(mean @ of_targets) @ _steep(predicted).ravel()), sparse.csr_array(mean @ of_targets),
+                np.asarray(abs(mean @ of_targets) @ slope_along(predicted, predicted.prediction.position).ravel()),
+                sparse.csr_array(mean @ of_targets),
                 tuple(findings))
 
 
-def _steep(predicted: Predicted) -> Array:
-    """How fast each component of the predicted deviation changes along the path (M, 3) [m/m], the steeper side of each
-    target."""
+def slope_along(predicted: Predicted, moved: Array) -> Array:
+    """How fast each component of a displacement (M, 3) [m] of the targets with force changes along the path (M, 3) [m/m], the
+    steeper side of each target."""
     length = predicted.path.length[predicted.targets]
     steps = np.maximum(np.diff(length), 1e-4)[:, None]
-    slope = np.abs(np.diff(predicted.prediction.position, axis=0)) / steps
+    slope = np.abs(np.diff(moved, axis=0)) / steps
     steep = np.zeros((len(length), 3))
     if len(length) > 1:
         steep[:-1] = slope

@@ -16,6 +16,7 @@ def lines(figures: dict[str, Any]) -> list[str]:
         f"{100 * gone['remainder']:.0f} % with the smooth remainder",
         f"factor in motion (with the force sensor's gain): {motion['scale']:.3f}, standard error {motion['std']:.3f}",
         _remainder(figures),
+        *_causes(figures["causes"]),
     ]
     tried = figures["held_out"]
     if tried is not None:
@@ -23,6 +24,16 @@ def lines(figures: dict[str, Any]) -> list[str]:
                     f"{tried['physical_um']:.1f} um with springs, set-up and warming learned, {tried['learned_um']:.1f} um "
                     f"with all ({100 * tried['gain']:.0f} % less; {tried['standard_errors']:.1f} standard errors)")
     return said
+
+
+def _causes(asked: dict[str, Any]) -> list[str]:
+    """What acts with the force beyond the model."""
+    if asked["verdict"] == "adequate":
+        return [f"no cause beyond the model is seen (chance shows as much in {100 * asked['p_value']:.0f} % of parts)"]
+    if not asked["carried"]:
+        return []
+    return [f"{each['name']}: {each['estimate']:.3g} {each['unit']}, standard error {each['std']:.2g}"
+            for each in asked["parameters"]]
 
 
 def _remainder(figures: dict[str, Any]) -> str:

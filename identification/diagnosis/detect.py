@@ -8,6 +8,7 @@ the same weights; each is divided by its own residual variance, as the data's is
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,19 @@ REPLICATES = 199
 SMALLEST = -700.0
 
 
+class Drawn(Protocol):
+    """Noise that replicates are drawn from."""
+
+    @property
+    def readings(self) -> int:
+        """How many numbers were measured."""
+        ...
+
+    def draw(self, rng: np.random.Generator, count: int) -> Array:
+        """Noise (n, 3, count) in the coordinates of the rows."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class FittedNoise:
     """The noise that replicates are drawn from: its model, the variance components with the covariance (6, 6) of their ln, and
@@ -36,6 +50,11 @@ class FittedNoise:
     components: VarianceComponents
     covariance: Array
     row_weight: Array
+
+    @property
+    def readings(self) -> int:
+        """How many numbers were measured."""
+        return int(self.model.measured.sum())
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Noise (n, 3, count) in the model's coordinates, each draw with variance components of their own."""
@@ -87,7 +106,7 @@ def goodness_of_fit(
 
 
 def detect(
-    base: Base, dictionary: Dictionary, patterns: tuple[Pattern, ...], noise: FittedNoise, rng: np.random.Generator,
+    base: Base, dictionary: Dictionary, patterns: tuple[Pattern, ...], noise: Drawn, rng: np.random.Generator,
     replicates: int = REPLICATES,
 ) -> Detection:
     """Scores of the data against those of replicates of the fitted model."""
@@ -98,13 +117,13 @@ def detect(
     weighted = base.weights.apply(residual).reshape(-1, replicates + 1)
     pulled = base.design.reshape(-1, base.design.shape[2]).T @ weighted + base.precision @ shift
     step = base.inverse @ pulled
-    readings = int(noise.model.measured.sum())
     quadratic = np.sum(residual.reshape(-1, replicates + 1) * weighted, axis=0) - np.sum(pulled * step, axis=0)
     quadratic[0] += float(base.shift @ base.precision @ base.shift)
-    variance = np.maximum(quadratic, 1e-12) / max(readings - base.design.shape[2], 1)
+    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.design.shape[2], 1)
     entries = entry_surprise(base, dictionary, weighted, step, variance)
     left = weighted - base.weighted_design.reshape(-1, base.design.shape[2]) @ step
-    observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(len(patterns), -1)
+    observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(
+        len(patterns), replicates + 1)
     total = np.maximum(entries.max(axis=0, initial=0.0), observed_patterns.max(axis=0, initial=0.0))
     p_value = (1 + int(np.sum(total[1:] >= total[0]))) / (replicates + 1)
     named = {pattern.name: float(value) for pattern, value in zip(patterns, observed_patterns[:, 0], strict=True)}
@@ -115,9 +134,9 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
     """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
     from scipy.stats import chi2
 
-    n, _, count, width = dictionary.columns.shape
+    n, components, count, width = dictionary.columns.shape
     flat = dictionary.columns.reshape(-1, count * width)
-    b = flat.T @ weighted - base.cross(dictionary.columns.reshape(n, 3, -1)).T @ step
+    b = flat.T @ weighted - base.cross(dictionary.columns.reshape(n, components, -1)).T @ step
     b = b.reshape(count, width, -1)
     inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(width))
     coefficients = inverse @ b

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.fitted_model import Term
-from identification.fit.noise import NoiseModel
+from identification.fit.sight import Sight
 from identification.model.effects import Effect, Signature
 from identification.model.effects_in_force import EffectInForce
 from identification.model.load_state import LoadState
@@ -28,9 +28,9 @@ class Entry(EffectInForce):
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """entries: what is tried. signatures (S): one for each value of what does not enter linearly. columns (n, 3, S, 3):
-    whitened, in units of the typical size, unused coefficients zero. widths (S,), positive (S,). left_out: effects that these
-    rows cannot show at all, and why."""
+    """entries: what is tried. signatures (S): one for each value of what does not enter linearly. columns (n, 3, S, 3) as
+    the rows see them, whitened, in units of the typical size, unused coefficients zero; of a machined part (n, 1, S, 3). widths
+    (S,), positive (S,). left_out: effects that these rows cannot show at all, and why."""
 
     entries: tuple[Entry, ...]
     signatures: tuple[Signature, ...]
@@ -56,7 +56,7 @@ class Dictionary:
             members = [k for each in (named, *near) for k in each.signatures]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
 
-    def undecided(self, state: LoadState, noise: NoiseModel, joint: int | None) -> Array:
+    def undecided(self, state: LoadState, sight: Sight, joint: int | None) -> Array:
         """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
         in its typical size: the same in all of them, or turning round with the load."""
         mask = np.zeros(len(state), dtype=bool)
@@ -67,13 +67,13 @@ class Dictionary:
                 if mine.any():
                     mask, scale = mask | mine, max(scale, float(entry.effect.typical(state, joint)[0]))
         if joint is None or not mask.any():
-            return np.zeros((len(state), 3, 0))
+            return sight.whitened(np.zeros((len(state), 3, 0)))
         move = state.jacobian[:, :3, joint - 1] * scale
         force = state.wrench[:, :3]
         sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
         columns = [move * (values * mask * (state.visit == visit))[:, None]
                    for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
-        return np.asarray(noise.whitening @ np.stack(columns, axis=2))
+        return sight.whitened(np.stack(columns, axis=2))
 
     def gear_laws(self, joint: int) -> list[int]:
         """The entries that are laws of this joint's gear."""
@@ -104,7 +104,7 @@ class Dictionary:
         return Term(effect, joint, np.clip(values, *bounds.T), effect.typical(state, joint), effect.neutral(state))
 
 
-def dictionary_of(state: LoadState, noise: NoiseModel, catalogue: dict[str, Effect]) -> Dictionary:
+def dictionary_of(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) -> Dictionary:
     """All effects of the catalogue (`effects()`) at all their places, as these rows would show them."""
     entries: list[Entry] = []
     signatures: list[Signature] = []
@@ -118,9 +118,9 @@ def dictionary_of(state: LoadState, noise: NoiseModel, catalogue: dict[str, Effe
             shapes = effect.signatures(state, joint)
             entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
             signatures += shapes
-    columns = np.zeros((len(state), 3, len(signatures), WIDEST))
+    readings, components, _ = sight.whitened(np.zeros((len(state), 3, 0))).shape
+    columns = np.zeros((readings, components, len(signatures), WIDEST))
     for k, shape in enumerate(signatures):
-        columns[:, :, k, : shape.rows.shape[2]] = shape.rows * shape.scale
-    whitened = (noise.whitening @ columns.reshape(len(state), 3, -1)).reshape(columns.shape)
-    return Dictionary(tuple(entries), tuple(signatures), whitened, np.array([shape.rows.shape[2] for shape in signatures]),
+        columns[:, :, k, : shape.rows.shape[2]] = sight.whitened(shape.rows * shape.scale)
+    return Dictionary(tuple(entries), tuple(signatures), columns, np.array([shape.rows.shape[2] for shape in signatures]),
                       np.array([shape.positive for shape in signatures]), left_out)

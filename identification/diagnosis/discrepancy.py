@@ -12,7 +12,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.fit.fitted_model import WIDE, Term
-from identification.fit.noise import NoiseModel
+from identification.fit.sight import Sight
 from identification.model.effects import Effect
 from identification.model.law_of import LawOf, stiffening_ways, uncertain
 from identification.model.load_state import LoadState
@@ -37,8 +37,8 @@ def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
     return tuple(free)
 
 
-def stiffening(rows: LoadState, noise: NoiseModel, terms: Iterable[tuple[Effect, Array]]) -> Array:
+def stiffening(rows: LoadState, sight: Sight, terms: Iterable[tuple[Effect, Array]]) -> Array:
     """Columns (n, 3, m) in the noise's coordinates, 1 sigma each: how structures may stiffen, for effects with the displacement
     (n, 3) [m] of each."""
     columns = [STIFFENS * stiffening_ways(rows, moved) for effect, moved in terms if effect.stiffens]
-    return np.asarray(noise.whitening @ np.concatenate([np.zeros((len(rows), 3, 0)), *columns], axis=2))
+    return sight.whitened(np.concatenate([np.zeros((len(rows), 3, 0)), *columns], axis=2))

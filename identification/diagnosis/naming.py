@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.common.arrays import Array
 from identification.diagnosis.attempt import attempt
 from identification.diagnosis.discrepancy import discrepancies
 from identification.diagnosis.gain import gain
@@ -127,8 +128,6 @@ def _typical_sizes(term: Term, values: np.ndarray) -> float:
 def of_nothing(extended: Posterior) -> set[str]:
     """Labels of terms whose parameters, but for those that only shape them, all lie within two of their own standard deviations
     of nothing, one by one and together: several that the rows know by their sum alone are something."""
-    from scipy.stats import chi2, norm
-
     place, nothing = len(extended.mean[SPRINGS]), set()
     for term in extended.terms:
         size = len(term.effect.parameters)
@@ -136,11 +135,19 @@ def of_nothing(extended: Posterior) -> set[str]:
         place += size
         off = extended.mean[of_size] - term.neutral[of_size - place + size]
         covariance = extended.covariance[np.ix_(of_size, of_size)]
-        alone = np.all(np.abs(off) < NOTHING * np.sqrt(np.diag(covariance)))
-        together = off @ np.linalg.solve(covariance, off) < chi2.isf(2 * norm.sf(NOTHING), len(off))
-        if alone and together:
+        if not beyond_nothing(off, covariance):
             nothing.add(term.label)
     return nothing
+
+
+def beyond_nothing(off: Array, covariance: Array) -> bool:
+    """Whether parameters (p,), counted from where they do nothing, are more than two standard deviations off, one by one or
+    together."""
+    from scipy.stats import chi2, norm
+
+    alone = np.all(np.abs(off) < NOTHING * np.sqrt(np.diag(covariance)))
+    together = off @ np.linalg.solve(covariance, off) < chi2.isf(2 * norm.sf(NOTHING), len(off))
+    return not (alone and together)
 
 
 def with_free_laws(extended: Posterior) -> Posterior:

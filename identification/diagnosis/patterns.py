@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.projection import Base
-from identification.fit.noise import NoiseModel
+from identification.fit.sight import Sight
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Pattern:
         return np.asarray(np.maximum(-chi2.logsf(total / scale, mean / scale) / np.log(10), 0.0))
 
 
-def patterns_of(state: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
+def patterns_of(state: LoadState, sight: Sight) -> tuple[Pattern, ...]:
     """The patterns these rows can show."""
     force = state.wrench[:, :3]
     typical = max(float(np.linalg.norm(force, axis=1).max(initial=0.0)), 1e-9)
@@ -65,7 +65,7 @@ def patterns_of(state: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
     for name, every in columns.items():
         seen = [column for column in every if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
         if seen:
-            patterns.append(Pattern(name, noise.whitening @ np.stack(seen, axis=2)))
+            patterns.append(Pattern(name, sight.whitened(np.stack(seen, axis=2))))
     return tuple(patterns)
 
 

@@ -225,10 +225,10 @@ class Procedure:
         labels = {term.label for term in extended.terms}
         causes = tuple(cause for cause in names if cause.label in labels)
         difference = None
-        if not _certain(together, causes):
+        if not certain(together, causes):
             kin = kindred(seen, best)
             causes = with_open_laws(seen, causes)
-            if not _certain(sum(hypothesis.probability for hypothesis in kin), causes):
+            if not certain(sum(hypothesis.probability for hypothesis in kin), causes):
                 return self.ambiguous(judgement, seen, best)
             # Which of its laws the gear follows is open: that matters where a correction would be another.
             laws = rivals_of(judgement.plain.data, replace(seen, hypotheses=kin), extended)
@@ -272,7 +272,7 @@ class Procedure:
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
 
 
-def _certain(together: float, causes: tuple[Cause, ...]) -> bool:
+def certain(together: float, causes: tuple[Cause, ...]) -> bool:
     """Whether the set of causes is certain, or each of them while what else is at work is not."""
     return together >= CERTAIN or (together >= POSSIBLE and all(cause.probability >= CERTAIN for cause in causes))
 

@@ -12,18 +12,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary
-from identification.fit.noise import Weights
 
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
 PRIOR_SIZES = 1.5
 # Information under which an effect of its typical size stays far inside the noise: it can be neither named nor ruled out.
 INVISIBLE = 0.25
+
+
+class Weighing(Protocol):
+    """Sigma^-1 of the rows."""
+
+    def apply(self, columns: Array) -> Array:
+        """Sigma^-1 columns (n, 3, q) in the noise's coordinates."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +41,7 @@ class Base:
 
     design: Array
     residual: Array
-    weights: Weights
+    weights: Weighing
     precision: Array
     shift: Array
 
@@ -98,8 +106,8 @@ class Scores:
 
 def scores(base: Base, dictionary: Dictionary) -> Scores:
     """The residual of the fitted model against every signature."""
-    n, _, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(n, 3, -1)
+    n, components, count, width = dictionary.columns.shape
+    flat = dictionary.columns.reshape(n, components, -1)
     b = base.score(flat, base.residual[:, :, None], base.shift)[:, 0].reshape(count, width)
     information = information_blocks(base, dictionary)
     used = np.arange(width)[None] < dictionary.widths[:, None]
@@ -113,8 +121,8 @@ def scores(base: Base, dictionary: Dictionary) -> Scores:
 
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:
     """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
-    n, _, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(n, 3, -1)
+    n, components, count, width = dictionary.columns.shape
+    flat = dictionary.columns.reshape(n, components, -1)
     weighted = base.weights.apply(flat).reshape(-1, count, width)
     own = dictionary.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
     cross = base.cross(flat).reshape(-1, count, width)

@@ -20,6 +20,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns
+from identification.fit.sight import Sight
 from identification.model.effects import Effect
 from identification.model.load_state import LoadState
 
@@ -102,9 +103,14 @@ def survey(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Surv
     fitted: the model whose stiffnesses, variance components and row weights are taken.
     """
     state, noise = fitted.load_state, fitted.at_map.noise
-    dictionary = dictionary_of(state, noise, catalogue)
     base = base_at(fitted.data, fitted.log_compliance, noise, fitted.weights).extended(sag_columns(state, noise))
-    scan = _Scan(base, dictionary, state, noise)
+    return searched(base, dictionary_of(state, noise, catalogue), state, noise, levels)
+
+
+def searched(base: Base, dictionary: Dictionary, state: LoadState, sight: Sight, levels: int) -> Survey:
+    """All single effects of a dictionary beside a model, the pairs and triples that the beam reaches; state: the arm in the
+    rows that `sight` sees."""
+    scan = _Scan(base, dictionary, state, sight)
     every: dict[frozenset[int], Hypothesis] = {}
     beam = [Hypothesis((), (), 0.0)]
     alone: dict[int, float] = {}
@@ -130,7 +136,7 @@ class _Scan:
     base: Base
     dictionary: Dictionary
     state: LoadState
-    noise: NoiseModel
+    sight: Sight
 
     def grown(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
@@ -162,7 +168,7 @@ class _Scan:
         each = np.split(sizes, np.cumsum(dictionary.widths[list(hypothesis.signatures)])[:-1])
         shapes = [dictionary.signatures[k] for k in hypothesis.signatures]
         moved = [shape.rows @ (shape.scale * size) for shape, size in zip(shapes, each, strict=True)]
-        return stiffening(self.state, self.noise, zip((shape.effect for shape in shapes), moved, strict=True))
+        return stiffening(self.state, self.sight, zip((shape.effect for shape in shapes), moved, strict=True))
 
     def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:
         """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).
@@ -176,7 +182,7 @@ class _Scan:
         evidence = scored.evidence
         for joint in range(1, 7):
             laws = dictionary.gear_laws(joint)
-            undecided = dictionary.undecided(self.state, self.noise, joint)
+            undecided = dictionary.undecided(self.state, self.sight, joint)
             if undecided.shape[2]:
                 self._share(evidence, base, laws, undecided)
             family = [k for k in laws if dictionary.entries[k].effect.law_family]

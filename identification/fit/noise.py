@@ -122,6 +122,10 @@ class NoiseModel:
     stated: tuple[bool, ...]
     active: tuple[bool, ...]
 
+    def whitened(self, moved: Array) -> Array:
+        """Displacements (n, 3, k) [m] of the rows in the noise's coordinates."""
+        return np.asarray(self.whitening @ moved)
+
     @cached_property
     def visits(self) -> int:
         """How many pose visits there are."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import NoiseModel
+from identification.fit.sight import Sight
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
@@ -24,10 +24,10 @@ WEIGHT_NM = 4000.0
 STEP = 1e-4
 
 
-def sag_columns(state: LoadState, noise: NoiseModel) -> Array:
+def sag_columns(state: LoadState, sight: Sight) -> Array:
     """Columns (n, 3, 10) in the noise's coordinates, of the size that is usual; none where the robot file has links."""
     if state.robot.link_mass is not None:
-        return np.zeros((len(state), 3, 0))
+        return sight.whitened(np.zeros((len(state), 3, 0)))
     columns = []
     for i in CARRIERS:
         sag = state.compliance[i] * WEIGHT_NM
@@ -39,4 +39,4 @@ def sag_columns(state: LoadState, noise: NoiseModel) -> Array:
         angle = state.theta[:, i]
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
-    return np.asarray(noise.whitening @ np.stack(columns, axis=2))
+    return sight.whitened(np.stack(columns, axis=2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,9 @@ class _Tool(_File):
     quaternion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (1.0, 0.0, 0.0, 0.0)
 
 
-class _Effect(_File):
+class NamedEffect(_File):
+    """An effect in force as files name it."""
+
     effect: str
     joint: StrictInt | None = None
 
@@ -70,7 +73,7 @@ class StiffnessFile(_File):
     parameters: list[_Parameter] = Field(min_length=6)
     covariance: list[list[FiniteFloat]]
     log_compliance: _LogCompliance | None = None
-    effects: list[_Effect] = []
+    effects: list[NamedEffect] = []
     fit: dict[str, Any] = {}
 
 
@@ -88,10 +91,10 @@ def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     name = str(file)
     content = _parse(file, name)
     _check_robot(content, cell, name)
-    in_force = tuple(_effect(item, name) for item in content.effects)
+    in_force = effects_named(content.effects, name)
     _check_parameters(content, in_force, name)
     _check_tool(content, cell, in_force, name)
-    _check_track(cell, in_force, name)
+    check_track(cell, in_force, name)
     mean, covariance = _posterior(content, in_force, name)
     return IdentifiedModel(
         cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in content.parameters[SPRINGS]),
@@ -161,7 +164,8 @@ def _check_tool(file: StiffnessFile, cell: Cell, in_force: tuple[EffectInForce, 
                     file=name, hint="use the tool it was identified with, or identify again with this one")
 
 
-def _check_track(cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
+def check_track(cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> None:
+    """Raises CompstiffError (CS4512) for an effect of the track where the cell has none."""
     of_track = [term.label for term in in_force if term.effect.of_track]
     if of_track and cell.robot.track is None:
         raise error("CS4512", f"{', '.join(of_track)} is an effect of the track under the robot, and the cell has none along "
@@ -169,7 +173,12 @@ def _check_track(cell: Cell, in_force: tuple[EffectInForce, ...], name: str) -> 
                     "stiffnesses were identified")
 
 
-def _effect(item: _Effect, name: str) -> EffectInForce:
+def effects_named(items: Sequence[NamedEffect], name: str) -> tuple[EffectInForce, ...]:
+    """The effects that the entries of `effects` of a file name. Raises CompstiffError (CS1204) where one cannot be used."""
+    return tuple(_effect(item, name) for item in items)
+
+
+def _effect(item: NamedEffect, name: str) -> EffectInForce:
     """The effect an entry of `effects` names."""
     known = effects()
     effect = law_or_effect(item.effect)

@@ -6,9 +6,11 @@ spindle that warms up (tests/virtual_cell/astray.py), none of which the model ha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from compensator.learning.learning import Learning
 from tests.runs.milling.milling_job import TARE, Correction, MillingJob, settings
 from tests.virtual_cell import milling
 from tests.virtual_cell.astray import Astray, drawn
+from tests.virtual_cell.hidden import Hidden, install
 from tests.virtual_cell.milled_part import Part
 from tests.virtual_cell.milling import Commands, Pass
 from tests.virtual_cell.plant import Plant
@@ -26,15 +29,21 @@ MOTION = 1.2        # how much more the springs give way in motion
 
 @dataclass
 class ErringJob(MillingJob):
-    """One robot, one part. motion: factor on the compliance in motion; astray: what else is off, None: nothing."""
+    """One robot, one part. motion: factor on the compliance in motion; astray: what else is off, None: nothing; since:
+    effects that came to the robot after its load test, came: what they are, known once it milled."""
 
     motion: float = MOTION
     astray: Astray | None = None
+    since: Sequence[Hidden] = ()
+    came: list[dict[str, Any]] = field(default_factory=list)
 
     @cached_property
     def moving(self) -> Plant:
         """The plant as it is while it mills."""
-        return Plant(self.case.stiffness / self.motion, self.case.tool, self.case.gravity)
+        plant = Plant(self.case.stiffness / self.motion, self.case.tool, self.case.gravity)
+        for each in self.since:
+            self.came.append(install(plant, each, np.random.default_rng([self.seed, 94]), self.case.design))
+        return plant
 
     def mill(self, commands: Commands, given_n: np.ndarray | None = None, part: Part | None = None) -> Pass:
         return milling.mill(self.moving, part or self.part, commands, self.cutter, given_n, astray=self.astray)
