@@ -87,6 +87,8 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "force log"
     if {"x_mm", "y_mm", "z_mm", "q1", "q2", "q3", "q4"} <= names:
         return "toolpath"
+    if LOG_NAME in file.name.lower():
+        return "force log"      # by its name: its reader says what its columns should be called
     raise _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names)[:12])}")
 
 

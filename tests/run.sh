@@ -49,5 +49,11 @@ if [ -n "$newest" ]; then
         || { cat "$work/newest.txt"; exit 1; }
 fi
 
+# A browser for the tests of reports, below the user's cache folder. Without Node.js or the npm registry they skip, and say so.
+if [ -z "${COMPSTIFF_BROWSER:-}" ] && browser=$("$environment/bin/python" tests/runs/reports/fetch_chromium.py); then
+    export COMPSTIFF_BROWSER=$browser
+fi
+echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
+
 echo "== tests"
 "$environment/bin/python" -m pytest -n 2 --dist loadfile --no-loadscope-reorder

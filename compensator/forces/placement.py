@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,9 @@ MOST_LOST = 0.9
 BACK, MOST_AGAIN = 5, 0.1
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
 SMALL, SMALL_SHARE = 5.0, 0.05
+# Middles of sixteen equal shares of a normal distribution, of unit variance.
+SHIFTS = np.array([NormalDist().inv_cdf((k + 0.5) / 16) for k in range(16)])
+SHIFTS /= SHIFTS.std()
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,7 @@ def place_forces(
     wrench, standard_error = in_frames[cell.force_log.kind]
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
-        standard_error = np.hypot(standard_error, _gradient(path, wrench[:, :3]) * spread)
+        standard_error = np.hypot(standard_error, _misplaced(path, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
                           zero.bias, (), log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
@@ -182,16 +186,18 @@ def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
     return less
 
 
-def _gradient(path: RobotPath, force: Array) -> Array:
-    """How fast the force (N, 3) [N] changes along the path, |dF/ds| (N, 3) [N/m]: the steeper side of each target."""
-    length = path.length
-    slope = np.zeros_like(force)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        steep = np.abs(np.diff(force, axis=0)) / np.diff(length)[:, None]
-    steep = np.where(np.isfinite(steep), steep, 0.0)
-    slope[:-1] = steep
-    slope[1:] = np.maximum(slope[1:], steep)
-    return slope
+def _misplaced(path: RobotPath, force: Array, spread: Array) -> Array:
+    """What standing `spread` (N, 1) [m, 1 sigma] further on or back makes of the force (N, 3) [N], component by component, root
+    mean square: |dF/ds| times the spread where the force changes evenly, and never more than it changes."""
+    known = np.isfinite(path.length)
+    length, values = path.length[known], force[known]
+    square = np.zeros_like(values)
+    for shift in SHIFTS:
+        at = length + shift * spread[known, 0]
+        square += (np.stack([np.interp(at, length, axis) for axis in values.T], axis=1) - values) ** 2
+    found = np.zeros_like(force)
+    found[known] = np.sqrt(square / len(SHIFTS))
+    return found
 
 
 def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath, cell: Cell) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.forces.column_names import named_columns
 from identification.common import number_blocks
 from identification.common.arrays import Array
 from identification.common.columns import FORCES, JOINTS, MOMENTS
@@ -179,7 +180,8 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
         findings += sheet_finding(file)
     columns = [column for column in names if column]
     forces = FORCE_COUNTS if FORCE_COUNTS[0] in names and FORCES[0] not in names else FORCES
-    check_columns(columns, forces, TOGETHER, name, header_line, hint="; or name them in cell.yaml, force_log.columns")
+    check_columns(columns, forces, TOGETHER, name, header_line,
+                  hint=named_columns(columns) or "; or name them in cell.yaml, force_log.columns")
     moments: tuple[str, ...] = next((group for group in (MOMENTS, MOMENT_COUNTS) if group[0] in names), ())
     _check_scales(forces, moments, form, name, header_line)
     key = _key(columns, form, name, header_line)

@@ -11,10 +11,12 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule, Series
+from identification.common.typeset import typeset
 
 Array = NDArray[np.float64]
 WIDE, HALF, NARROW = 920, 450, 370
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SMALL = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
+RAISED = str.maketrans("-0123456789", SMALL)
 LETTER = 7.0                        # width of a letter of the axes [px]
 TOP, RIGHT, BOTTOM = 26.0, 16.0, 46.0
 # More points than these get no label each; of longer lines so many columns keep their lowest and highest.
@@ -60,12 +62,30 @@ def number(value: float) -> str:
     return f"{sign}{whole}{'.' if rest else ''}{rest}"
 
 
+def numbers(values: Array, log: bool) -> list[str]:
+    """The marks of one axis: on a logarithmic one all as powers of ten where one of them is."""
+    texts = [number(float(value)) for value in values]
+    if log and any("10" in text and text[-1] in SMALL for text in texts):
+        powers = np.floor(np.log10(values) + 1e-9).astype(int)
+        factors = [f"{value / 10.0**power:.3g}" for value, power in zip(values, powers, strict=True)]
+        texts = [("" if factor == "1" else f"{factor}·") + "10" + str(power).translate(RAISED)
+                 for factor, power in zip(factors, powers, strict=True)]
+    return texts
+
+
 def ticks(low: float, high: float, most: int) -> Array:
-    """Round values between two others, steps of 1, 2 or 5 times a power of ten."""
+    """Round values between two others, steps of 1, 2 or 5 times a power of ten: the widest that leave `most` of them or fewer,
+    and a finer one where that would leave a single one."""
     raw = max((high - low) / max(most, 1), 1e-300)
     power = 10.0 ** np.floor(np.log10(raw))
-    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * (1 - 1e-9))
-    return np.asarray(np.round(np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step, 12))
+    steps = [power * factor for factor in (10.0, 5.0, 2.0, 1.0, 0.5, 0.2)]
+    first = next(i for i in (3, 2, 1, 0) if steps[i] >= raw * (1 - 1e-9))
+    found = np.zeros(0)
+    for step in steps[first:]:
+        found = np.round(np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step, 12)
+        if len(found) > 1:
+            break
+    return np.asarray(found)
 
 
 def log_ticks(low: float, high: float, most: int) -> Array:
@@ -94,7 +114,7 @@ def draw(panel: Panel, width: int, label: str) -> Markup:
     names = panel.y.categories
     height = max(panel.height, TOP + BOTTOM + 17 * len(names)) if panel.sideways else panel.height
     vertical = _scale(panel, panel.y, "y", height - BOTTOM, TOP)
-    marks = [] if names else [(float(vertical(value)), number(float(value))) for value in _ticks(vertical, 42)]
+    marks = [] if names else _marks(vertical, 42)
     left = 14 + LETTER * max([4.0, *(min(len(name), 0.45 * width / LETTER) for name in (*names, *(text for _, text in marks)))])
     horizontal = _scale(panel, panel.x, "x", left, width - RIGHT)
     parts = [_axis_x(panel.x, horizontal, height, width), _axis_y(panel.y, vertical, left, width, marks)]
@@ -159,22 +179,23 @@ def _axis_x(axis: Axis, scale: Scale, height: float, width: int) -> Markup:
         # As many names as fit without touching.
         longest = max(len(name) for name in axis.categories)
         every = max(1, int(np.ceil(len(axis.categories) * (LETTER * longest + 10) / room)))
-        shown = [(scale(i), name) for i, name in enumerate(axis.categories) if i % every == 0]
+        shown = [(float(scale(i)), name) for i, name in enumerate(axis.categories) if i % every == 0]
     else:
-        shown = [(scale(value), number(float(value))) for value in _ticks(scale, 90)]
+        shown = _marks(scale, 90)
         parts += [Markup('<path class="grid" d="M{:.1f} {:.1f}V{:.1f}"/>').format(x, TOP, bottom) for x, _ in shown]
-    parts += [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>').format(float(x), bottom + 17, words)
+    parts += [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="middle">{}</text>').format(x, bottom + 17, words)
               for x, words in shown]
     if axis.title:
         parts.append(Markup('<text class="title" x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
-            width - RIGHT, height - 8, axis.title))
+            width - RIGHT, height - 8, typeset(axis.title)))
     return Markup("").join(parts)
 
 
-def _ticks(scale: Scale, room: float) -> Array:
-    """Round values so far apart [px] at least."""
+def _marks(scale: Scale, room: float) -> list[tuple[float, str]]:
+    """Pixels and words of round values, about so far apart [px]."""
     fits = max(2, int(abs(scale.end - scale.start) / room))
-    return log_ticks(scale.low, scale.high, fits) if scale.log else ticks(scale.low, scale.high, fits)
+    found = log_ticks(scale.low, scale.high, fits) if scale.log else ticks(scale.low, scale.high, fits)
+    return [(float(scale(value)), words) for value, words in zip(found, numbers(found, scale.log), strict=True)]
 
 
 def _axis_y(axis: Axis, scale: Scale, left: float, width: int, marks: list[tuple[float, str]]) -> Markup:
@@ -188,7 +209,7 @@ def _axis_y(axis: Axis, scale: Scale, left: float, width: int, marks: list[tuple
     parts += [line.format("zero" if words == "0" else "grid", left, y, width - RIGHT, left - 6, y + 4, words)
               for y, words in marks]
     if axis.title:
-        parts.append(Markup('<text class="title" x="4" y="14">{}</text>').format(axis.title))
+        parts.append(Markup('<text class="title" x="4" y="14">{}</text>').format(typeset(axis.title)))
     return Markup("").join(parts)
 
 

@@ -14,9 +14,11 @@ import numpy as np
 from markupsafe import Markup
 
 from identification.common.chart import Figure
+from identification.common.chart_numbers import chart_numbers
 from identification.common.chart_svg import drawn, legend
 from identification.common.findings import Finding, fold
 from identification.common.findings import Level as FindingLevel
+from identification.common.typeset import typeset
 
 FILES = Path(__file__).parent / "report_files"
 ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
@@ -104,6 +106,7 @@ def render(page: Page) -> str:
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["typeset"] = typeset
     # The worst first; each keeps its place among the folded, by which views know it.
     findings = sorted(enumerate(fold(tuple(page.findings))), key=lambda item: ORDER.index(item[1].level))
     items = (*page.first, *page.others)
@@ -155,8 +158,9 @@ def _shown(item: Figure | View, number: int) -> dict[str, Any]:
     """What the template needs of it."""
     same = {"title": item.title, "caption": item.caption, "number": number}
     if isinstance(item, Figure):
-        return same | {"view": "", "legend": legend(item), "panels": drawn(item), "beside": item.beside}
-    return same | {"view": item.kind, "legend": (), "panels": (), "beside": False, "picture": item.picture,
+        return same | {"view": "", "legend": legend(item), "panels": drawn(item), "beside": item.beside,
+                       "numbers": chart_numbers(item)}
+    return same | {"view": item.kind, "legend": (), "panels": (), "numbers": None, "beside": False, "picture": item.picture,
                    "data": embedded(item.data | {"title": item.title})}
 
 

@@ -37,9 +37,8 @@ def design_report(plan: DesignPlan, program: RapidProgram | None = None) -> str:
     findings = (*plan.findings, *(program.findings if program else ()))
     return render(Page(f"Measurement plan: {len(design.task.demand)} runs, criterion {design.task.criterion.name}",
                        _verdict(plan, count_words(findings, "error", "warning")), _keys(plan), _steps(plan),
-                       [*plan.worth(joints=False), "Collisions were not checked: drive the poses in manual mode first."],
-                       tables,
-                       [_arms(design.task.domain, plan.sheet)], figures, findings, plan.as_dict()))
+                       [*plan.worth(tables=True), "Collisions were not checked: drive the poses in manual mode first."],
+                       tables, [_arms(design.task.domain, plan.sheet)], figures, findings, plan.as_dict()))
 
 
 def _verdict(plan: DesignPlan, doubts: str) -> Verdict:
@@ -61,17 +60,16 @@ def _keys(plan: DesignPlan) -> list[Key]:
     joints = plan.forecast.joints
     worst = max(joints, key=lambda joint: joint.after)
     counts = plan.forecast.counts
-    keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {plan.sheet.time[-1] / 60:.0f} "
-                                                         f"min"),
+    minutes, efficiency = plan.sheet.time[-1] / 60, np.floor(100 * plan.design.certificate.efficiency)
+    keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {minutes:.0f} min"),
             Key("least certain afterwards", f"k{worst.joint}", "", spread(worst.after)),
-            Key("of the best possible", f"{np.floor(100 * plan.design.certificate.efficiency):.0f}", "%", "at least, by its "
-                                                                                                          "certificate"),
-            Key("causes it can name", f"{counts.get('identifiable', 0)}", "", f"of {len(plan.forecast.causes)}, at their "
-                                                                              f"typical size")]
+            Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate"),
+            Key("causes it can name", f"{counts.get('identifiable', 0)}", "",
+                f"of {len(plan.forecast.causes)}, at their typical size")]
     prediction = plan.prediction_std_um
     if prediction is not None:
-        keys[2:2] = [Key("along the program", f"{prediction[0]:.3g} → {prediction[1]:.2g}", "µm", "uncertainty of the "
-                                                                                                  "deflection, RMS")]
+        keys[2:2] = [Key("along the program", f"{prediction[0]:.3g} → {prediction[1]:.2g}", "µm",
+                         "uncertainty of the deflection, RMS")]
     return keys[:5]
 
 
@@ -81,8 +79,7 @@ def _steps(plan: DesignPlan) -> list[Step]:
         return [Step("Drive the poses in manual mode first: collisions were not checked. Measure them, append the rows to your "
                      "measurements, and diagnose again:", call("diagnose", cell, "measurements.csv", "-o", "diagnosis.json"))]
     return [Step("Drive the poses in manual mode first: collisions were not checked. Measure, fill in dx_um dy_um dz_um of "
-                 "the plan, "
-                 "then:", call("identify", cell, "plan.csv", "-o", "stiffness.json", "--report", "identify.html"))]
+                 "the plan, then:", call("identify", cell, "plan.csv", "-o", "stiffness.json", "--report", "identify.html"))]
 
 
 def _visits(sheet: Sheet) -> ReportTable:
@@ -98,7 +95,7 @@ def _visits(sheet: Sheet) -> ReportTable:
         if sheet.hung:
             loads = ", ".join(f"{mass:g} kg" for mass in sheet.masses(number))
         table.append([label, sheet.along(number), sheet.purpose(number),
-                      *(f"{angle:.3f}" for angle in theta), loads])
+                      *(f"{angle:.3f}" for angle in np.round(theta, 3) + 0.0), loads])
     header = ["pose", "along", "purpose", *(f"q{i} [deg]" for i in range(1, 7)), "loads" if sheet.hung else "loads [N]"]
     return ReportTable("The plan, in the order of the runs", header, table, numbers=tuple(range(3, 9)))
 
@@ -141,10 +138,8 @@ def _arms(domain: Domain, sheet: Sheet) -> View:
         lines += [SpaceLine(tcp[i] + np.outer([-BAR_M, BAR_M], line), colour, 8.0)
                   for line in _lines(sheet.force[sheet.visit == i])]
     return scene("The poses", "The arm from its base to the TCP, base frame, metres. Colour: the base axis nearest to its "
-                              "load (x blue, "
-                 "y orange, z green), grey: kept back for validation. The thick bar at the TCP is the line of the load. "
-                 "Collisions "
-                 "were not checked.", lines)
+                 "load (x blue, y orange, z green), grey: kept back for validation. The thick bar at the TCP is the line of "
+                 "the load. Collisions were not checked.", lines)
 
 
 def _lines(forces: Array) -> list[Array]:

@@ -82,8 +82,9 @@ class DesignPlan:
         """The visits, then what the plan is worth and what it will tell."""
         return [*self.sheet.lines(), *self.worth()]
 
-    def worth(self, joints: bool = True) -> list[str]:
-        """What the plan is worth and what it will tell, in words; joints: a line for each, which a table may say as well."""
+    def worth(self, tables: bool = False) -> list[str]:
+        """What the plan is worth and what it will tell, in words; tables: without what tables beside it say of joints and
+        causes."""
         sheet, criterion = self.sheet, self.design.task.criterion.name
         kept = int(sheet.validate.sum())
         lines = [
@@ -97,13 +98,14 @@ class DesignPlan:
         lines += [f"criterion {criterion}: {CRITERIA[criterion]}{self._about}", self.certified]
         if self.gain is not None:
             lines += self.gain.lines()
-        if joints:
+        if not tables:
             lines += [f"expected, starting from {self.prepared.before}:", *self.forecast.joint_lines()]
         prediction = self.prediction_std_um
         if prediction is not None:
             lines.append(f"deflection along the program (per 100 N where no force log was given): uncertain by "
                          f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
-        lines += self.forecast.cause_lines(", with what was measured before," if self.further else "")
+        causes = self.forecast.cause_lines(", with what was measured before," if self.further else "")
+        lines += causes[:1] if tables else causes
         return lines + (self.forecast.length_lines() if self.discrimination is None else [])
 
     @property

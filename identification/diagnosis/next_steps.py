@@ -21,6 +21,9 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
                                   call(*again, "--mend", "MENDED", "--force"))]
     if verdict == "ambiguous":
+        # The loads are what the command plans.
+        checks = [Step(f"Check: {what} ({about}).") for what, about in (
+            next_words(item) for item in listed if item["kind"] == "check")][:4]
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":

@@ -46,7 +46,12 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     if not first:
         first, others = [others[0]], others[1:]
     return render(Page(f"Diagnosis: {Path(diagnosis.measurements.source).name}", _verdict(diagnosis), _keys(judgement, content),
-                       steps_of(diagnosis), diagnosis.lines(), tables, first, others, diagnosis.findings, content))
+                       steps_of(diagnosis), _words(diagnosis), tables, first, others, diagnosis.findings, content))
+
+
+def _words(diagnosis: Diagnosis) -> list[str]:
+    """The answer as the terminal has it, without what the steps say."""
+    return [line for line in diagnosis.lines() if not line.startswith("next: ")]
 
 
 def _verdict(diagnosis: Diagnosis) -> Verdict:
@@ -56,11 +61,13 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     if diagnosis.verdict == "adequate":
         return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}.")
     if diagnosis.verdict == "mistake":
-        return Verdict("bad", "A MISTAKE IN THE FILES", f"{judgement.mistakes[0].sentence}. Mend it first.")
+        mistake = judgement.mistakes[0]
+        return Verdict("bad", "A MISTAKE IN THE FILES", f"{mistake.sentence}. Each pose is predicted from the others to "
+                       f"{1e6 * mistake.before:.1f} µm RMS as it stands, to {1e6 * mistake.after:.1f} µm with it mended.")
     if diagnosis.verdict == "unknown":
-        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains: {sizes}. Nothing is "
-                                         f"corrected "
-                       "for it.")
+        seen = f": {'; '.join(judgement.patterns[:2])}" if judgement.patterns else ""
+        return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains{seen}. Nothing is "
+                       f"corrected for it. {sizes[0].upper()}{sizes[1:]} as estimated from the same rows.")
     if diagnosis.verdict == "ambiguous":
         names = [cause.label for cause in judgement.alternatives[:3]] + [mistake.key for mistake in judgement.mistakes[:1]]
         return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {', '.join(names)}; {sizes}.")
@@ -70,8 +77,7 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
         return Verdict("caution", "READINGS LEFT OUT", f"Some readings do not belong to the others and were left out; {sizes}.")
     words = "; ".join(names)
     better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
-                                      f"on poses "
-                                      "that were not fitted")
+                                      "on poses that were not fitted")
     return Verdict("caution", "CAUSE NAMED", f"{words[0].upper()}{words[1:]}{better}.")
 
 
@@ -102,10 +108,9 @@ def _where(judgement: Judgement) -> list[View]:
     if not causes or judgement.verdict == "unknown":
         return []
     certain = bool(judgement.causes)
-    return [View("Where it sits" if certain else "Where it may sit", "Not to scale. " + (
-        "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."), "",
-                 {},
-        arm_drawing(causes, certain))]
+    marked = "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."
+    return [View("Where it sits" if certain else "Where it may sit", f"Not to scale. {marked}", "", {},
+                 arm_drawing(causes, certain))]
 
 
 def _probabilities(judgement: Judgement) -> list[Figure]:
@@ -116,8 +121,7 @@ def _probabilities(judgement: Judgement) -> list[Figure]:
         f" For a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured loads.")
     bars = Bars("probability", [cause.probability for cause in ranked], "after")
     return [Figure("How likely each cause is", "Of being at work, alone or with others." + matters, [
-        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[cause.label
-                                                                                               for cause in ranked]),
+        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[one.label for one in ranked]),
               height=60 + 26 * len(ranked), sideways=True)])]
 
 
@@ -179,8 +183,10 @@ def _in_order(rows: Measurements, before: Array, after: Array | None, allowed: A
 
 def _ordered(names: list[str]) -> list[int]:
     """Places of the names as people order them: P2 before P10."""
-    return sorted(range(len(names)), key=lambda i: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)",
-                                                                                                               names[i])])
+    def key(i: int) -> list[int | str]:
+        return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", names[i])]
+
+    return sorted(range(len(names)), key=key)
 
 
 def _by_pose(rows: Measurements, before: Array, after: Array | None, allowed: Array) -> Figure:
@@ -229,11 +235,11 @@ def _explained(judgement: Judgement) -> Figure:
     over: list[Series] = [Points("what the springs leave", line, 1e6 * left[shown, k], "before", size=5),
                           Line("what the cause gives", line, 1e6 * expected[shown, k], "after", 1.6)]
     names = " and ".join(cause.label for cause in judgement.causes)
-    return Figure("The signature of the cause over what the springs leave", f"Left, on the line: explained by {names}. Right: "
-                                                                            f"the same "
-                  f"in the order of the rows, reading {AXES[k]}, where it shows the most. The scatter about it is noise.", [
-                      Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
-                      Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)
+    caption = (f"Left, on the line: explained by {names}. Right: the same in the order of the rows, reading {AXES[k]}, "
+               "where it shows the most. The scatter about it is noise.")
+    return Figure("The signature of the cause over what the springs leave", caption, [
+        Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
+        Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)
 
 
 def _held_out(gain: Gain, judgement: Judgement) -> Figure:
@@ -248,8 +254,8 @@ def _held_out(gain: Gain, judgement: Judgement) -> Figure:
                         ("plain model", "before", "Before, six springs", gain.before),
                         ("extended model", "after", "After, with the cause", gain.after)))]
     note = f" The {MOST_POSES} of {len(names)} poses with the largest are drawn." if len(shown) < len(names) else ""
-    return Figure("On rows that were not fitted", f"{gain.held_out}: ratio {gain.ratio:.2f}, 95 % {gain.interval[0]:.2f} to "
-                  f"{gain.interval[1]:.2f}." + note, panels, beside=True)
+    return Figure("On rows that were not fitted", f"Rows: {gain.held_out}. What is left is smaller by a factor "
+                  f"{gain.ratio:.2f}, 95 % {gain.interval[0]:.2f} to {gain.interval[1]:.2f}." + note, panels, beside=True)
 
 
 def _patterns(judgement: Judgement) -> Figure:

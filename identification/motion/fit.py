@@ -27,9 +27,11 @@ BETWEEN = 0.2
 
 @dataclass(frozen=True, eq=False)
 class JointLogFit:
-    """model: the posterior as stiffness.json carries it, joints without link encoder, or refused, at their prior. joints: those
-    the logs have, refused or not."""
+    """From these logs of this cell. model: the posterior as stiffness.json carries it, joints without link encoder, or refused,
+    at their prior. joints: those the logs have, refused or not."""
 
+    cell: Cell
+    logs: tuple[MotionLog, ...]
     model: IdentifiedModel
     joints: tuple[AxisStiffness, ...]
     findings: tuple[Finding, ...]
@@ -60,7 +62,7 @@ def fit_joint_logs(cell: Cell, logs: Sequence[MotionLog]) -> JointLogFit:
     check_distinct(logs)
     numbers = sorted({joint for log in logs for joint in log.joints})
     joints = tuple(axis_stiffness(joint, list(logs), find_transmission(joint, list(logs), None)) for joint in numbers)
-    return JointLogFit(identified_model(cell, joints), joints, stiffness_findings(logs, joints))
+    return JointLogFit(cell, tuple(logs), identified_model(cell, joints), joints, stiffness_findings(logs, joints))
 
 
 def identified_model(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ def diagnosis_report(diagnosis: JointLogDiagnosis) -> str:
     logs = diagnosis.logs
     again = call("identify", diagnosis.cell.source, logs[0].source, *(
         word for log in logs[1:] for word in ("--also", log.source)), "-o", "stiffness.json")
-    return render(Page(f"Diagnosis: {logs[0].source}", _verdict(diagnosis), _keys(diagnosis, content),
+    return render(Page(f"Diagnosis: {Path(logs[0].source).name}", _verdict(diagnosis), _keys(diagnosis, content),
                        [Step("The stiffnesses from these logs:", again)], diagnosis.lines(), tables, figures[:1], figures[1:],
                        diagnosis.findings, content))
 
@@ -39,42 +40,53 @@ def stiffness_report(fit: JointLogFit) -> str:
     refused = [f"k{joint.joint}" for joint in fit.joints if joint.refused]
     stated = [f"k{joint.joint}" for joint in fit.joints if not joint.refused]
     if refused:
-        verdict = Verdict("caution" if stated else "bad", "NOT ALL STIFFNESSES CAN BE STATED", f"{', '.join(refused)} "
-                                                                                               f"refused: these "
-                          f"logs do not tell the stiffness from what else moves with the load; stated: "
+        verdict = Verdict("caution" if stated else "bad", "NOT ALL STIFFNESSES CAN BE STATED", f"{', '.join(refused)} refused: "
+                          "these logs do not tell the stiffness from what else moves with the load; stated: "
                           f"{', '.join(stated) or 'none'}.")
     else:
-        verdict = Verdict("good", "STATED", f"The stiffnesses {', '.join(stated)} come from these logs; the other joints stay "
-                                            f"at what "
-                          "was known before.")
-    keys = [Key(f"k{joint.joint}", "refused" if joint.refused else f"{1 / joint.compliance:.3g}",
+        verdict = Verdict("good", "STATED", f"{', '.join(stated)} {'comes' if len(stated) == 1 else 'come'} from these logs; "
+                          "the other joints stay at what was known before.")
+    model = fit.model
+    # The file's own values: the logs' with what was known before.
+    keys = [Key(f"k{joint.joint}", "refused" if joint.refused else f"{model.stiffness[joint.joint - 1]:.3g}",
                 "" if joint.refused else "N m/rad", joint.grade) for joint in fit.joints]
-    return render(Page("Stiffness from joint deflection logs", verdict, keys, [], fit.lines(), [_stiffnesses(fit.joints)], [],
-                       [],
-                       fit.findings, fit.as_dict()))
+    rows = [[f"k{i}", f"{k:.3g}", f"{low:.3g} ... {high:.3g}", grade] for i, (k, (low, high), grade) in enumerate(zip(
+        model.stiffness, model.interval_95, model.grades, strict=True), 1)]
+    written = ReportTable("What the stiffness file says", ["joint", "k [N m/rad]", "95 % interval", "grade"], rows, (1,))
+    words = [line for joint in fit.joints for line in joint.lines()]
+    step = Step("Ask what else moves with the load:", call("diagnose", fit.cell.source, fit.logs[0].source, *(
+        word for log in fit.logs[1:] for word in ("--also", log.source)), "-o", "diagnosis.json"))
+    return render(Page("Stiffness from joint deflection logs", verdict, keys, [step], words, [written], [], [], fit.findings,
+                       fit.as_dict()))
 
 
 def _verdict(diagnosis: JointLogDiagnosis) -> Verdict:
     said: dict[str, tuple[Level, str, str]] = {
-            "adequate": ("good", "ADEQUATE", "Plain springs explain the logs to their noise"),
-            "named": ("caution", "CAUSE NAMED", "The logs show more than springs, and its cause has a name"),
-            "ambiguous": ("caution", "AMBIGUOUS", "The logs show more than springs; several causes would explain it"),
-            "unknown": ("bad", "UNKNOWN", "The logs show more than springs, and no cause in the dictionary explains it")}
+        "adequate": ("good", "ADEQUATE", "Plain springs explain the logs to their noise"),
+        "named": ("caution", "CAUSE NAMED", "The logs show more than springs, and its cause has a name"),
+        "ambiguous": ("caution", "AMBIGUOUS", "The logs show more than springs; several causes would explain it"),
+        "unknown": ("bad", "UNKNOWN", "The logs show more than springs, and no cause in the dictionary explains it")}
     level, word, sentence = said[diagnosis.verdict]
     names = list(dict.fromkeys(cause.sentence for axis in diagnosis.axes for cause in axis.causes))
     return Verdict(level, word, sentence + (": " + "; ".join(names[:3]) if names else "") + ".")
 
 
 def _keys(diagnosis: JointLogDiagnosis, content: dict[str, Any]) -> list[Key]:
-    keys = [Key("left by plain springs", f"{content['misfit']['rms_urad']:.0f} → {content['misfit']['left_rms_urad']:.0f}",
-                "µrad",
+    misfit = content["misfit"]
+    keys = [Key("left by plain springs", f"{misfit['rms_urad']:.0f} → {misfit['left_rms_urad']:.0f}", "µrad",
                 "RMS; with the named causes")]
     gain = content["gain"]
     if gain is not None:
         keys.append(Key("on rows not fitted", f"{gain['rms_before_urad']:.0f} → {gain['rms_after_urad']:.0f}", "µrad",
-                        f"RMS, {gain['held_out']}"))
+                        f"RMS, {_held_out(gain['held_out'])}"))
     return [*keys, *(Key(f"joint {axis.joint}", axis.verdict, "", ", ".join(cause.shape.name for cause in axis.causes))
                      for axis in diagnosis.axes[:3])]
+
+
+def _held_out(rows: str) -> str:
+    """Which rows, a log by its name alone."""
+    kind, colon, file = rows.partition(": ")
+    return f"{kind}{colon}{Path(file).name}" if colon else rows
 
 
 def _stiffnesses(joints: Sequence[AxisStiffness]) -> ReportTable:

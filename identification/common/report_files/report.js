@@ -60,6 +60,6 @@ document.addEventListener("DOMContentLoaded", () => {
         figure.classList.remove("has-view");
         console.warn(`the picture stays: ${reason}`);
       });
-  addEventListener("beforeprint", () => document.querySelectorAll("main > details").forEach(one => { one.dataset.was = one.open; one.open = true; }));
-  addEventListener("afterprint", () => document.querySelectorAll("main > details").forEach(one => { one.open = one.dataset.was === "true"; }));
+  addEventListener("beforeprint", () => document.querySelectorAll("main > details, .next > details").forEach(one => { one.dataset.was = one.open; one.open = true; }));
+  addEventListener("afterprint", () => document.querySelectorAll("main > details, .next > details").forEach(one => { one.open = one.dataset.was === "true"; }));
 });

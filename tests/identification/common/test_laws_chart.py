@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
-from identification.common.chart_svg import WIDE, draw, extremes, legend, number, ticks
+from identification.common.chart_numbers import MOST_ROWS, chart_numbers
+from identification.common.chart_svg import WIDE, draw, extremes, legend, number, numbers, ticks
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -79,7 +80,7 @@ def test_ticks_are_round_and_inside(low: float, span: float, most: int) -> None:
     if high - low <= 1e-9 * max(abs(low), abs(high)):
         return
     marks = ticks(low, high, most)
-    assert len(marks) <= most + 1
+    assert len(marks) <= 2 * most + 1
     if len(marks) > 2:
         steps = np.diff(marks)
         assert steps == pytest.approx(steps[0], rel=1e-3)
@@ -109,3 +110,47 @@ def test_the_legend_names_each_series_once() -> None:
                                                                                                                          "r"),
                    Cells([[1.0]])])
     assert [name for name, _, _ in legend(Figure("", "", [panel, panel]))] == ["a", "r"]
+
+
+def test_marks_of_one_logarithmic_axis_are_of_one_kind() -> None:
+    assert numbers(np.array([1e5, 1e6, 1e7]), log=True) == ["10⁵", "10⁶", "10⁷"]
+    assert numbers(np.array([2e5, 1e6, 5e6]), log=True) == ["2·10⁵", "10⁶", "5·10⁶"]
+    assert numbers(np.array([1.0, 10.0, 1000.0]), log=True) == ["1", "10", "1000"]
+    assert numbers(np.array([0.0, 2e6]), log=False) == ["0", number(2e6)]
+
+
+@given(FINITE, st.floats(1e-6, 1e6), st.integers(2, 12))
+def test_an_axis_has_two_marks_at_least(low: float, size: float, most: int) -> None:
+    high = low + size * max(abs(low), 1.0)
+    found = ticks(low, high, most)
+    assert 2 <= len(found) <= 2 * most + 1
+    assert found[0] >= low - 1e-9 * max(abs(low), abs(high), 1)
+    assert found[-1] <= high + 1e-9 * max(abs(low), abs(high), 1)
+
+
+def test_numbers_of_bars_of_panels_side_by_side() -> None:
+    names = Axis("pose", categories=["P1", "P2"])
+    panels = [Panel([Bars(name, values), Rule(3.0, "limit")], names, Axis("RMS [um]"))
+              for name, values in (("before", [12345.6, 2.0]), ("after", [0.12345, np.nan]))]
+    assert chart_numbers(Figure("f", "", panels)) == (
+        ["pose", "before [um]", "after [um]"], [["P1", number(12350.0), "0.1235"], ["P2", "2", ""]])
+
+
+def test_numbers_of_marks_with_intervals() -> None:
+    marks = Points("k", np.arange(2), [3.0, 4.0], interval=([1.0, 2.0], [5.0, 6.0]))
+    panel = Panel([marks], Axis(categories=["k1", "k2"]), Axis("[N m/rad]", log=True))
+    header, rows = chart_numbers(Figure("f", "", [panel])) or ([], [])
+    assert header == ["", "k [N m/rad]", "from", "to"]
+    assert rows == [["k1", "3", "1", "5"], ["k2", "4", "2", "6"]]
+
+
+def test_no_numbers_of_clouds_long_lines_and_series_over_other_places() -> None:
+    def of(*series: Line | Points) -> object:
+        return chart_numbers(Figure("f", "", [Panel(list(series), Axis("x"), Axis("y"))]))
+
+    many = np.arange(MOST_ROWS + 1.0)
+    assert of(Line("l", many, many)) is None
+    assert of(Points("a", [1, 2], [3, 4]), Points("b", [1, 3], [3, 4])) is None
+    assert chart_numbers(Figure("f", "", [Panel([Cells(np.eye(2))], Axis(categories="ab"), Axis(categories="ab"))])) is None
+    # A line through its own marks is told once.
+    assert of(Line("", [1, 2], [3, 4]), Points("", [1, 2], [3, 4])) == (["x", "y"], [["1", "3"], ["2", "4"]])

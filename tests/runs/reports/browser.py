@@ -12,32 +12,39 @@ from typing import Any
 
 import pytest
 
+from tests.runs.reports.fetch_chromium import cache
+
 PLACES = ("chromium", "chromium-browser", "google-chrome", "/usr/lib/chromium/chromium")
 # Drawing by the processor: the same on every computer.
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 def executable(own: str) -> str | None:
-    """COMPSTIFF_BROWSER, Playwright's own, or one of the system that is a program and not a script that asks for more."""
-    named = os.environ.get("COMPSTIFF_BROWSER")
-    found = [named, own, *map(shutil.which, PLACES)]
-    return next((place for place in found if place and Path(place).is_file()), None)
+    """COMPSTIFF_BROWSER, the one that fetch_chromium.py brought, Playwright's own, or one of the system that is a program and
+    not a script that asks for more."""
+    found = [os.environ.get("COMPSTIFF_BROWSER"), cache() / "start", own, *map(shutil.which, PLACES)]
+    return next((str(place) for place in found if place and Path(place).is_file()), None)
 
 
 @contextmanager
 def chromium() -> Iterator[Callable[..., Any]]:
-    """Starts browsers with further options; the test is skipped, with the reason, where none starts."""
+    """Starts browsers with further options. Where none starts the test is skipped, with the reason; one that COMPSTIFF_BROWSER
+    names must start."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    named = os.environ.get("COMPSTIFF_BROWSER")
+    refuse = pytest.fail if named else pytest.skip
+    if named and not Path(named).is_file():
+        refuse(f"COMPSTIFF_BROWSER names {named}, which is no file")
     with playwright.sync_playwright() as driver:
         program = executable(driver.chromium.executable_path)
         if program is None:
-            pytest.skip("no Chromium found (COMPSTIFF_BROWSER names one)")
+            pytest.skip("no Chromium found (COMPSTIFF_BROWSER names one, tests/runs/reports/fetch_chromium.py brings one)")
 
         def launch(*options: str) -> Any:
             try:
                 return driver.chromium.launch(executable_path=program, args=[*SOFTWARE, *options])
             except playwright.Error as reason:
-                pytest.skip(f"{program} does not start: {str(reason).splitlines()[0]}")
+                refuse(f"{program} does not start: {str(reason).splitlines()[0]}")
 
         yield launch
 

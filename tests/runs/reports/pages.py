@@ -8,11 +8,17 @@ from pathlib import Path
 import numpy as np
 
 import compstiff
+from compensator.correction.predict import Predicted
+from compensator.learning.learning import Learning
 from compensator.verification.verify import Verification
 from identification.common.chart import Figure
 from identification.common.report import Page, Verdict, View, render
 from identification.common.shipped import shipped
+from identification.diagnosis.diagnose import Diagnosis
 from identification.model.cell import Cell
+from tests.identification.motion import simulated_joint
+from tests.runs.mistakes.planted import MISTAKES, right
+from tests.virtual_cell.cell import Hidden, simulate
 
 
 def page_with(first: Sequence[Figure | View]) -> str:
@@ -41,3 +47,44 @@ def verification(folder: Path, cell: Cell) -> Verification:
                 for k, n in zip(range(100, 900, 2), rng.normal(0, 3, (400, 3)), strict=True)]
         (folder / name).write_text("\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *rows]) + "\n")
     return compstiff.verify(cell, folder / "before.csv", folder / "after.csv", tolerance_um=12.0)
+
+
+# What each verdict of `diagnose` is shown on: seed, and what is hidden in 20 poses.
+VERDICTS = {"adequate": (66, ()), "named": (40, (Hidden("base_rocking", None, 2.0),)),
+            "ambiguous": (70, (Hidden("base_rocking", None, 0.6),)), "unknown": (65, (Hidden("hose_pull", None, 2.0),))}
+BENCH = "name: bench\nprior: {stiffness_nm_per_rad: [4e6, 4e6, 4e6, 0.5e6, 0.5e6, 0.3e6], relative_std: 2.0}\n"
+
+
+def diagnoses(folder: Path) -> dict[str, Diagnosis]:
+    """One with each verdict, by its name."""
+    files = {name: simulate(seed, "poses20", hidden, validation=6) for name, (seed, hidden) in VERDICTS.items()}
+    files["mistake"] = MISTAKES["force sign"](right(3), np.random.default_rng(3))[0]
+    found = {}
+    for name, case in files.items():
+        (folder / name).mkdir()
+        cell_file, rows = case.write(folder / name)
+        cell = compstiff.read_cell(cell_file)
+        found[name] = compstiff.diagnose(cell, compstiff.read_measurements(rows, cell.robot), replicates=39)
+    return found
+
+
+def joint_logs(folder: Path) -> dict[str, object]:
+    """`identify` and `diagnose` on two logs of a gear with friction inside."""
+    (folder / "robot.yaml").write_text(BENCH)
+    (folder / "cell.yaml").write_text("robot: robot.yaml\ntool: {position_mm: [0, 0, 0]}\n")
+    cell = compstiff.read_cell(folder / "cell.yaml", geometry=False)
+    logs = [compstiff.read_motion_log(simulated_joint.write(
+        folder / f"log{seed}.csv", simulated_joint.columns(seed, {"hysteresis": 1.0}))) for seed in (1, 2)]
+    return {"motion_identify": compstiff.fit_joint_logs(cell, logs),
+            "motion_diagnose": compstiff.diagnose_joint_logs(cell, logs[:1], logs[1], replicates=39)}
+
+
+def learning(folder: Path, predicted: Predicted) -> Learning:
+    """From the sample part, measured on every tenth target with force: 1.2 times the deviation that was predicted there, and
+    noise. Simulated; what is learned is judged elsewhere."""
+    points, rows, forces = folder / "points.csv", predicted.targets[::10], shipped("samples") / "insert.forces.parquet"
+    place = 1e3 * predicted.path.toolpath.position[rows]
+    moved = 1.2e6 * predicted.prediction.position[::10] + np.random.default_rng(5).normal(0, 3, (len(rows), 3))
+    text = "\n".join(",".join(f"{value:.4f}" for value in [*at, *off, 3.0]) for at, off in zip(place, moved, strict=True))
+    points.write_text(f"x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,std_um\n{text}\n")
+    return compstiff.learn(predicted.cell, predicted.program, predicted.model, forces, points, predicted.settings)

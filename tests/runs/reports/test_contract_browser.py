@@ -15,8 +15,10 @@ import pytest
 from compensator.correction.correct import Corrected
 from identification.common.packed import packed
 from tests.runs.reports.browser import opened
+from tests.runs.reports.pages import VERDICTS
 
-NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner")
+NAMES = ("correct", "predict", "budget", "identify", "diagnose", "verify", "corner", "design", "learn", "motion_identify",
+         "motion_diagnose", *VERDICTS, "mistake")
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 # The pixels of a canvas.
 PIXELS = """canvas => {
@@ -55,7 +57,8 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
     found.page.close()
 
 
-@pytest.mark.parametrize(("name", "scheme"), [*((name, "light") for name in NAMES), ("budget", "dark"), ("diagnose", "dark")])
+@pytest.mark.parametrize(("name", "scheme"), [*((name, "light") for name in NAMES), ("budget", "dark"), ("diagnose", "dark"),
+                                             ("design", "dark"), ("learn", "dark")])
 def test_no_serious_obstacle(browser: Any, folder: Path, name: str, scheme: Any) -> None:
     """By axe-core: names of controls, order of headings, tables, contrast."""
     found = opened(browser, folder / f"{name}.html", color_scheme=scheme)
@@ -183,6 +186,40 @@ def test_on_paper(browser: Any, folder: Path, name: str) -> None:
     assert min(heights) > 80
     assert max(heights) < 900
     assert found.page.pdf(format="A4")[:5] == b"%PDF-"
+    found.page.close()
+
+
+def test_paper_has_what_the_page_folds(browser: Any, folder: Path) -> None:
+    """Tables and further steps are open while it is printed, and folded again."""
+    found = opened(browser, folder / "correct.html")
+    closed = "[...document.querySelectorAll('main details:not(.numbers)')].filter(one => !one.open).length"
+    before = found.page.evaluate(closed)
+    assert before > 0
+    found.page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert found.page.evaluate(closed) == 0
+    found.page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert found.page.evaluate(closed) == before
+    found.page.close()
+
+
+@pytest.mark.parametrize("name", ["correct", "mistake", "named"])
+def test_a_command_is_there_without_a_click(browser: Any, folder: Path, name: str) -> None:
+    found = opened(browser, folder / f"{name}.html")
+    assert found.page.locator(".next > .command code").first.is_visible()
+    found.page.close()
+
+
+def test_the_numbers_of_a_chart(browser: Any, folder: Path) -> None:
+    """Folded below it; as long as its bars are."""
+    found = opened(browser, folder / "adequate.html")
+    figure = found.page.locator("section", has=found.page.get_by_role("heading", name="By pose")).locator("figure")
+    assert not figure.locator("table").is_visible()
+    figure.locator("summary").click()
+    shown = figure.locator("tbody td:nth-child(2)").all_inner_texts()
+    heights = figure.locator(".wide rect").evaluate_all("all => all.map(one => Number(one.getAttribute('height')))")
+    assert len(shown) == len(heights) == 20
+    numbers = np.array([float(text) for text in shown])
+    assert np.array(heights) / max(heights) == pytest.approx(numbers / numbers.max(), abs=2e-3)
     found.page.close()
 
 
