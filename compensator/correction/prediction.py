@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.forward import StateChange, deviated_tool, load_state_of, state_changes
+from compensator.correction.forward import StateChange, load_state_of, loaded_blocks, state_changes
 from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
@@ -33,7 +33,7 @@ class Prediction:
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
     [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
-    the part of covariance of what no measured part shows there.
+    the part of covariance of what no measured part shows there, None: nothing was learned.
     """
 
     targets: Indices
@@ -45,13 +45,13 @@ class Prediction:
     learned: Array
     of_learned: Array
     of_scatter: Array
-    unseen: Array
+    unseen: Array | None
     of_force: Array
 
     @property
     def known(self) -> Array:
         """The covariance (M, 3, 3) [m^2] without what no measured part shows, which no correction has to do with."""
-        return np.asarray(self.covariance - self.unseen)
+        return self.covariance if self.unseen is None else np.asarray(self.covariance - self.unseen)
 
     @property
     def std(self) -> Array:
@@ -68,28 +68,28 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     _check_tools(loaded)
     model, targets, theta, wrench = loaded.model, loaded.targets, loaded.path.theta[loaded.targets], loaded.wrench
     count = len(targets)
-    pose, of_effects = deviated_tool(loaded, theta), None
-    if model.effects and count:
-        of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets)
-    scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
+    of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
     position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    of_scatter, of_force, unknown = np.zeros(count), np.zeros(count), loaded.forces.unknown
-    for tool, places in loaded.each_tool():
-        position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
+    learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
+    unknown = loaded.forces.unknown
+    of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
+    for block in loaded_blocks(loaded, theta, weight=True):
+        tool, places = block.flange_from_tcp, block.places
+        position[places], rotation[places] = displacement(block.tool, forward(model.robot, theta[places], tool))
         for part in chunks(len(places)):
             few = places[part]
+            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
             covariance[few] = model.deviation_covariance(
                 theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
-            if not scatter[few].any() and unknown is None:
+            if not scatter.any() and unknown is None:
                 continue
             carried = position_compliance(model.robot, theta[few], tool, model.compliance)
             if unknown is not None:
                 predicted = carried @ unknown[targets[few]] @ carried.swapaxes(1, 2)
                 covariance[few] += predicted
                 of_force[few] = np.trace(predicted, axis1=1, axis2=2)
-            if scatter[few].any():
-                scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[few], carried)
+            if scatter.any():
+                scattered = np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
                 covariance[few] += scattered
                 of_scatter[few] = np.trace(scattered, axis1=1, axis2=2)
     outside: list[Finding] = []
@@ -98,7 +98,9 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         added = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
         between = loaded.learned.remainder.unseen(loaded.rest.basis)
         added = added + between[:, None, None] * np.eye(3)
+        of_learned = np.trace(added, axis1=1, axis2=2)
         position, covariance = position + learned, covariance + added
+        read_only(learned, of_learned, unseen)
         outside = _outside(loaded, loaded.rest)
     notes, findings = _state_notes(loaded, state_changes(loaded) if model.effects else [])
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
@@ -107,8 +109,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    of_learned = np.trace(added, axis1=1, axis2=2)
-    read_only(position, rotation, covariance, notes, learned, of_learned, of_scatter, unseen, of_force)
+    read_only(position, rotation, covariance, notes, of_scatter, of_force)
     return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
                       of_learned, of_scatter, unseen, of_force)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correction import Correction
-from compensator.correction.forward import loaded_tool
+from compensator.correction.forward import off_goal
 from compensator.correction.loaded_path import LoadedPath
 from compensator.path.legs import Poses
 from compensator.rapid import read_rapid
@@ -37,10 +37,10 @@ def read_back(loaded: LoadedPath, correction: Correction, content: bytes) -> tup
     base_from_tcp = path.base_from_object[targets] @ object_from_tcp
     base_from_flange = base_from_tcp @ path.flange_from_tcp[targets].inverse()
     theta = nearest_angles(path.cell.robot, base_from_flange, correction.theta)
-    residual = np.linalg.norm(loaded_tool(loaded, theta).position - loaded.goal.position, axis=1)
+    residual = off_goal(loaded, theta)
     rotation, position, joints = path.base_from_tcp.rotation.copy(), path.base_from_tcp.position.copy(), path.theta.copy()
     rotation[targets], position[targets], joints[targets] = base_from_tcp.rotation, base_from_tcp.position, theta
-    return Poses(Frame(rotation, position), joints), np.asarray(residual)
+    return Poses(Frame(rotation, position), joints), residual
 
 
 def _as_meant(before: Toolpath, after: Toolpath, correction: Correction) -> bool:
@@ -53,7 +53,6 @@ def _as_meant(before: Toolpath, after: Toolpath, correction: Correction) -> bool
                  for name in ("position", "quaternion", "confdata", "joints"))
     intact &= bool(np.array_equal(after.external, before.external, equal_nan=True))
     intact &= bool(np.array_equal(after.move, before.move) and np.array_equal(after.feed, before.feed, equal_nan=True))
-    wanted = correction.object_from_tcp
-    alike = np.abs(np.einsum("ni,ni->n", after.quaternion[targets], wanted.quaternion))
-    return intact and bool(np.all(np.abs(after.position[targets] - wanted.position) <= WRITTEN_POSITION)
+    alike = np.abs(np.einsum("ni,ni->n", after.quaternion[targets], correction.quaternion))
+    return intact and bool(np.all(np.abs(after.position[targets] - correction.position) <= WRITTEN_POSITION)
                            and np.all(alike > 1 - WRITTEN_ROTATION**2 - 1e-15))
