@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compensator.rapid.figures import NUMBERS, renumbered_poses
+from compensator.rapid.figures import CHUNK, renumbered_poses
 from compensator.rapid.literals import Pose, Written, fresh, rewritten
 from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
@@ -83,7 +84,6 @@ def rewrite(
     row = rows.row[which]
     in_move = rows.declaration[row] < 0
     plain = in_move & _plain(program, which) & ~poses.turned
-    _write_figures(job, which[plain])
     _write_moves(job, which[in_move & ~plain].tolist())
     users = np.argsort(rows.row, kind="stable")
     sorted_rows = rows.row[users]
@@ -92,6 +92,7 @@ def rewrite(
     for number in np.unique(row[~in_move]).tolist():
         first, last = np.searchsorted(sorted_rows, [number, number + 1])
         _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
+    _write_figures(job, np.sort(which[plain]))
     return Rewritten(apply(program.source.data, job.edits), _findings(job, which[poses.turned]), job.numbers, job.declarations)
 
 
@@ -126,12 +127,24 @@ def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:
 
 
 def _write_figures(job: _Job, targets: np.ndarray) -> None:
-    """Targets whose value stands in the move in figures alone."""
-    start, rest = (np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest))
-    old = job.program.rows.numbers.pose[job.program.rows.row[targets]]
-    poses = renumbered_poses(job.program.source.data, start, rest, old, job.poses.numbers[job.poses.number[targets]])
-    job.numbers += int(poses.changed.sum())
-    job.edits += zip(start.tolist(), rest.tolist(), poses.texts, strict=True)
+    """Targets, ascending, whose value stands in the move in figures alone: those between which nothing else is written in one
+    edit."""
+    data, numbers = job.program.source.data, job.program.rows.numbers
+    columns = [np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest)]
+    breaks = np.unique(np.searchsorted(columns[0], [start for start, _, _ in job.edits]))
+    for at in range(0, len(targets), CHUNK):
+        some = targets[at:at + CHUNK]
+        start, rest = (column[at:at + CHUNK] for column in columns)
+        poses = renumbered_poses(data, start, rest, numbers.pose[job.program.rows.row[some]],
+                                 job.poses.numbers[job.poses.number[some]])
+        job.numbers += int(poses.changed.sum())
+        first, last = start.tolist(), rest.tolist()
+        inside = breaks[(breaks > at) & (breaks < at + len(some))] - at
+        for low, high in itertools.pairwise([0, *inside.tolist(), len(some)]):
+            pieces = [b""] * (2 * (high - low) - 1)
+            pieces[::2] = poses.texts[low:high]
+            pieces[1::2] = [data[a:b] for a, b in zip(last[low:high - 1], first[low + 1:high], strict=True)]
+            job.edits.append((first[low], last[high - 1], b"".join(pieces)))
 
 
 def _write_moves(job: _Job, targets: list[int]) -> None:

@@ -65,17 +65,55 @@ def chain(robot: RobotModel, serial: Array) -> Chain:
     sines, cosines = sine_cosine(serial)
     axes, origins = np.empty((6, 3, n)), np.empty((6, 3, n))
     x, y, z = (np.repeat(column[:, None], n, axis=1) for column in np.eye(3))
-    origin = np.zeros((3, n))
+    origin, product = np.zeros((3, n)), np.empty((3, n))
     for i in range(6):
         if robot.a[i]:
-            origin = origin + robot.a[i] * x
-        sine, cosine = quarter_turns(robot.alpha[i])
-        y, z = cosine * y + sine * z, cosine * z - sine * y
-        x, y = cosines[i] * x + sines[i] * y, cosines[i] * y - sines[i] * x
+            origin = origin + np.multiply(robot.a[i], x, out=product)
+        y, z = _twisted(quarter_turns(robot.alpha[i]), y, z)
+        x, y = cosines[i] * x + np.multiply(sines[i], y, out=product), cosines[i] * y - np.multiply(sines[i], x, out=origins[i])
         if robot.d[i]:
-            origin = origin + robot.d[i] * z
+            origin = origin + np.multiply(robot.d[i], z, out=product)
         axes[i], origins[i] = z, origin
     return Chain(axes, origins, np.stack([x, y, z], axis=1))
+
+
+def _twisted(twist: tuple[float, float], y: Array, z: Array) -> tuple[Array, Array]:
+    """The y and z axes after RotX by a twist of this sine and cosine; by quarter turns without arithmetic."""
+    sine, cosine = twist
+    if sine == 0.0:
+        return (y, z) if cosine > 0 else (-y, -z)
+    if cosine == 0.0:
+        return (z, -y) if sine > 0 else (-z, y)
+    return cosine * y + sine * z, cosine * z - sine * y
+
+
+def spring_columns(robot: RobotModel, theta: Array, flange_from_tcp: Frame, matrix: Array | None = None) -> Array:
+    """The Jacobian of the TCP in the base frame, components first (6, 6, n): [axis, row, pose], rows m/rad and rad/rad; about
+    the axes the robot's springs sit at, or those that `matrix` (6, 6) combines from the serial ones. theta (n, 6) controller
+    angles [rad], not more than a few thousand."""
+    frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T))
+    tcp = frames.origins[5] + np.einsum("ijn,j->in", frames.rotation, flange_from_tcp.position)
+    columns, product = np.empty((6, 6, tcp.shape[1])), np.empty((6, tcp.shape[1]))
+    arm, axes = tcp - frames.origins, frames.axes
+    for row in range(3):
+        first, second = (row + 1) % 3, (row + 2) % 3
+        np.multiply(axes[:, first], arm[:, second], out=columns[:, row])
+        columns[:, row] -= np.multiply(axes[:, second], arm[:, first], out=product)
+    columns[:, 3:] = axes
+    return _combined(columns, robot.load_matrix if matrix is None else matrix)
+
+
+def _combined(columns: Array, matrix: Array) -> Array:
+    """Columns (6, ...) of serial axes as those (6, ...) of other axes, matrix (6, 6) [serial, other]; each is mostly itself."""
+    if np.array_equal(matrix, np.eye(6)):
+        return columns
+    combined = np.empty_like(columns)
+    for j in range(6):
+        first, *more = np.flatnonzero(matrix[:, j]).tolist() or [0]
+        np.multiply(columns[first], matrix[first, j], out=combined[j])
+        for i in more:
+            combined[j] += columns[i] * matrix[i, j]
+    return combined
 
 
 def forward(robot: RobotModel, theta: Array, flange_from_tcp: Frame) -> Frame:
@@ -101,10 +139,5 @@ def jacobian(
     matrix = {"springs": robot.load_matrix, "drive": robot.coupling, "serial": np.eye(6)}[axes]
     result = np.empty((len(theta), 6, 6))
     for part in chunks(len(theta)):
-        frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta[part]).T))
-        tcp = frames.origins[5] + np.einsum("ijn,j->in", frames.rotation, flange_from_tcp.position)
-        columns = np.empty((6, 6, tcp.shape[1]))            # [axis, row, pose]
-        columns[:, :3] = np.cross(frames.axes, tcp - frames.origins, axis=1)
-        columns[:, 3:] = frames.axes
-        result[part] = np.einsum("irn,ij->nrj", columns, matrix)
+        result[part] = np.moveaxis(spring_columns(robot, theta[part], flange_from_tcp, matrix), 2, 0).swapaxes(1, 2)
     return result
