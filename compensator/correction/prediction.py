@@ -12,8 +12,8 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
-from identification.model.compliance import displacement, position_compliance
-from identification.model.kinematics import chunks, forward
+from identification.model.compliance import carried_by, displacement, symmetric
+from identification.model.kinematics import chunks, forward, spring_columns
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import same_tool
 
@@ -79,19 +79,19 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         for part in chunks(len(places)):
             few = places[part]
             scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
-            covariance[few] = model.deviation_covariance(
-                theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
-            if not scatter.any() and unknown is None:
-                continue
-            carried = position_compliance(model.robot, theta[few], tool, model.compliance)
-            if unknown is not None:
-                predicted = carried @ unknown[targets[few]] @ carried.swapaxes(1, 2)
-                covariance[few] += predicted
-                of_force[few] = np.trace(predicted, axis1=1, axis2=2)
-            if scatter.any():
-                scattered = np.einsum("nij,nj,nkj->nik", carried, scatter, carried)
-                covariance[few] += scattered
-                of_scatter[few] = np.trace(scattered, axis1=1, axis2=2)
+            columns = spring_columns(model.robot, theta[few], tool)
+            spread = model.covariance_by(columns, wrench[few], None if of_effects is None else of_effects.of(few), rows=POSITION)
+            if scatter.any() or unknown is not None:
+                carried = carried_by(columns, model.compliance)
+                if unknown is not None:
+                    of_forces = carried.T @ unknown[targets[few]] @ carried.T
+                    spread += of_forces.T
+                    of_force[few] = np.trace(of_forces, axis1=1, axis2=2)
+                if scatter.any():
+                    scattered = symmetric(carried, scatter.T[:, None] * carried)
+                    spread += scattered
+                    of_scatter[few] = np.trace(scattered)
+            covariance[few] = spread.T
     outside: list[Finding] = []
     if loaded.learned is not None and loaded.rest is not None:
         learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()

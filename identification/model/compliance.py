@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import error
-from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns
+from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns, spring_columns
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame, rotation_vector
 
@@ -239,8 +239,22 @@ def position_compliance(robot: RobotModel, theta: Array, flange_from_tcp: Frame,
     """The part (N, 3, 3) [m/N] of `compliance_matrix` by which a force moves the TCP; in pieces, for any number of poses."""
     result = np.empty((len(theta), 3, 3))
     for part in chunks(len(theta)):
-        columns = jacobian(robot, theta[part], flange_from_tcp)[:, :3]
-        result[part] = np.einsum("nri,i,nsi->nrs", columns, compliance, columns)
+        result[part] = carried_by(spring_columns(robot, theta[part], flange_from_tcp), compliance).T
+    return result
+
+
+def carried_by(columns: Array, compliance: Array) -> Array:
+    """The same (3, 3, n), components first, out of the Jacobian's columns (6, 6, n)."""
+    return symmetric(columns[:, :3], compliance[:, None, None] * columns[:, :3])
+
+
+def symmetric(a: Array, b: Array) -> Array:
+    """The matrices (k, k, n) `sum over i of a_i b_i^T` of vectors (m, k, n), components first, where these are symmetric."""
+    size = a.shape[1]
+    result = np.empty((size, size, a.shape[2]))
+    for row in range(size):
+        for column in range(row, size):
+            result[row, column] = result[column, row] = np.einsum("in,in->n", a[:, row], b[:, column])
     return result
 
 
