@@ -80,7 +80,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             few = places[part]
             scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
             columns = spring_columns(model.robot, theta[few], tool)
-            spread = model.covariance_by(columns, wrench[few], None if of_effects is None else of_effects.of(few), rows=POSITION)
+            adding = None if of_effects is None else of_effects.of(few)
+            spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)
             if scatter.any() or unknown is not None:
                 carried = carried_by(columns, model.compliance)
                 if unknown is not None:

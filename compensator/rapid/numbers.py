@@ -30,9 +30,9 @@ class Numbers:
         """Out of all numbers (K, WIDTH) of each."""
         return cls(values[:, :POSE], values[:, POSE:], np.arange(len(values), dtype=np.int32))
 
-    def __getitem__(self, rows: int | slice | Offsets) -> Array:
-        """All numbers (..., WIDTH) of some targets."""
-        return np.concatenate([self.pose[rows], self.settings[self.setting[rows]]], axis=-1)
+    def __getitem__(self, row: int) -> list[float]:
+        """All numbers (WIDTH) of one target."""
+        return [*self.pose[row].tolist(), *self.settings[self.setting[row]].tolist()]
 
     def and_then(self, others: Numbers) -> Numbers:
         """These, and others behind them."""

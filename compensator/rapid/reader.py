@@ -54,7 +54,8 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     quaternion[off > UNUSABLE] = np.nan
     with np.errstate(invalid="ignore"):
         confdata = np.nan_to_num(settings[:, :4]).astype(np.int64)
-    has_confdata = ~absolute & ~np.isnan(settings[:, :4]).any(axis=1)[setting]
+    told = np.asarray(~np.isnan(settings[:, :4]).any(axis=1))
+    has_confdata = ~absolute & told[setting]
     external = np.where(np.abs(settings[:, 4:]) >= UNUSED, np.nan, settings[:, 4:])
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.array(scanned.start, dtype=np.int64))
@@ -84,8 +85,9 @@ def _check_size(source: Source, rows: Rows) -> None:
     """Raises CS2005 for numbers no target can have: 1E999 is infinite."""
     with np.errstate(invalid="ignore"):
         numbers = rows.numbers
-        wrong = np.isinf(numbers.settings).any(axis=1) | (np.abs(numbers.settings[:, :4]) > _LARGEST_CONFDATA).any(axis=1)
-        wrong = np.isinf(numbers.pose).any(axis=1) | wrong[numbers.setting]
+        unsound = np.asarray(np.isinf(numbers.settings).any(axis=1)
+                             | (np.abs(numbers.settings[:, :4]) > _LARGEST_CONFDATA).any(axis=1))
+        wrong = np.isinf(numbers.pose).any(axis=1) | unsound[numbers.setting]
     if wrong.any():
         at = int(rows.start[np.flatnonzero(wrong)[0]])
         raise source.fail("CS2005", "found a number in this target that is out of range, expected finite numbers and "
