@@ -26,7 +26,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.support import free_port, started
+from tests.support import free_port, processes_in, started
 
 ROOT = Path(__file__).parents[1]
 NO_TRIM = {"DASK_DISTRIBUTED__NANNY__PRE_SPAWN_ENVIRON": "{'MALLOC_TRIM_THRESHOLD_': None}"}
@@ -102,25 +102,12 @@ def cluster(folder: Path, workers: int, more: dict[str, str]) -> Iterator[str]:
         yield address
 
 
-def processes(folder: Path, word: bytes) -> list[int]:
-    """Those of the cluster with this word in their call."""
-    found = []
-    for entry in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            known = word in Path(f"/proc/{entry}/cmdline").read_bytes()
-            if known and os.readlink(f"/proc/{entry}/cwd").startswith(str(folder)):
-                found.append(int(entry))
-        except OSError:
-            continue
-    return found
-
-
 def spent(folder: Path) -> list[tuple[str, float, float]]:
     """CPU [s], user and system, of workers and scheduler so far."""
     rows = []
     for kind, word in (("workers", b"spawn_main"), ("scheduler", b"dask_scheduler")):
         ticks = [Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[11:13]
-                 for number in processes(folder, word)]
+                 for number in processes_in(folder, word)]
         rows.append((kind, sum(int(user) for user, _ in ticks) / TICK, sum(int(system) for _, system in ticks) / TICK))
     return rows
 
@@ -132,7 +119,7 @@ def killing(folder: Path, every: float) -> Iterator[list[int]]:
 
     def kill() -> None:
         while not over.wait(random.uniform(0.5, 1.5) * every):
-            for worker in random.sample(workers := processes(folder, b"spawn_main"), min(1, len(workers))):
+            for worker in random.sample(workers := processes_in(folder, b"spawn_main"), min(1, len(workers))):
                 killed.append(worker)
                 os.kill(worker, signal.SIGKILL)
 

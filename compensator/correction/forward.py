@@ -45,7 +45,7 @@ class Block:
 def loaded_blocks(loaded: LoadedPath, theta: Array, *, weight: bool = False) -> Iterator[Block]:
     """The loaded tool, block by block, when the robot is commanded to theta (M, 6) [rad] at the targets and to the planned
     angles elsewhere: where an unloaded robot would have to be commanded to, to stand there, its own weight and all; or, with
-    `weight`, as one sees it who measures from where the unloaded robot stands at theta: the weight that the load moves is in it.
+    `weight`, as one sees it who measures from where the unloaded robot stands at theta: the weight the load moves is in it.
 
     Raises CompstiffError (CS1101) where the springs find no equilibrium.
     """

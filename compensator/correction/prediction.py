@@ -12,7 +12,7 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
-from identification.model.compliance import carried_by, displacement, symmetric
+from identification.model.compliance import carried_by, symmetric
 from identification.model.kinematics import chunks, forward, spring_columns
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import same_tool
@@ -28,8 +28,8 @@ HARDLY = 2e-6
 class Prediction:
     """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
 
-    position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
-    the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
+    position (M, 3) [m], covariance (M, 3, 3) [m^2] of it: posterior of the stiffnesses and effects, plus the scatter of the
+    mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
     [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
@@ -38,7 +38,6 @@ class Prediction:
 
     targets: Indices
     position: Array
-    rotation: Array
     covariance: Array
     notes: NDArray[np.object_]
     findings: tuple[Finding, ...]
@@ -69,13 +68,13 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     model, targets, theta, wrench = loaded.model, loaded.targets, loaded.path.theta[loaded.targets], loaded.wrench
     count = len(targets)
     of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
-    position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
+    position, covariance = np.empty((count, 3)), np.empty((count, 3, 3))
     learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
     unknown = loaded.forces.unknown
     of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
     for block in loaded_blocks(loaded, theta, weight=True):
         tool, places = block.flange_from_tcp, block.places
-        position[places], rotation[places] = displacement(block.tool, forward(model.robot, theta[places], tool))
+        position[places] = block.tool.position - forward(model.robot, theta[places], tool).position
         for part in chunks(len(places)):
             few = places[part]
             scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
@@ -110,8 +109,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    read_only(position, rotation, covariance, notes, of_scatter, of_force)
-    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
+    read_only(position, covariance, notes, of_scatter, of_force)
+    return Prediction(targets, position, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
                       of_learned, of_scatter, unseen, of_force)
 
 

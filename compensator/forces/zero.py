@@ -98,7 +98,8 @@ def zero_of(
     if air is not None:
         before, after = (load[:, :3] - held[end, :3] for load, end in zip(outside, (0, -1), strict=True))
         stated = None if form.bias is None else form.bias[:3]
-        tared = TaredLog(log.source, loads[:, :3] - held[rows.target, :3], rows, moves_in_air(path.toolpath), before, after, stated)
+        unheld = loads[:, :3] - held[rows.target, :3]
+        tared = TaredLog(log.source, unheld, rows, moves_in_air(path.toolpath), before, after, stated)
         findings += _answered(doubts(tared, tare), trusted=trusted)
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)

@@ -59,32 +59,51 @@ class Chain:
     rotation: Array
 
 
+def turned_back(angles: Array, turns: NDArray[np.complex128] | None = None) -> NDArray[np.complex128]:
+    """`exp(-i angle)` of angles (...) [rad], into `turns` where it is given: times x + i y it turns a vector by -angle about z.
+
+    One product of complex numbers takes a fifth of the time of the four products and two sums that it is.
+    """
+    turns = np.empty(angles.shape, dtype=np.complex128) if turns is None else turns
+    t = np.multiply(angles, 0.5)
+    np.tan(t, out=t)
+    inverse = np.multiply(t, t)
+    inverse += 1.0
+    np.divide(2.0, inverse, out=inverse)
+    np.multiply(t, inverse, out=t)                  # sine = 2 t / (1 + t^2)
+    np.negative(t, out=turns.imag)
+    np.subtract(inverse, 1.0, out=turns.real)       # cosine = 2 / (1 + t^2) - 1
+    return turns
+
+
 def chain(robot: RobotModel, serial: Array) -> Chain:
     """Frames at serial angles `serial` (6, n) [rad] (paper eq. 1)."""
     n = serial.shape[1]
-    sines, cosines = sine_cosine(serial)
+    turns = turned_back(serial)
     axes, origins = np.empty((6, 3, n)), np.empty((6, 3, n))
-    x, y, z = (np.repeat(column[:, None], n, axis=1) for column in np.eye(3))
-    origin, product = np.zeros((3, n)), np.empty((3, n))
+    plane = np.repeat(np.array([[1.0], [1j], [0.0]]), n, axis=1)       # the x axis, and i times the y axis, by components
+    z, spare = np.repeat(np.array([[0.0], [0.0], [1.0]]), n, axis=1), np.empty((3, n))
+    origin = np.zeros((3, n))
     for i in range(6):
         if robot.a[i]:
-            origin = origin + np.multiply(robot.a[i], x, out=product)
-        y, z = _twisted(quarter_turns(robot.alpha[i]), y, z)
-        x, y = cosines[i] * x + np.multiply(sines[i], y, out=product), cosines[i] * y - np.multiply(sines[i], x, out=origins[i])
+            origin += np.multiply(robot.a[i], plane.real, out=spare)
+        sine, cosine = quarter_turns(robot.alpha[i])
+        if sine == 0.0:
+            if cosine < 0:
+                np.negative(plane.imag, out=plane.imag)
+                np.negative(z, out=z)
+        elif cosine == 0.0:                         # y becomes z, z becomes -y, or the other way round
+            np.multiply(plane.imag, -sine, out=spare)
+            np.multiply(z, sine, out=plane.imag)
+            z, spare = spare, z
+        else:
+            y = plane.imag.copy()
+            plane.imag[:], z = cosine * y + sine * z, cosine * z - sine * y
+        np.multiply(plane, turns[i], out=plane)
         if robot.d[i]:
-            origin = origin + np.multiply(robot.d[i], z, out=product)
+            origin += np.multiply(robot.d[i], z, out=spare)
         axes[i], origins[i] = z, origin
-    return Chain(axes, origins, np.stack([x, y, z], axis=1))
-
-
-def _twisted(twist: tuple[float, float], y: Array, z: Array) -> tuple[Array, Array]:
-    """The y and z axes after RotX by a twist of this sine and cosine; by quarter turns without arithmetic."""
-    sine, cosine = twist
-    if sine == 0.0:
-        return (y, z) if cosine > 0 else (-y, -z)
-    if cosine == 0.0:
-        return (z, -y) if sine > 0 else (-z, y)
-    return cosine * y + sine * z, cosine * z - sine * y
+    return Chain(axes, origins, np.stack([plane.real, plane.imag, z], axis=1))
 
 
 def spring_columns(robot: RobotModel, theta: Array, flange_from_tcp: Frame, matrix: Array | None = None) -> Array:
