@@ -66,6 +66,10 @@ class ForceLog:
         """Forces and moments (M, 6) [N, N m] as logged; the forces alone (M, 3) where the log has no moments."""
         return np.concatenate([self.force, self.moment], axis=1) if self.has_moment else self.force
 
+    def without_rows(self) -> ForceLog:
+        """What is known of the log as a whole."""
+        return replace(self, **{name: value[:0].copy() for name, value in vars(self).items() if isinstance(value, np.ndarray)})
+
 
 def read_force_log(
     file: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,

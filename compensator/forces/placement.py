@@ -41,7 +41,7 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    log: by path length, or by target where it names them. unknown (N, 3, 3) [N^2], base frame: covariance of forces that were
+    log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base frame: covariance of forces that were
     predicted, None where they were logged.
     """
 
@@ -101,7 +101,7 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _gradient(path, wrench[:, :3]) * spread)
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), log, _unknown(log, on, rows, forced))
+                          zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, {kind: seen[0][:, :3] for kind, seen in in_frames.items()},
