@@ -41,8 +41,8 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base frame: covariance of forces that were
-    predicted, None where they were logged.
+    log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
+    frame: covariance of forces that were predicted, None where they were logged.
     """
 
     wrench: Array
