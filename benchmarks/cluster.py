@@ -59,7 +59,7 @@ def main() -> None:
                     print(f"    {kind}: {user:.1f} s user, {system:.1f} s system")
         if wanted.kill:
             with cluster(folder, wanted.workers, NO_TRIM | {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "10"}) as address:
-                with killing(folder, wanted.kill) as killed:
+                with killing(folder, wanted.kill, "killed") as killed:
                     assert timed(folder, "a worker killed now and then", "killed", "--scheduler", address) == serial
                 print(f"    {len(killed)} killed, nothing lost")
                 with started(*words(folder, "both", "--scheduler", address), cwd=folder, env=ENVIRON,
@@ -113,12 +113,17 @@ def spent(folder: Path) -> list[tuple[str, float, float]]:
 
 
 @contextmanager
-def killing(folder: Path, every: float) -> Iterator[list[int]]:
-    """A worker is killed every so many seconds, more or less, while this lasts."""
+def killing(folder: Path, every: float, out: str) -> Iterator[list[int]]:
+    """A worker is killed every so many seconds, more or less, while this lasts, and at the earliest when a program more has come
+    into the folder `out` since: a machine so busy that none is done in the time would never end."""
     over, killed = threading.Event(), []
 
     def kill() -> None:
+        done = 0
         while not over.wait(random.uniform(0.5, 1.5) * every):
+            before, done = done, len(list((folder / out).glob("*.mod")))
+            if done == before:
+                continue
             for worker in random.sample(workers := processes_in(folder, b"spawn_main"), min(1, len(workers))):
                 killed.append(worker)
                 os.kill(worker, signal.SIGKILL)
