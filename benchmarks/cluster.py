@@ -114,8 +114,8 @@ def spent(folder: Path) -> list[tuple[str, float, float]]:
 
 @contextmanager
 def killing(folder: Path, every: float, out: str) -> Iterator[list[int]]:
-    """A worker is killed every so many seconds, more or less, while this lasts, and at the earliest when a program more has come
-    into the folder `out` since: a machine so busy that none is done in the time would never end."""
+    """A worker is killed every so many seconds, more or less, while this lasts, and at the earliest when a program more has
+    come into the folder `out` since: a machine so busy that none is done in the time would never end."""
     over, killed = threading.Event(), []
 
     def kill() -> None:

@@ -68,7 +68,12 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        return replace(self, **{name: value[:0].copy() for name, value in vars(self).items() if isinstance(value, np.ndarray)})
+        time, spread, covariance = (None if rows is None else rows[:0].copy()
+                                    for rows in (self.time, self.spread, self.covariance))
+        return replace(
+            self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
+            line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
+            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance)
 
 
 def read_force_log(
