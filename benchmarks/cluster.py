@@ -26,7 +26,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.support import free_port, started
+from tests.support import free_port, processes_in, started
 
 ROOT = Path(__file__).parents[1]
 NO_TRIM = {"DASK_DISTRIBUTED__NANNY__PRE_SPAWN_ENVIRON": "{'MALLOC_TRIM_THRESHOLD_': None}"}
@@ -59,7 +59,7 @@ def main() -> None:
                     print(f"    {kind}: {user:.1f} s user, {system:.1f} s system")
         if wanted.kill:
             with cluster(folder, wanted.workers, NO_TRIM | {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "10"}) as address:
-                with killing(folder, wanted.kill) as killed:
+                with killing(folder, wanted.kill, "killed") as killed:
                     assert timed(folder, "a worker killed now and then", "killed", "--scheduler", address) == serial
                 print(f"    {len(killed)} killed, nothing lost")
                 with started(*words(folder, "both", "--scheduler", address), cwd=folder, env=ENVIRON,
@@ -102,37 +102,29 @@ def cluster(folder: Path, workers: int, more: dict[str, str]) -> Iterator[str]:
         yield address
 
 
-def processes(folder: Path, word: bytes) -> list[int]:
-    """Those of the cluster with this word in their call."""
-    found = []
-    for entry in filter(str.isdigit, os.listdir("/proc")):
-        try:
-            known = word in Path(f"/proc/{entry}/cmdline").read_bytes()
-            if known and os.readlink(f"/proc/{entry}/cwd").startswith(str(folder)):
-                found.append(int(entry))
-        except OSError:
-            continue
-    return found
-
-
 def spent(folder: Path) -> list[tuple[str, float, float]]:
     """CPU [s], user and system, of workers and scheduler so far."""
     rows = []
     for kind, word in (("workers", b"spawn_main"), ("scheduler", b"dask_scheduler")):
         ticks = [Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[11:13]
-                 for number in processes(folder, word)]
+                 for number in processes_in(folder, word)]
         rows.append((kind, sum(int(user) for user, _ in ticks) / TICK, sum(int(system) for _, system in ticks) / TICK))
     return rows
 
 
 @contextmanager
-def killing(folder: Path, every: float) -> Iterator[list[int]]:
-    """A worker is killed every so many seconds, more or less, while this lasts."""
+def killing(folder: Path, every: float, out: str) -> Iterator[list[int]]:
+    """A worker is killed every so many seconds, more or less, while this lasts, and at the earliest when a program more has
+    come into the folder `out` since: a machine so busy that none is done in the time would never end."""
     over, killed = threading.Event(), []
 
     def kill() -> None:
+        done = 0
         while not over.wait(random.uniform(0.5, 1.5) * every):
-            for worker in random.sample(workers := processes(folder, b"spawn_main"), min(1, len(workers))):
+            before, done = done, len(list((folder / out).glob("*.mod")))
+            if done == before:
+                continue
+            for worker in random.sample(workers := processes_in(folder, b"spawn_main"), min(1, len(workers))):
                 killed.append(worker)
                 os.kill(worker, signal.SIGKILL)
 

@@ -73,6 +73,17 @@ def free_port() -> int:
         return int(server.getsockname()[1])
 
 
+def processes_in(folder: Path, word: bytes) -> list[int]:
+    """The processes that were begun in this folder, or in one within it, with this word in their call."""
+    found = []
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError):
+            wanted = word in Path(f"/proc/{entry}/cmdline").read_bytes()
+            if wanted and os.readlink(f"/proc/{entry}/cwd").startswith(str(folder)):
+                found.append(int(entry))
+    return found
+
+
 def cpu_seconds(process: subprocess.Popen[Any]) -> float:
     """CPU time of a running process [s], whatever else the machine does; 0 where it has ended."""
     with contextlib.suppress(OSError):

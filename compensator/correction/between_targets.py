@@ -71,7 +71,7 @@ def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> B
     points = points[reached]
     loaded = replace(under.loaded, targets=points)
     rest = loaded_tool(loaded, theta[reached])
-    off = _across(rest.position - loaded.goal.position, path, points)
+    off = _across(rest.position - loaded.goal_position, path, points)
     left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
     beside, steps = _steps(looked_at, under.prediction)
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])

@@ -145,8 +145,8 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     cut = following_the_cut(predicted, kept, logged)
     correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope))
-    written = rewrite(predicted.program.text, correction.targets, correction.object_from_tcp.position,
-                      correction.object_from_tcp.quaternion, correction.confdata)
+    written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
+                      correction.confdata)
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)

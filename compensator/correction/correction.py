@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correctable import refuse_outside
-from compensator.correction.forward import loaded_tool, resting_angles
+from compensator.correction.forward import loaded_blocks, off_goal, resting_angles
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
 from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
@@ -24,9 +24,9 @@ from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding, Refused, counted
-from identification.model.compliance import displacement, joint_torque, loaded_angles
+from identification.model.compliance import CHUNK, displacement, joint_torque, loaded_angles
 from identification.model.inverse import NEARLY_SINGULAR, configuration, nearest_angles, wrist_distance
-from identification.model.kinematics import forward
+from identification.model.kinematics import chunks, forward
 from identification.model.rotations import Frame, rotation_matrix, rotation_vector
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ HELD = 1e-8
 class Correction:
     """Commanded poses of the `targets` (M,) in their work objects.
 
-    object_from_tcp (M): position [m], rotation. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
+    position (M, 3) [m], quaternion (M, 4) w x y z. offset (M, 3) [m] and turn (M, 3) [rad]: commanded minus planned, work
     object. theta (M, 6) [rad] commanded joint angles. confdata (M, 4): the target's, changed where a quadrant changes.
     residual (M,) [m]: distance of the loaded tool from the plan, by the iterated forward model. share (M,): how much of the
     full correction is made, below 1 where it is held back. harm (M,): probability that the point is farther from the plan
@@ -52,7 +52,8 @@ class Correction:
     """
 
     targets: Indices
-    object_from_tcp: Frame
+    position: Array
+    quaternion: Array
     offset: Array
     turn: Array
     theta: Array
@@ -79,31 +80,43 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
     CompstiffError: CS4108 the forward model does not confirm the full correction.
     """
-    path, targets, plan, planned = loaded.path, loaded.targets, loaded.plan, loaded.path.theta[loaded.targets]
+    path, targets, planned = loaded.path, loaded.targets, loaded.path.theta[loaded.targets]
     commanded, residual = _full(loaded)
-    share, harm = np.ones(len(targets)), np.full(len(targets), np.nan)
+    share, harm = np.broadcast_to(1.0, len(targets)), np.broadcast_to(np.nan, len(targets))
     findings: list[Finding] = []
     if restraint is not None and len(targets):
-        full = commanded.base_from_tcp.position - plan.position
+        full = commanded.base_from_tcp.position - path.base_from_tcp.position[targets]
         offset, findings = _restrained(loaded, full, restraint)
         harm = chance_of_harm(restraint.prediction.position, restraint.prediction.known, offset)
         held = np.flatnonzero(np.linalg.norm(offset - full, axis=1) > HELD)
         if len(held):
+            share = share.copy()
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
             commanded = _held_back(loaded, commanded, held, share[held], offset[held])
-            residual = np.linalg.norm(loaded_tool(loaded, commanded.theta).position - loaded.goal.position, axis=1)
+            residual = off_goal(loaded, commanded.theta)
     theta = commanded.theta
-    object_from_base = path.base_from_object[targets].inverse()
-    object_from_tcp, wanted = object_from_base @ commanded.base_from_tcp, object_from_base @ plan
-    offset = object_from_tcp.position - wanted.position
-    turn = rotation_vector(object_from_tcp.rotation @ np.swapaxes(wanted.rotation, 1, 2))
+    position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
     refuse_outside(path, targets, theta, "after correction")
     findings += _singularity(path, targets, planned, theta)
     _check_size(path, targets, offset, turn)
-    confdata = path.toolpath.confdata[targets].copy()
+    confdata = path.toolpath.confdata[targets]
     confdata[:, :3] += (configuration(loaded.model.robot, theta) - configuration(loaded.model.robot, planned))[:, :3]
-    read_only(object_from_tcp.rotation, object_from_tcp.position, offset, turn, theta, confdata, residual, share, harm)
-    return Correction(targets, object_from_tcp, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+    read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
+    return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+
+
+def _in_objects(loaded: LoadedPath, base_from_tcp: Frame) -> tuple[Array, Array, Array, Array]:
+    """Position (M, 3) [m], quaternion (M, 4), offset (M, 3) [m] and turn (M, 3) [rad] in their work objects of commanded poses
+    (M)."""
+    path, targets = loaded.path, loaded.targets
+    position, quaternion, offset, turn = (np.empty((len(targets), width)) for width in (3, 4, 3, 3))
+    for part in chunks(len(targets), CHUNK):
+        object_from_base = path.base_from_object[targets[part]].inverse()
+        here, wanted = object_from_base @ base_from_tcp[part], object_from_base @ path.base_from_tcp[targets[part]]
+        position[part], quaternion[part] = here.position, here.quaternion
+        offset[part] = here.position - wanted.position
+        turn[part] = rotation_vector(here.rotation @ np.swapaxes(wanted.rotation, 1, 2))
+    return position, quaternion, offset, turn
 
 
 def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
@@ -115,24 +128,29 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
     rest = loaded.theta if model.of_springs_alone else resting_angles(loaded)
     theta, rotation, position = np.empty((len(targets), 6)), np.empty((len(targets), 3, 3)), np.empty((len(targets), 3))
     for tool, places in loaded.each_tool():
-        yielded = model.compliance * joint_torque(model.robot, rest[places], tool, wrench[places])
-        theta[places] = loaded_angles(model.robot, rest[places], -yielded)
-        commanded = forward(model.robot, theta[places], tool)
-        rotation[places], position[places] = commanded.rotation, commanded.position
-    off, turned = displacement(loaded_tool(loaded, theta), loaded.goal)
-    residual, twist = np.linalg.norm(off, axis=1), np.linalg.norm(turned, axis=1)
-    if len(targets) and not max(residual.max(), twist.max()) <= RESIDUAL_LIMIT:
+        for part in chunks(len(places), CHUNK):
+            few = places[part]
+            yielded = model.compliance * joint_torque(model.robot, rest[few], tool, wrench[few])
+            theta[few] = loaded_angles(model.robot, rest[few], -yielded)
+            commanded = forward(model.robot, theta[few], tool)
+            rotation[few], position[few] = commanded.rotation, commanded.position
+    residual, twist = np.empty(len(targets)), 0.0
+    for block in loaded_blocks(loaded, theta):
+        off, turned = displacement(block.tool, loaded.goal_of(block.places))
+        residual[block.places] = np.linalg.norm(off, axis=1)
+        twist = float(np.maximum(twist, np.linalg.norm(turned, axis=1).max(initial=0.0)))     # NaN stays
+    if len(targets) and not max(residual.max(), twist) <= RESIDUAL_LIMIT:
         worst = int(targets[np.argmax(residual)])
         raise CompstiffError(loaded.path.finding(
             worst, "CS4108", "error", f"the correction did not converge: the loaded tool stays {1e6 * residual.max():.3g} um "
-            f"and {twist.max():.3g} rad off the plan", "check the units of the forces"))
+            f"and {twist:.3g} rad off the plan", "check the units of the forces"))
     return Poses(Frame(rotation, position), theta), residual
 
 
 def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, offset: Array) -> Poses:
     """The commanded poses with only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places `held`
     (H,) among the targets."""
-    plan, tcp = loaded.plan[held], full.base_from_tcp
+    plan, tcp = loaded.path.base_from_tcp[loaded.targets[held]], full.base_from_tcp
     turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(plan.rotation, 1, 2))
     reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ plan.rotation, plan.position + offset)
     rotation, position, theta = tcp.rotation.copy(), tcp.position.copy(), full.theta.copy()

@@ -31,15 +31,15 @@ PUSHED_IN = 0.2
 def climb_share(path: RobotPath, force: Array) -> Array:
     """1 where the force (N, 3) [N] on the tool, base frame, is that of climb milling with up to half the cutter in the stock, 0
     where it is not, between them a ramp (N,)."""
-    angle, _ = _against_feed(path, force)
-    return np.asarray(np.where(angle > 0, np.clip((SLOT - angle) / (SLOT - CLIMB), 0.0, 1.0), 0.0))
+    return cut_shares(path, force)[0]
 
 
-def slot_share(path: RobotPath, force: Array) -> Array:
-    """1 where it is that of a slot, or of a cutter engaged nearly as far; 0 and ramps (N,) as above."""
+def cut_shares(path: RobotPath, force: Array) -> tuple[Array, Array]:
+    """The same (N,), and 1 where the force is that of a slot, or of a cutter engaged nearly as far; 0 and ramps (N,) alike."""
     angle, pushed_in = _against_feed(path, force)
-    share = np.minimum((angle - CLIMB) / (SLOT - CLIMB), (CONVENTIONAL - angle) / (CONVENTIONAL - WIDE))
-    return np.asarray(np.where(pushed_in < PUSHED_IN, np.clip(share, 0.0, 1.0), 0.0))
+    climbing = np.where(angle > 0, np.clip((SLOT - angle) / (SLOT - CLIMB), 0.0, 1.0), 0.0)
+    slotting = np.minimum((angle - CLIMB) / (SLOT - CLIMB), (CONVENTIONAL - angle) / (CONVENTIONAL - WIDE))
+    return np.asarray(climbing), np.asarray(np.where(pushed_in < PUSHED_IN, np.clip(slotting, 0.0, 1.0), 0.0))
 
 
 def _against_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.cut_kind import climb_share, slot_share
+from compensator.correction.cut_kind import cut_shares
 from compensator.correction.cutting_prior import GROWS
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
@@ -31,7 +31,7 @@ from compensator.correction.prediction import Prediction, predict_path
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import CompstiffError, Finding, Refused, counted
-from identification.model.compliance import position_compliance
+from identification.model.kinematics import chunks, spring_columns
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -97,14 +97,15 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
         return CorrectedPass(predicted.loaded, predicted.prediction, nothing, nothing, None, 0.0)
     offsets = _at_all(logged.offsets, kept, predicted)
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
-        per_newton, _ = _deeper(predicted, offsets)
-        follows, left_over = _here(predicted, logged.stiffness)
+        direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+        per_newton, chosen = _deeper(predicted, offsets, direction, across)
+        follows, left_over = _here(predicted, logged.stiffness, across)
         left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
         if not follows.any():
             return CorrectedPass(predicted.loaded, predicted.prediction, left, np.zeros(len(left)),
                                  _left(predicted, np.abs(ASSUMED * per_newton)), 0.0)
-    forces, findings = engaged(predicted, follows, offsets)
-    gain = _check_gain(predicted, follows)
+    forces, findings = _engaged(predicted, follows, per_newton, chosen)
+    gain = _check_gain(predicted, follows, direction)
     loaded = replace(predicted.loaded, forces=forces)
     prediction = predict_path(loaded)
     left = left * (1 + (follows * per_newton)[predicted.targets])       # of the deviation that the corrected pass has
@@ -115,33 +116,36 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     return CorrectedPass(loaded, replace(prediction, covariance=covariance), left, left, None, gain, findings)
 
 
-def _here(predicted: Predicted, stiffness: CuttingStiffness | None) -> tuple[Array, Array]:
-    """K (N,) [N/m] that the correction follows at each target, and the size (N,) of what it leaves out: its error, or all."""
+def _here(predicted: Predicted, stiffness: CuttingStiffness | None, across: Array) -> tuple[Array, Array]:
+    """K (N,) [N/m] that the correction follows at each target, where the force across the feed is `across` (N,) [N], and the
+    size (N,) of what it leaves out: its error, or all."""
     count = len(predicted.path.toolpath)
-    force = predicted.forces.wrench[:, :3]
-    in_a_slot = 1 - (1 - IN_A_SLOT) * slot_share(predicted.path, force)
+    climbing, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
+    in_a_slot = 1 - (1 - IN_A_SLOT) * slotting
     if stiffness is None:
-        _, across = across_feed(predicted.path, force)
         return np.zeros(count), GROWS * in_a_slot * across / predicted.settings.correction.taken_depth
     share = np.zeros(count)
     if stiffness.followed:
-        share = climb_share(predicted.path, force) if stiffness.climb_only else np.ones(count)
+        share = climbing if stiffness.climb_only else np.ones(count)
     # That of climb milling, where it is a slot.
     size = stiffness.size * (in_a_slot if stiffness.climb_only else 1.0)
     return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * size)
 
 
-def _check_gain(predicted: Predicted, stiffness: Array) -> float:
-    """The largest K c_nn of stiffness K (N,) [N/m]. Raises Refused (CS3200) from 1 on."""
+def _check_gain(predicted: Predicted, stiffness: Array, direction: Array) -> float:
+    """The largest K c_nn of stiffness K (N,) [N/m], across the feed along `direction` (N, 3). Raises Refused (CS3200) from 1
+    on."""
     targets, model, toolpath = predicted.targets, predicted.model, predicted.path.toolpath
     if not len(targets):
         return 0.0
-    direction, _ = across_feed(predicted.path, predicted.forces.wrench[:, :3])
-    along = np.zeros(len(targets))
+    along, theta = np.zeros(len(targets)), predicted.loaded.theta
     for tool, places in predicted.loaded.each_tool():
-        compliance = position_compliance(model.robot, predicted.loaded.theta[places], tool, model.compliance)
-        n = direction[targets[places]]
-        along[places] = np.einsum("ni,nij,nj->n", n, compliance, n)
+        for part in chunks(len(places)):
+            few = places[part]
+            n = direction[targets[few]]
+            columns = spring_columns(model.robot, theta[few], tool)
+            # By how much each spring yields under 1 N along n, and how far along n that moves the tool.
+            along[few] = model.compliance @ np.einsum("irn,nr->in", columns[:, :3], n) ** 2
     gains = stiffness[targets] * along
     worst = int(np.argmax(gains))
     gain, where = float(gains[worst]), int(targets[worst])
@@ -168,16 +172,15 @@ def standing(predicted: Predicted, offsets: Array | None) -> Array:
     return stood
 
 
-def engaged(
-    predicted: Predicted, stiffness: Array, offsets: Array | None
+def _engaged(
+    predicted: Predicted, stiffness: Array, per_newton: Array, chosen: NDArray[np.bool_]
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
-    """The forces of the corrected pass, out of those of the logged pass, for a cutting stiffness (N,) [N/m]; offsets (N, 3) [m]
-    the log was taken with.
+    """The forces of the corrected pass, out of those of the logged pass, for a cutting stiffness (N,) [N/m]; per_newton (N,)
+    [m/N] and chosen (N,) from `_deeper`.
 
     Raises CompstiffError (CS4123) where the force would vanish or more than double: then the stiffness does not fit the log.
     """
     forces, toolpath = predicted.forces, predicted.path.toolpath
-    per_newton, chosen = _deeper(predicted, offsets)
     growth = stiffness * per_newton
     limited: tuple[Finding, ...] = ()
     if predicted.loaded.learned is not None:
@@ -190,9 +193,8 @@ def engaged(
             target=int(toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None])
-    chosen &= stiffness > 0
-    size = growth[chosen]
-    left = len(predicted.targets) - int(chosen.sum())
+    size = growth[chosen & (stiffness > 0)]
+    left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
     return cut, (*limited, Finding(
         "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm the corrected "
@@ -218,9 +220,10 @@ def _left(predicted: Predicted, growth: Array, followed: Array | float = 0.0) ->
     return np.asarray(np.linalg.norm(predicted.prediction.position, axis=1) * growth[predicted.targets] / all_of_it)
 
 
-def _deeper(predicted: Predicted, offsets: Array | None) -> tuple[Array, NDArray[np.bool_]]:
-    """(e . n) / F_n (N,) [m/N], and where there is such a force (N,)."""
-    direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+def _deeper(
+    predicted: Predicted, offsets: Array | None, direction: Array, across: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """(e . n) / F_n (N,) [m/N], n and F_n as `across_feed` gives them, and where there is such a force (N,)."""
     deeper = np.einsum("ni,ni->n", standing(predicted, offsets), direction)
     chosen = np.zeros(len(across), dtype=bool)
     chosen[predicted.targets] = True

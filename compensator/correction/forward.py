@@ -7,16 +7,17 @@ whatever tool is in the spindle. A target of unknown pose stands for the pose be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.loaded_path import LoadedPath
 from identification.common.findings import CompstiffError
-from identification.model.compliance import displacement, equilibrium, loaded_angles
+from identification.model.compliance import CHUNK, displacement, equilibrium, loaded_angles
 from identification.model.effects_in_force import EffectInForce, displaced, split, turned
-from identification.model.kinematics import forward
+from identification.model.kinematics import chunks, forward
 from identification.model.load_state import LoadState
 from identification.model.rotations import Frame
 
@@ -31,45 +32,71 @@ TOLERANCE = 1e-11
 DAMPING = 1e-6
 
 
-def loaded_tool(loaded: LoadedPath, theta: Array) -> Frame:
-    """base_from_tcp (M) of the targets under their force, when the robot is commanded to theta (M, 6) [rad] there and to the
-    planned angles elsewhere: where an unloaded robot would have to be commanded to, to stand there, its own weight and all.
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Some of the targets that are looked at, all with one tool: their places (n,) among the M, the tool, and base_from_tcp (n)
+    under their force."""
+
+    places: Indices
+    flange_from_tcp: Frame
+    tool: Frame
+
+
+def loaded_blocks(loaded: LoadedPath, theta: Array, *, weight: bool = False) -> Iterator[Block]:
+    """The loaded tool, block by block, when the robot is commanded to theta (M, 6) [rad] at the targets and to the planned
+    angles elsewhere: where an unloaded robot would have to be commanded to, to stand there, its own weight and all; or, with
+    `weight`, as one sees it who measures from where the unloaded robot stands at theta: the weight the load moves is in it.
 
     Raises CompstiffError (CS1101) where the springs find no equilibrium.
     """
-    pose, rest = _plain(loaded, theta)
-    if loaded.model.of_springs_alone or not len(loaded.targets):
-        return pose
-    return displaced(pose, loaded.model.added(load_state_of(loaded, rest))[loaded.targets])
-
-
-def deviated_tool(loaded: LoadedPath, theta: Array) -> Frame:
-    """base_from_tcp (M) as `loaded_tool`, but as one sees it who measures from where the unloaded robot stands at theta: the
-    weight that the load moves is in it."""
-    pose, rest = _plain(loaded, theta)
-    if loaded.model.of_springs_alone or not len(loaded.targets):
-        return pose
+    alone, rest = loaded.model.of_springs_alone, np.empty((0, 6)) if loaded.model.of_springs_alone else np.empty_like(theta)
+    blocks = _plain(loaded, theta, rest)
+    if alone or not len(loaded.targets):
+        yield from blocks
+        return
+    plain = list(blocks)                # effects remember: they are worked out over the whole program
     rows = load_state_of(loaded, rest)
-    return displaced(pose, (loaded.model.added(rows) + rows.of_weight)[loaded.targets])
+    added = (loaded.model.added(rows) + (rows.of_weight if weight else 0.0))[loaded.targets]
+    for block in plain:
+        yield replace(block, tool=displaced(block.tool, added[block.places]))
 
 
-def _plain(loaded: LoadedPath, theta: Array) -> tuple[Frame, Array]:
-    """base_from_tcp (M) under the springs alone, and the angles (M, 6) [rad] at which an unloaded robot stands there."""
-    path, model, targets, wrench = loaded.path, loaded.model, loaded.targets, loaded.wrench
-    rotation, position, rest = np.empty((len(targets), 3, 3)), np.empty((len(targets), 3)), np.empty((len(targets), 6))
-    for tool, places in loaded.each_tool():
-        try:
-            state = equilibrium(model.robot, theta[places], tool, wrench[places], model.compliance)
-        except CompstiffError as stopped:
-            force = np.linalg.norm(wrench[places, :3], axis=1)
-            worst = int(targets[places[np.argmax(force)]])
-            raise CompstiffError(*(path.finding(worst, finding.code, "error", f"{finding.message} (largest force "
-                                                f"{force.max():.3g} N)", finding.hint)
-                                   for finding in stopped.findings)) from stopped
-        rest[places] = loaded_angles(model.robot, theta[places], state.deflection)
-        plain = forward(model.robot, rest[places], tool)
-        rotation[places], position[places] = plain.rotation, plain.position
-    return Frame(rotation, position), rest
+def loaded_tool(loaded: LoadedPath, theta: Array) -> Frame:
+    """base_from_tcp (M) of all targets, as in `loaded_blocks`."""
+    rotation, position = np.empty((len(theta), 3, 3)), np.empty((len(theta), 3))
+    for block in loaded_blocks(loaded, theta):
+        rotation[block.places], position[block.places] = block.tool.rotation, block.tool.position
+    return Frame(rotation, position)
+
+
+def off_goal(loaded: LoadedPath, theta: Array) -> Array:
+    """Distance (M,) [m] of the loaded tool from where the model shall bring it."""
+    distance = np.empty(len(theta))
+    for block in loaded_blocks(loaded, theta):
+        off = block.tool.position - loaded.goal_of(block.places).position
+        distance[block.places] = np.linalg.norm(off, axis=1)
+    return distance
+
+
+def _plain(loaded: LoadedPath, theta: Array, rest: Array) -> Iterator[Block]:
+    """The tool under the springs alone; into rest (M, 6) [rad], where it is not empty, the angles at which an unloaded robot
+    stands there."""
+    path, model, targets = loaded.path, loaded.model, loaded.targets
+    for tool, of_tool in loaded.each_tool():
+        for part in chunks(len(of_tool), CHUNK):
+            places = of_tool[part]
+            try:
+                state = equilibrium(model.robot, theta[places], tool, loaded.forces.wrench[targets[places]], model.compliance)
+            except CompstiffError as stopped:
+                force = np.linalg.norm(loaded.wrench[of_tool, :3], axis=1)
+                worst = int(targets[of_tool[np.argmax(force)]])
+                raise CompstiffError(*(path.finding(worst, finding.code, "error", f"{finding.message} (largest force "
+                                                    f"{force.max():.3g} N)", finding.hint)
+                                       for finding in stopped.findings)) from stopped
+            angles = loaded_angles(model.robot, theta[places], state.deflection)
+            if len(rest):
+                rest[places] = angles
+            yield Block(places, tool, forward(model.robot, angles, tool))
 
 
 def load_state_of(loaded: LoadedPath, rest: Array) -> LoadState:

@@ -40,21 +40,33 @@ class LoadedPath:
         """base_from_tcp (M) as planned: where the loaded tool shall stand."""
         return self.path.base_from_tcp[self.targets]
 
-    @cached_property
+    @property
     def goal(self) -> Frame:
         """base_from_tcp (M) to which the model shall bring the loaded tool, so that it stands on the plan: beside it by what
         was learned."""
-        plan = self.plan
-        return plan if self.rest is None else Frame(plan.rotation, plan.position - self.rest.mean)
+        return self.goal_of(slice(None))
 
-    @cached_property
+    def goal_of(self, places: slice | Indices) -> Frame:
+        """The same at some places among the M."""
+        plan = self.path.base_from_tcp[self.targets[places]]
+        return plan if self.rest is None else Frame(plan.rotation, plan.position - self.rest.mean[places])
+
+    @property
+    def goal_position(self) -> Array:
+        """Its position (M, 3) [m]."""
+        position = self.path.base_from_tcp.position[self.targets]
+        return position if self.rest is None else position - self.rest.mean
+
+    @property
     def theta(self) -> Array:
         """Joint angles (M, 6) [rad] at the goal; without anything learned those of the plan."""
-        planned = self.path.theta[self.targets]
-        if self.rest is None:
-            return planned
+        return self.path.theta[self.targets] if self.rest is None else self._beside_plan
+
+    @cached_property
+    def _beside_plan(self) -> Array:
+        """The same where something was learned: worked out once."""
         flange = self.goal @ self.path.flange_from_tcp[self.targets].inverse()
-        return nearest_angles(self.model.robot, flange, planned)
+        return nearest_angles(self.model.robot, flange, self.path.theta[self.targets])
 
     @property
     def wrench(self) -> Array:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.forward import StateChange, deviated_tool, load_state_of, state_changes
+from compensator.correction.forward import StateChange, load_state_of, loaded_blocks, state_changes
 from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import read_only
 from identification.common.findings import CompstiffError, Finding
-from identification.model.compliance import displacement, position_compliance
-from identification.model.kinematics import chunks, forward
+from identification.model.compliance import carried_by, symmetric
+from identification.model.kinematics import chunks, forward, spring_columns
 from identification.model.stiffness import IdentifiedModel
 from identification.model.stiffness_file import same_tool
 
@@ -28,30 +28,29 @@ HARDLY = 2e-6
 class Prediction:
     """Predicted deviation of the `targets` (M,) with force, without correction, base frame.
 
-    position (M, 3) [m], rotation (M, 3) rotation vector [rad], covariance (M, 3, 3) [m^2] of the position: posterior of
-    the stiffnesses and effects, plus the scatter of the mean force where the log gives one, plus what is learned of the rest.
+    position (M, 3) [m], covariance (M, 3, 3) [m^2] of it: posterior of the stiffnesses and effects, plus the scatter of the
+    mean force where the log gives one, plus what is learned of the rest.
     notes (M,): the effects whose state changes before the target, "" where none does. learned (M, 3) [m]: the part of position
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
     [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
-    the part of covariance of what no measured part shows there.
+    the part of covariance of what no measured part shows there, None: nothing was learned.
     """
 
     targets: Indices
     position: Array
-    rotation: Array
     covariance: Array
     notes: NDArray[np.object_]
     findings: tuple[Finding, ...]
     learned: Array
     of_learned: Array
     of_scatter: Array
-    unseen: Array
+    unseen: Array | None
     of_force: Array
 
     @property
     def known(self) -> Array:
         """The covariance (M, 3, 3) [m^2] without what no measured part shows, which no correction has to do with."""
-        return np.asarray(self.covariance - self.unseen)
+        return self.covariance if self.unseen is None else np.asarray(self.covariance - self.unseen)
 
     @property
     def std(self) -> Array:
@@ -68,37 +67,40 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     _check_tools(loaded)
     model, targets, theta, wrench = loaded.model, loaded.targets, loaded.path.theta[loaded.targets], loaded.wrench
     count = len(targets)
-    pose, of_effects = deviated_tool(loaded, theta), None
-    if model.effects and count:
-        of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets)
-    scatter = np.nan_to_num(loaded.forces.standard_error[targets]) ** 2
-    position, rotation, covariance = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3, 3))
-    learned, added, unseen = np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3, 3))
-    of_scatter, of_force, unknown = np.zeros(count), np.zeros(count), loaded.forces.unknown
-    for tool, places in loaded.each_tool():
-        position[places], rotation[places] = displacement(pose[places], forward(model.robot, theta[places], tool))
+    of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
+    position, covariance = np.empty((count, 3)), np.empty((count, 3, 3))
+    learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
+    unknown = loaded.forces.unknown
+    of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
+    for block in loaded_blocks(loaded, theta, weight=True):
+        tool, places = block.flange_from_tcp, block.places
+        position[places] = block.tool.position - forward(model.robot, theta[places], tool).position
         for part in chunks(len(places)):
             few = places[part]
-            covariance[few] = model.deviation_covariance(
-                theta[few], wrench[few], tool, None if of_effects is None else of_effects.of(few), rows=POSITION)
-            if not scatter[few].any() and unknown is None:
-                continue
-            carried = position_compliance(model.robot, theta[few], tool, model.compliance)
-            if unknown is not None:
-                predicted = carried @ unknown[targets[few]] @ carried.swapaxes(1, 2)
-                covariance[few] += predicted
-                of_force[few] = np.trace(predicted, axis1=1, axis2=2)
-            if scatter[few].any():
-                scattered = np.einsum("nij,nj,nkj->nik", carried, scatter[few], carried)
-                covariance[few] += scattered
-                of_scatter[few] = np.trace(scattered, axis1=1, axis2=2)
+            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
+            columns = spring_columns(model.robot, theta[few], tool)
+            adding = None if of_effects is None else of_effects.of(few)
+            spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)
+            if scatter.any() or unknown is not None:
+                carried = carried_by(columns, model.compliance)
+                if unknown is not None:
+                    of_forces = carried.T @ unknown[targets[few]] @ carried.T
+                    spread += of_forces.T
+                    of_force[few] = np.trace(of_forces, axis1=1, axis2=2)
+                if scatter.any():
+                    scattered = symmetric(carried, scatter.T[:, None] * carried)
+                    spread += scattered
+                    of_scatter[few] = np.trace(scattered)
+            covariance[few] = spread.T
     outside: list[Finding] = []
     if loaded.learned is not None and loaded.rest is not None:
         learned, unseen = loaded.rest.mean.copy(), loaded.rest.unseen.copy()
         added = loaded.learned.covariance_beside(deviation_slopes(loaded)[:, :3], loaded.rest)
         between = loaded.learned.remainder.unseen(loaded.rest.basis)
         added = added + between[:, None, None] * np.eye(3)
+        of_learned = np.trace(added, axis1=1, axis2=2)
         position, covariance = position + learned, covariance + added
+        read_only(learned, of_learned, unseen)
         outside = _outside(loaded, loaded.rest)
     notes, findings = _state_notes(loaded, state_changes(loaded) if model.effects else [])
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
@@ -107,9 +109,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    of_learned = np.trace(added, axis1=1, axis2=2)
-    read_only(position, rotation, covariance, notes, learned, of_learned, of_scatter, unseen, of_force)
-    return Prediction(targets, position, rotation, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
+    read_only(position, covariance, notes, of_scatter, of_force)
+    return Prediction(targets, position, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
                       of_learned, of_scatter, unseen, of_force)
 
 

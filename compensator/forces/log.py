@@ -33,7 +33,7 @@ class ForceLog:
     A row is a sample, or the mean of `weight` (M,) consecutive ones. key: what places a row; place: (M,) target index, path
     length [m] or time [s], (M, 3) TCP position in the work object [m], or (M, 6) joint angles [rad]. time (M,) [s] or None;
     rate [Hz] of the samples, None where it is not known. revolution [s]: every force is the mean over that time about it;
-    None: it is not. plain (M, 6): forces and moments before that, which tell a cut's edge to the sample.
+    None: it is not. plain (M, 3 or 6): `load` before that, which tells a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
@@ -61,6 +61,20 @@ class ForceLog:
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
 
+    @property
+    def load(self) -> Array:
+        """Forces and moments (M, 6) [N, N m] as logged; the forces alone (M, 3) where the log has no moments."""
+        return np.concatenate([self.force, self.moment], axis=1) if self.has_moment else self.force
+
+    def without_rows(self) -> ForceLog:
+        """What is known of the log as a whole."""
+        time, spread, covariance = (None if rows is None else rows[:0].copy()
+                                    for rows in (self.time, self.spread, self.covariance))
+        return replace(
+            self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
+            line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
+            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance)
+
 
 def read_force_log(
     file: str | Path, form: ForceLogFile = AS_IT_IS, *, log_format: str | None = None, spindle_rpm: float | None = None,
@@ -85,7 +99,7 @@ def read_force_log(
     window = rate / spindle if rate and spindle else None
     size = max(source.rows // max(ROWS, ROWS_PER_TARGET * (0 if borders is None else len(borders) + 1)), 1)
     health = Health(str(file), (form.saturation_n, form.saturation_nm), 1 / rate if rate and not of_rate else None)
-    kept = Kept()
+    kept = Kept(source.rows // size)
     with progress(f"reading {Path(file).name}", source.rows) as bar:
         for block in _blocks(source, health, window):
             kept.add(_reduced(block, size, source.key, borders))
@@ -106,12 +120,11 @@ def read_force_log(
     if source.key == "time":
         assert time is not None         # a log without times and without a rate has no such key
         place = time
-    no_moment = np.zeros((len(rows.line), 0 if source.has_moment else 3))
-    load = np.concatenate([rows.load, no_moment], axis=1)
+    moment = rows.load[:, 3:] if source.has_moment else np.broadcast_to(0.0, (len(rows.line), 3))
     return ForceLog(
-        str(file), load[:, :3], load[:, 3:], source.has_moment, source.key, place, rows.line, rows.weight, time, rate,
-        revolution=1 / spindle if window and spindle else None,
-        plain=np.concatenate([rows.plain, no_moment], axis=1) if window else load,
+        str(file), rows.load[:, :3], moment, source.has_moment, source.key, place, rows.line,
+        rows.weight if size > 1 else np.broadcast_to(1.0, len(rows.line)), time, rate,
+        revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
         saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left)
 
 
@@ -258,20 +271,23 @@ class Rows:
 
 
 class Kept:
-    """Rows as they come in, in arrays that double: many small ones between large passing ones would tear memory to pieces."""
+    """Rows as they come in, in arrays that double: many small ones between large passing ones would tear memory to pieces.
+    expected: how many rows, about."""
 
-    def __init__(self) -> None:
+    def __init__(self, expected: int = 0) -> None:
         self.count = 0
+        self._expected = expected
         self._held: list[NDArray[Any]] = []
 
     def add(self, rows: Rows) -> None:
         """More rows, copied."""
         fields, stop = list(vars(rows).values()), self.count + len(rows.line)
-        if not self._held or stop > len(self._held[0]):
-            grown = [np.empty((max(2 * stop, 1 << 16), *field.shape[1:]), dtype=field.dtype) for field in fields]
-            for new, old in zip(grown, self._held, strict=False):
-                new[:self.count] = old[:self.count]
-            self._held = grown
+        room = max(self._expected + (self._expected >> 4), 1 << 16, 2 * stop if self._held else stop)
+        self._held = self._held or [np.empty((room, *field.shape[1:]), dtype=field.dtype) for field in fields]
+        for number, old in enumerate(self._held):           # one by one: the old one goes before the next one grows
+            if stop > len(old):
+                self._held[number] = np.empty((room, *old.shape[1:]), dtype=old.dtype)
+                self._held[number][:self.count] = old[:self.count]
         for held, field in zip(self._held, fields, strict=True):
             held[self.count:stop] = field
         self.count = stop

@@ -17,7 +17,7 @@ from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
-from compensator.forces.zero import Zero, base_from_log, zero_of
+from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
 from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
@@ -45,8 +45,8 @@ class TargetForces:
 
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
-    log: by path length, or by target where it names them. unknown (N, 3, 3) [N^2], base frame: covariance of forces that were
-    predicted, None where they were logged.
+    log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
+    frame: covariance of forces that were predicted, None where they were logged.
     """
 
     wrench: Array
@@ -86,13 +86,14 @@ def place_forces(
     _check_once(log)
     findings = _off_path(log, on)
     behind = None if log.key == "target" else log.place[on] > path.length[target[on]]
-    rows = TargetRows(len(path.toolpath), target[on], log.weight[on], behind)
-    load, before_averaging = np.concatenate([log.force, log.moment], axis=1)[on], log.plain[on]
-    mean = rows.mean(load)
+    here = slice(None) if on.all() else on
+    rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
+    load, before_averaging = log.load[here], log.plain[here]
+    mean = of_six(rows.mean(load))
     standard_error = rows.standard_error(load[:, :3], mean, log.rate * log.revolution if log.rate and log.revolution else 0.0)
     zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare), _outside(log, on), trusted=trust_tare)
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
-    own_mean = mean if log.revolution is None else rows.mean(before_averaging)
+    own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
     if zero.offset.any():
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
@@ -104,7 +105,7 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), log, _unknown(log, on, rows, forced))
+                          zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, {kind: seen[0][:, :3] for kind, seen in in_frames.items()},
@@ -142,9 +143,8 @@ def _targets(log: ForceLog, path: RobotPath) -> Indices:
 
 
 def _outside(log: ForceLog, on: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Forces and moments (k, 6) of the rows before the first and after the last one on the path (M,)."""
-    inside = np.flatnonzero(on)
-    load = np.concatenate([log.force, log.moment], axis=1)
+    """Loads (k, 3 or 6) of the rows before the first and after the last one on the path (M,)."""
+    inside, load = np.flatnonzero(on), log.load
     return (load[:inside[0]], load[inside[-1] + 1:]) if len(inside) else (load[:0], load[:0])
 
 

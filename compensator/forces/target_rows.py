@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import Array
+from identification.model.kinematics import chunks
 
 Indices = NDArray[np.intp]
 BATCHES = 8
 # Of so many batches and more the straight line through them is taken off.
 STRAIGHT = 4
+# Targets at a time: bounds the memory their batches take.
+CHUNK = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,22 +64,33 @@ class TargetRows:
         that grows along a stretch is no error of its mean. Of means over a revolution no batch is shorter than one where there
         are two, and the scatter is put up by what white noise loses to that mean.
         """
-        order = np.argsort(self.target, kind="stable")
-        rank = np.empty(len(self.target), dtype=np.intp)
-        first = np.cumsum(self.rows) - self.rows
-        rank[order] = np.arange(len(self.target)) - first[self.target[order]]
-        most = np.clip(self.samples // window, 2, BATCHES).astype(np.intp) if window else BATCHES
-        batches = np.minimum(self.rows, most)
-        batch = self.target * BATCHES + rank * batches[self.target] // self.rows[self.target]
-        size = np.bincount(batch, self.weight, minlength=self.count * BATCHES).reshape(self.count, BATCHES)
+        most = np.clip(self.samples // window, 2, BATCHES).astype(np.intp) if window else np.full(self.count, BATCHES)
+        order = None if (np.diff(self.target) >= 0).all() else np.argsort(self.target, kind="stable")
+        ends = np.append(0, np.cumsum(self.rows))
         errors = np.full((self.count, 3), np.nan)
-        rise = _rise(batches)
-        by_scatter = _mean_by_scatter(self.samples, batches, window, rise)
-        enough = self.rows >= 2
+        for part in chunks(self.count, CHUNK):
+            of_part = slice(int(ends[part.start]), int(ends[part.stop]))
+            errors[part] = self._errors(part, of_part if order is None else order[of_part], ends, force, mean, most, window)
+        return errors
+
+    def _errors(
+        self, part: slice, places: slice | Indices, ends: Indices, force: Array, mean: Array, most: Indices, window: float
+    ) -> Array:
+        """`standard_error` (n, 3) of some targets, whose rows stand at these places, target by target; ends (N + 1,): how many
+        rows those before each target have; most (N,): batches at most."""
+        target, weight, own = self.target[places], self.weight[places], self.rows[part]
+        count = len(own)
+        batches = np.minimum(own, most[part])
+        here = target - part.start
+        rank = np.arange(ends[part.start], ends[part.stop]) - ends[target]
+        batch = here * BATCHES + rank * batches[here] // own[here]
+        size = np.bincount(batch, weight, minlength=count * BATCHES).reshape(count, BATCHES)
+        rise, enough = _rise(batches), own >= 2
+        by_scatter = _mean_by_scatter(self.samples[part], batches, window, rise)
+        errors = np.full((count, 3), np.nan)
         for axis in range(3):
-            total = np.bincount(batch, self.weight * force[:, axis], minlength=self.count * BATCHES).reshape(
-                self.count, BATCHES)
-            spread = np.where(size > 0, total / np.maximum(size, 1) - mean[:, axis, None], 0.0)
+            total = np.bincount(batch, weight * force[places, axis], minlength=count * BATCHES).reshape(count, BATCHES)
+            spread = np.where(size > 0, total / np.maximum(size, 1) - mean[part, axis, None], 0.0)
             with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers
                 straight = (spread * rise).sum(axis=1)
                 variance = np.maximum((spread**2).sum(axis=1) - straight**2, 0.0) * by_scatter

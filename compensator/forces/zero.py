@@ -21,7 +21,7 @@ from identification.model.rotations import Frame
 
 # A log whose quiet targets show less than this share of a weight does not hold it, if taking it off leaves them the rest.
 NOT_IN_LOG = 0.2
-NOTHING = (np.zeros((0, 6)), np.zeros((0, 6)))
+NOTHING = (np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,11 @@ class Zero:
         read_only(*(array for array in (self.offset, self.bias, self.noise) if array is not None))
 
 
+def of_six(loads: Array) -> Array:
+    """Loads (n, 6) [N, N m] of loads (n, 3 or 6): moments that were not logged are zero."""
+    return loads if loads.shape[1] == 6 else np.concatenate([loads, np.zeros((len(loads), 3))], axis=1)
+
+
 def base_from_log(path: RobotPath, cell: Cell) -> Frame:
     """The log's axes and origin at each target (N)."""
     if cell.force_log.kind == "sensor" and cell.force_log.flange_from_sensor is not None:
@@ -61,8 +66,8 @@ def zero_of(
     log: ForceLog, path: RobotPath, cell: Cell, loads: Array, rows: TargetRows, tare: Sequence[Range],
     outside: tuple[Array, Array] = NOTHING, *, trusted: bool = False
 ) -> Zero:
-    """The zero of a log placed on a path: loads (m, 6) before any averaging of its rows; outside: those (k, 6) of the rows
-    before and after the program. trusted: what speaks against the tare is a warning.
+    """The zero of a log placed on a path: loads (m, 3 or 6) before any averaging of its rows; outside: those of the rows before
+    and after the program. trusted: what speaks against the tare is a warning.
 
     A tare gives the bias; stretches of different orientation give mass and centre too, where cell.yaml names none. Without a
     tare the bias is cell.yaml's. Raises CompstiffError: CS3006 no sample in a stretch, CS3032 the weight is not in the log,
@@ -93,8 +98,9 @@ def zero_of(
     if air is not None:
         before, after = (load[:, :3] - held[end, :3] for load, end in zip(outside, (0, -1), strict=True))
         stated = None if form.bias is None else form.bias[:3]
-        findings += _answered(doubts(TaredLog(log.source, (loads - held[rows.target])[:, :3], rows, moves_in_air(path.toolpath),
-                                              before, after, stated), tare), trusted=trusted)
+        unheld = loads[:, :3] - held[rows.target, :3]
+        tared = TaredLog(log.source, unheld, rows, moves_in_air(path.toolpath), before, after, stated)
+        findings += _answered(doubts(tared, tare), trusted=trusted)
         biases = air.mean - _per_stretch(held, rows, tare)
         bias = biases.mean(axis=0)
         findings += _tared(log, biases, bias, mass, tare)
@@ -103,7 +109,7 @@ def zero_of(
         bias[3:] *= log.has_moment
     if mass:
         seen = rows.samples > 0
-        mean = rows.mean((loads - bias)[:, :3])
+        mean = rows.mean(loads[:, :3] - bias[:3])
         findings.append(_weighed(log, form, mass, mean[seen], held[seen, :3], tared=air is not None))
     known = air is not None or form.bias is not None
     return Zero(held + bias, bias if known else None, None if air is None else air.noise, tuple(findings))
@@ -123,11 +129,12 @@ def _air(log: ForceLog, loads: Array, rows: TargetRows, fall: Array, tare: Seque
             raise error("CS3006", f"no sample lies on the targets {first} to {last} of --tare", file=log.source,
                         hint="name targets of an air move during which the log was already running")
         samples = rows.weight[inside]
-        means.append(np.average(loads[inside], axis=0, weights=samples))
+        load = of_six(loads[inside])
+        means.append(np.average(load, axis=0, weights=samples))
         falls.append(np.average(fall[rows.target[inside]], axis=0, weights=samples))
-        batches = np.array_split(inside, min(32, max(len(inside) // 4, 1)))
+        batches = np.array_split(np.arange(len(inside)), min(32, max(len(inside) // 4, 1)))
         if len(batches) > 1:
-            each = np.array([np.average(loads[batch], axis=0, weights=rows.weight[batch]) for batch in batches])
+            each = np.array([np.average(load[batch], axis=0, weights=samples[batch]) for batch in batches])
             squares += ((each - each.mean(axis=0)) ** 2).sum(axis=0) * samples.sum() / len(batches)
             degrees += len(batches) - 1
     return Air(np.array(means), np.array(falls), np.sqrt(squares / max(degrees, 1)))

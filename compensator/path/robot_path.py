@@ -119,7 +119,8 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     axes = external_axes(toolpath, cell)
     objects = [resting_object(toolpath, number, _world_from_object(item, cell), axes)
                for number, item in enumerate(toolpath.workobjects)]
-    base_from_object = axes.to_base(axes.world_from_base.inverse() @ _pick(objects, toolpath.workobject, count))
+    base_from_world = axes.world_from_base.inverse()
+    base_from_object = axes.to_base(_pick([base_from_world @ frame for frame in objects], toolpath.workobject, count))
     absolute = toolpath.move == Move.ABSOLUTE
     posed = ~absolute & ~np.isnan(toolpath.position).any(axis=1) & ~np.isnan(toolpath.quaternion).any(axis=1)
     quaternion = np.where(posed[:, None], toolpath.quaternion, [1.0, 0, 0, 0])

@@ -1,7 +1,7 @@
 """Reads ABB RAPID programs and rewrites only the numbers of corrected robtargets; every other byte is kept."""
 
 from compensator.rapid.insertion import MoreMoves, follows_directly, move_text, with_more_moves, with_zones
-from compensator.rapid.literals import Pose
+from compensator.rapid.literals import POSITION_DECIMALS, QUATERNION_DECIMALS, Pose
 from compensator.rapid.marks import Marks, marks_of, with_marks
 from compensator.rapid.moves import ARGUMENTS
 from compensator.rapid.program import RapidProgram
@@ -10,6 +10,7 @@ from compensator.rapid.statements import INLINE, UNIT
 from compensator.rapid.writer import Rewritten, rewrite
 
 __all__ = [
-    "ARGUMENTS", "INLINE", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram", "Rewritten", "follows_directly", "marks_of",
-    "move_text", "read_rapid", "rewrite", "with_marks", "with_more_moves", "with_zones",
+    "ARGUMENTS", "INLINE", "POSITION_DECIMALS", "QUATERNION_DECIMALS", "UNIT", "Marks", "MoreMoves", "Pose", "RapidProgram",
+    "Rewritten", "follows_directly", "marks_of", "move_text", "read_rapid", "rewrite", "with_marks", "with_more_moves",
+    "with_zones",
 ]

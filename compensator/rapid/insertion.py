@@ -103,7 +103,7 @@ def with_more_moves(program: RapidProgram, more: Sequence[MoreMoves]) -> bytes:
 
 
 def _line(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
-    row = program.rows.values[program.rows.row[move.first]]
+    row = program.rows.numbers[program.rows.row[move.first]]
     tail, gap = _repeated_tail(program, text), _gap(program.source.data, text.start)
     return [(text.start, text.start, b"".join(b"MoveL " + fresh(row, pose) + tail + gap for pose in move.linear))]
 
@@ -114,7 +114,7 @@ def _arc(program: RapidProgram, move: MoreMoves, text: MoveText) -> list[Edit]:
     tail, gap = _repeated_tail(program, text), _gap(data, text.start)
     if not program.toolpath.zone[end] <= _FLYBY_RADIUS:     # a larger zone would cut the arc itself at each end
         tail = _with_flyby(data, text)
-    row_of = [rows.values[rows.row[target]] for target in (via, end)]
+    row_of = [rows.numbers[rows.row[target]] for target in (via, end)]
     spelled = [[fresh(row, pose) for pose in half] for row, half in zip(row_of, move.halves, strict=True)]
     first, second = spelled
     own = data[scan.start[via]:scan.end[via]]

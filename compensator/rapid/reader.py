@@ -36,20 +36,28 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     rows = collect(scanned, values, scope_of)
     _check_size(source, rows)
     tails = resolve_tails(scanned, values, scope_of)
-    numbers = rows.values[rows.row] if count else rows.values[:0]
+    pose, settings = rows.numbers.pose, rows.numbers.settings
+    setting = rows.numbers.setting[rows.row]
+    if not np.array_equal(rows.row, np.arange(len(pose))):
+        pose = pose[rows.row]
     move = np.frombuffer(bytes(scanned.move), dtype=np.uint8)
     absolute = move == Move.ABSOLUTE
-    position, quaternion = numbers[:, 0:3] / 1e3, numbers[:, 3:7].copy()
-    joints = np.full((count, 6), np.nan)
-    joints[absolute] = np.radians(numbers[absolute, :6])
+    position, quaternion = pose[:, 0:3] / 1e3, pose[:, 3:7].copy()
+    joints = np.broadcast_to(np.nan, (count, 6))
+    if absolute.any():
+        joints = np.full((count, 6), np.nan)
+        joints[absolute] = np.radians(pose[absolute, :6])
     position[absolute] = quaternion[absolute] = np.nan
     squares = np.einsum("ni,ni->n", quaternion, quaternion)
     off = np.abs(squares - 1.0)
     quaternion /= np.sqrt(np.where(squares > 0, squares, 1.0))[:, None]
     quaternion[off > UNUSABLE] = np.nan
-    confdata = numbers[:, 7:11]
-    has_confdata = ~absolute & ~np.isnan(confdata).any(axis=1)
-    external = np.where(np.abs(numbers[:, 11:17]) >= UNUSED, np.nan, numbers[:, 11:17])
+    with np.errstate(invalid="ignore"):
+        confdata = np.nan_to_num(settings[:, :4]).astype(np.int64)
+    told = np.asarray(~np.isnan(settings[:, :4]).any(axis=1))
+    has_confdata = ~absolute & told[setting]
+    external = np.where(np.abs(settings[:, 4:]) >= UNUSED, np.nan, settings[:, 4:])
+    external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.array(scanned.start, dtype=np.int64))
     displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] & ~absolute
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
@@ -58,7 +66,7 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     block, findings = report(scanned, values, rows, tails, places, off, displaced, offset)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
-        confdata=np.where(has_confdata[:, None], confdata, 0).astype(np.int64), has_confdata=has_confdata,
+        confdata=np.where(has_confdata[:, None], confdata[setting], 0), has_confdata=has_confdata,
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
         switched=tuple(scanned.units), together=together if together.any() else None,
@@ -76,7 +84,10 @@ def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:
 def _check_size(source: Source, rows: Rows) -> None:
     """Raises CS2005 for numbers no target can have: 1E999 is infinite."""
     with np.errstate(invalid="ignore"):
-        wrong = np.isinf(rows.values).any(axis=1) | (np.abs(rows.values[:, 7:11]) > _LARGEST_CONFDATA).any(axis=1)
+        numbers = rows.numbers
+        unsound = np.asarray(np.isinf(numbers.settings).any(axis=1)
+                             | (np.abs(numbers.settings[:, :4]) > _LARGEST_CONFDATA).any(axis=1))
+        wrong = np.isinf(numbers.pose).any(axis=1) | unsound[numbers.setting]
     if wrong.any():
         at = int(rows.start[np.flatnonzero(wrong)[0]])
         raise source.fail("CS2005", "found a number in this target that is out of range, expected finite numbers and "

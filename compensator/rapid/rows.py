@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.rapid.expressions import Expr
-from compensator.rapid.numbers import Array, convert
+from compensator.rapid.numbers import Numbers, convert
 from compensator.rapid.scan import Scan
 from compensator.rapid.scopes import Scope
 from compensator.rapid.statements import LITERAL
-from compensator.rapid.targets import NOTHING, WIDTH, Target, read_joint_target, read_site, read_target
+from compensator.rapid.targets import NOTHING, POSE, WIDTH, Target, read_joint_target, read_site, read_target
 from compensator.rapid.text import Offsets
 from compensator.rapid.values import Site, Unsettled, Values
 from compensator.toolpath import Move
@@ -22,13 +22,13 @@ from compensator.toolpath import Move
 class Rows:
     """R places. row (N,): the place of each target.
 
-    values (R, WIDTH) as written. start, end (R,): span of the text there, -1 where it is not in this file.
+    numbers (R) as written. start, end (R,): span of the text there, -1 where it is not in this file.
     declaration (R,): number of the declaration it is the value of, -1 where it stands in the move itself.
     literal (R,): the numbers themselves stand there. problem (R,): number in `problems`, 0 for none.
     """
 
     row: Offsets
-    values: Array
+    numbers: Numbers
     start: Offsets
     end: Offsets
     declaration: Offsets
@@ -134,28 +134,31 @@ def _plain(values: Values, expr: Expr, scope: Scope, number: int) -> tuple[int, 
     return (declaration.value_start, match.start("rest"), declaration.value_end, number) if match else None
 
 
-def _rows(values: Values, row: Offsets, inline: Array, spans: tuple[Offsets, Offsets], late: _Late) -> Rows:
-    later = np.array(late.values, dtype=np.float64).reshape(-1, WIDTH)
+def _rows(values: Values, row: Offsets, inline: Numbers, spans: tuple[Offsets, Offsets], late: _Late) -> Rows:
+    later = Numbers.of(np.array(late.values, dtype=np.float64).reshape(-1, WIDTH))
     if late.numbers:
         which, start, rest, end = np.array(late.numbers, dtype=np.int64).T
-        later[which], bad = convert(values.source.data, start, rest, end)
+        figures, bad = convert(values.source.data, start, rest, end)
+        later.pose[which] = figures.pose
+        later.settings[which] = figures.settings[figures.setting]
         for index in bad:                               # a symbol that looks like a figure, or an error
             at = int(which[index])
             number = late.spans[at][2]
             site = Site(values.initial(number), values.names.declarations[number].scope, number)
             target = read_site(values, site)
-            later[at] = target.numbers
+            later.pose[at], later.settings[at] = target.numbers[:POSE], target.numbers[POSE:]
             if target.problem is not None:
                 late.problem[at] = late.problems.setdefault(target.problem, len(late.problems))
     late_spans = np.array([span[:3] for span in late.spans], dtype=np.int64).reshape(-1, 3)
-    nowhere = np.full(len(inline), -1, dtype=np.int64)
+    count = len(inline.pose)
+    nowhere = np.full(count, -1, dtype=np.int64)
     return Rows(
         row=row,
-        values=np.concatenate([inline, later]),
+        numbers=inline.and_then(later),
         start=np.concatenate([spans[0], late_spans[:, 0]]),
         end=np.concatenate([spans[1], late_spans[:, 1]]),
         declaration=np.concatenate([nowhere, late_spans[:, 2]]),
-        literal=np.concatenate([np.ones(len(inline), dtype=bool), np.array([s[3] for s in late.spans], dtype=bool)]),
+        literal=np.concatenate([np.ones(count, dtype=bool), np.array([s[3] for s in late.spans], dtype=bool)]),
         problem=np.concatenate([nowhere + 1, np.array(late.problem, dtype=np.int64)]),
         problems=tuple(late.problems),
     )

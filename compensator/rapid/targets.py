@@ -13,6 +13,8 @@ from compensator.rapid.values import Site, Unsettled, Values
 
 WIDTH = 17
 """Numbers of a robtarget: x y z [mm], q1..q4, cf1 cf4 cf6 cfx, eax_a..eax_f."""
+POSE = 7
+"""So many of them are position and orientation."""
 
 _POSITION, _ORIENTATION = ("x", "y", "z"), ("q1", "q2", "q3", "q4")
 _CONFDATA = ("cf1", "cf4", "cf6", "cfx")

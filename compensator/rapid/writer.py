@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from compensator.rapid.figures import NUMBERS, renumbered_poses
+from compensator.rapid.figures import CHUNK, renumbered_poses
 from compensator.rapid.literals import Pose, Written, fresh, rewritten
 from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
@@ -83,7 +84,6 @@ def rewrite(
     row = rows.row[which]
     in_move = rows.declaration[row] < 0
     plain = in_move & _plain(program, which) & ~poses.turned
-    _write_figures(job, which[plain])
     _write_moves(job, which[in_move & ~plain].tolist())
     users = np.argsort(rows.row, kind="stable")
     sorted_rows = rows.row[users]
@@ -92,6 +92,7 @@ def rewrite(
     for number in np.unique(row[~in_move]).tolist():
         first, last = np.searchsorted(sorted_rows, [number, number + 1])
         _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
+    _write_figures(job, np.sort(which[plain]))
     return Rewritten(apply(program.source.data, job.edits), _findings(job, which[poses.turned]), job.numbers, job.declarations)
 
 
@@ -108,10 +109,12 @@ def _commanded(
         raise ValueError("positions and quaternions to write must be finite")
     for target in targets[(toolpath.block[targets] != "") | (toolpath.move[targets] == Move.ABSOLUTE)].tolist():
         raise ValueError(f"target {target} cannot be rewritten: {toolpath.block[target] or 'joint angles'}")
-    row = program.rows.values[program.rows.row[targets]]
-    turn = np.where(np.einsum("ni,ni->n", row[:, 3:7], turn)[:, None] < 0, -turn, turn)
+    row, written = program.rows.row[targets], program.rows.numbers
+    turn = np.where(np.einsum("ni,ni->n", written.pose[row, 3:], turn)[:, None] < 0, -turn, turn)
     quadrants = None if confdata is None else np.asarray(confdata, dtype=np.int64).reshape(-1, 4)
-    turned = np.zeros(count, dtype=bool) if quadrants is None else (quadrants != row[:, 7:11]).any(axis=1)
+    turned = np.zeros(count, dtype=bool)
+    if quadrants is not None:
+        turned = (quadrants != written.settings[:, :4][written.setting[row]]).any(axis=1)
     number = np.full(len(toolpath), -1, dtype=np.int64)
     number[targets] = np.arange(count)
     return _Commanded(np.concatenate([place * 1e3, turn], axis=1), quadrants, turned, number)
@@ -124,12 +127,24 @@ def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:
 
 
 def _write_figures(job: _Job, targets: np.ndarray) -> None:
-    """Targets whose value stands in the move in figures alone."""
-    start, rest = (np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest))
-    old = job.program.rows.values[job.program.rows.row[targets], :NUMBERS]
-    poses = renumbered_poses(job.program.source.data, start, rest, old, job.poses.numbers[job.poses.number[targets]])
-    job.numbers += int(poses.changed.sum())
-    job.edits += zip(start.tolist(), rest.tolist(), poses.texts, strict=True)
+    """Targets, ascending, whose value stands in the move in figures alone: those between which nothing else is written in one
+    edit."""
+    data, numbers = job.program.source.data, job.program.rows.numbers
+    columns = [np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest)]
+    breaks = np.unique(np.searchsorted(columns[0], [start for start, _, _ in job.edits]))
+    for at in range(0, len(targets), CHUNK):
+        some = targets[at:at + CHUNK]
+        start, rest = (column[at:at + CHUNK] for column in columns)
+        poses = renumbered_poses(data, start, rest, numbers.pose[job.program.rows.row[some]],
+                                 job.poses.numbers[job.poses.number[some]])
+        job.numbers += int(poses.changed.sum())
+        first, last = start.tolist(), rest.tolist()
+        inside = breaks[(breaks > at) & (breaks < at + len(some))] - at
+        for low, high in itertools.pairwise([0, *inside.tolist(), len(some)]):
+            pieces = [b""] * (2 * (high - low) - 1)
+            pieces[::2] = poses.texts[low:high]
+            pieces[1::2] = [data[a:b] for a, b in zip(last[low:high - 1], first[low + 1:high], strict=True)]
+            job.edits.append((first[low], last[high - 1], b"".join(pieces)))
 
 
 def _write_moves(job: _Job, targets: list[int]) -> None:
@@ -139,12 +154,12 @@ def _write_moves(job: _Job, targets: list[int]) -> None:
         row = rows.row[target]
         start, end = scan.start[target], scan.end[target]
         if rows.literal[row]:
-            written = rewritten(values, start, end, rows.values[row], job.poses[target])
+            written = rewritten(values, start, end, rows.numbers[row], job.poses[target])
             _note(job, written, target)
             if written.changed:
                 job.edits.append((start, end, written.text))
         else:
-            job.edits.append((start, end, fresh(rows.values[row], job.poses[target])))
+            job.edits.append((start, end, fresh(rows.numbers[row], job.poses[target])))
             job.numbers += 7
             job.replaced.append(target)
 
@@ -158,9 +173,9 @@ def _write_declared(job: _Job, row: int, users: list[int], elsewhere: set[int], 
     texts: dict[int, Written] = {}
     for target in users:
         if target in job.poses and rows.literal[row]:
-            texts[target] = rewritten(program.values, start, end, rows.values[row], job.poses[target])
+            texts[target] = rewritten(program.values, start, end, rows.numbers[row], job.poses[target])
         elif target in job.poses:
-            texts[target] = Written(fresh(rows.values[row], job.poses[target]), 7)
+            texts[target] = Written(fresh(rows.numbers[row], job.poses[target]), 7)
     spelled = {written.text for written in texts.values()}
     if len(texts) == len(users) and len(spelled) == 1 and number not in elsewhere:
         first = next(iter(texts))
@@ -185,7 +200,7 @@ def _add_declarations(job: _Job, row: int, texts: dict[int, Written], names: New
     for target, written in texts.items():
         # A copy keeps the layout; with symbols in it it might not be constant, so then numbers alone are written.
         plain = rows.literal[row] and not _has_symbols(program, row)
-        groups.setdefault(written.text if plain else fresh(rows.values[row], job.poses[target]), []).append(target)
+        groups.setdefault(written.text if plain else fresh(rows.numbers[row], job.poses[target]), []).append(target)
     firsts = [first for first, _ in scan.scopes]
     for text, targets in groups.items():
         name = names.make(declared_name(source, declaration))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import error
-from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns
+from identification.model.kinematics import chain, chunks, forward, jacobian, quarter_turns, spring_columns, turned_back
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame, rotation_vector
 
@@ -32,7 +32,8 @@ CHUNK = 8192
 
 
 class _Arm:
-    """The torque recursion on a chunk of n poses, on buffers that are allocated once a call.
+    """The torque recursion on a chunk of n poses, on buffers that are allocated once a call. Across a joint's axis a vector is
+    a complex number (`kinematics.turned_back`).
 
     Temporaries of this size would each be fetched from and returned to the system, which costs more than the arithmetic.
     """
@@ -41,83 +42,70 @@ class _Arm:
         self.twists = [quarter_turns(alpha) for alpha in robot.alpha]
         self.a, self.d = robot.a.tolist(), robot.d.tolist()
         self.tcp = flange_from_tcp.position
-        self.sines, self.cosines, self.arm_x, self.arm_y, self.torque, self.square = np.empty((6, 6, size))
-        self.scratch = np.empty((9, size))
+        self.turns, self.arms = np.empty((2, 6, size), dtype=np.complex128)
+        self.torque = np.empty((6, size))
+        self.point, self.vector, self.product = np.empty((3, size), dtype=np.complex128)
+        self.height, self.along, self.spare = np.empty((3, size))
 
     def set_angles(self, serial: Array) -> None:
-        """Sines and cosines of serial angles (6, n) [rad] as in `kinematics.sine_cosine`, and the TCP's lever arms."""
-        n = serial.shape[1]
-        t, square, inverse = self.sines[:, :n], self.square[:, :n], self.cosines[:, :n]
-        np.multiply(serial, 0.5, out=t)
-        np.tan(t, out=t)
-        np.multiply(t, t, out=square)
-        np.add(square, 1.0, out=inverse)
-        np.divide(2.0, inverse, out=inverse)
-        np.multiply(t, inverse, out=t)              # sine = 2 t / (1 + t^2)
-        np.subtract(inverse, 1.0, out=inverse)      # cosine = 2 / (1 + t^2) - 1
-        self._lever_arms(n)
+        """Serial angles (6, n) [rad], and the TCP's lever arms."""
+        self._lever_arms(turned_back(serial, self.turns[:, : serial.shape[1]]))
 
-    def _lever_arms(self, n: int) -> None:
-        """Inwards from the tool: the TCP seen from each joint frame [m], and last from the base (`position`)."""
-        x, y, z, product = self.scratch[:4, :n]
-        x[:], y[:], z[:] = self.tcp[:, None]
+    def _lever_arms(self, turns: NDArray[np.complex128]) -> None:
+        """Inwards from the tool: the TCP seen from each joint frame [m], x - i y in `arms`, and last from the base
+        (`position`)."""
+        n = turns.shape[1]
+        point, height = self.point[:n], self.height[:n]
+        point[:], height[:] = complex(self.tcp[0], -self.tcp[1]), self.tcp[2]
         for i in range(5, -1, -1):
-            s, c, arm_x, arm_y = self.sines[i, :n], self.cosines[i, :n], self.arm_x[i, :n], self.arm_y[i, :n]
-            np.multiply(c, x, out=arm_x)
-            np.multiply(s, y, out=product)
-            arm_x -= product
-            np.multiply(s, x, out=arm_y)
-            np.multiply(c, y, out=product)
-            arm_y += product
-            np.add(arm_x, self.a[i], out=x)
-            y[:] = arm_y
+            arm = np.multiply(turns[i], point, out=self.arms[i, :n])
+            np.add(arm.real, self.a[i], out=point.real)
             if self.d[i]:
-                z += self.d[i]
-            y, z = _twist(self.twists[i], y, z)
-        self.position = x, y, z
+                height += self.d[i]
+            sine, cosine = self.twists[i]
+            if sine == 0.0:
+                np.multiply(arm.imag, cosine, out=point.imag)
+                if cosine < 0:
+                    np.negative(height, out=height)
+            elif cosine == 0.0:
+                np.multiply(height, sine, out=point.imag)
+                np.multiply(arm.imag, -sine, out=height)
+            else:
+                point.imag[:], height[:] = cosine * arm.imag + sine * height, cosine * height - sine * arm.imag
+        self.position = point.real, np.negative(point.imag, out=self.spare[:n]), height
 
     def torques(self, wrench: Array) -> Array:
         """Torques (6, n) [N m] about the serial axes; wrench (6, n) or, where there is no moment, (3, n) in the base frame."""
-        torque = self.torque[:, : wrench.shape[1]]
-        for axis, (x, y, _z) in self._carried(wrench[:3]):
-            np.multiply(self.arm_x[axis, : len(x)], y, out=torque[axis])
-            np.multiply(self.arm_y[axis, : len(x)], x, out=self.square[axis, : len(x)])
-            torque[axis] -= self.square[axis, : len(x)]
+        n = wrench.shape[1]
+        torque, product = self.torque[:, :n], self.product[:n]
+        for axis, across, _ in self._carried(wrench[:3]):
+            torque[axis] = np.multiply(self.arms[axis, :n], across, out=product).imag
         if len(wrench) == 6:
-            for axis, (_x, _y, z) in self._carried(wrench[3:]):
-                torque[axis] += z
+            for axis, _, along in self._carried(wrench[3:]):
+                torque[axis] += along
         return torque
 
-    def _carried(self, vector: Array) -> Iterator[tuple[int, tuple[Array, Array, Array]]]:
-        """A vector (3, n) of the base frame, outwards from joint frame to joint frame, each before its joint turns."""
+    def _carried(self, vector: Array) -> Iterator[tuple[int, NDArray[np.complex128], Array]]:
+        """A vector (3, n) of the base frame, outwards from joint frame to joint frame, each before its joint turns: x + i y
+        across its axis, and the part along it."""
         n = vector.shape[1]
-        x, y, z, kept, product = self.scratch[4:9, :n]
-        x[:], y[:], z[:] = vector
+        across, along, spare = self.vector[:n], self.along[:n], self.spare[:n]
+        across.real, across.imag, along[:] = vector
         for i in range(6):
             sine, cosine = self.twists[i]
-            y, z = _twist((-sine, cosine), y, z)
-            yield i, (x, y, z)
-            if i == 5:
-                return
-            s, c = self.sines[i, :n], self.cosines[i, :n]
-            np.multiply(s, x, out=kept)
-            np.multiply(s, y, out=product)
-            x *= c
-            x += product
-            y *= c
-            y -= kept
-
-
-def _twist(twist: tuple[float, float], y: Array, z: Array) -> tuple[Array, Array]:
-    """RotX of (y, z) in place, almost without arithmetic for the twists 0 and +-90 degrees that arms are built with."""
-    sine, cosine = twist
-    if cosine == 0.0:
-        changed = z if sine > 0 else y
-        np.negative(changed, out=changed)
-        return z, y
-    if sine != 0.0 or cosine < 0.0:
-        y[:], z[:] = cosine * y - sine * z, sine * y + cosine * z
-    return y, z
+            if sine == 0.0:
+                if cosine < 0:
+                    np.negative(across.imag, out=across.imag)
+                    np.negative(along, out=along)
+            elif cosine == 0.0:
+                np.multiply(across.imag, -sine, out=spare)
+                np.multiply(along, sine, out=across.imag)
+                along, spare = spare, along
+            else:
+                y = across.imag.copy()
+                across.imag[:], along[:] = cosine * y + sine * along, cosine * along - sine * y
+            yield i, across, along
+            np.multiply(across, self.turns[i, :n], out=across)
 
 
 def _components(wrench: Array, part: slice) -> Array:
@@ -239,8 +227,22 @@ def position_compliance(robot: RobotModel, theta: Array, flange_from_tcp: Frame,
     """The part (N, 3, 3) [m/N] of `compliance_matrix` by which a force moves the TCP; in pieces, for any number of poses."""
     result = np.empty((len(theta), 3, 3))
     for part in chunks(len(theta)):
-        columns = jacobian(robot, theta[part], flange_from_tcp)[:, :3]
-        result[part] = np.einsum("nri,i,nsi->nrs", columns, compliance, columns)
+        result[part] = carried_by(spring_columns(robot, theta[part], flange_from_tcp), compliance).T
+    return result
+
+
+def carried_by(columns: Array, compliance: Array) -> Array:
+    """The same (3, 3, n), components first, out of the Jacobian's columns (6, 6, n)."""
+    return symmetric(columns[:, :3], compliance[:, None, None] * columns[:, :3])
+
+
+def symmetric(a: Array, b: Array) -> Array:
+    """The matrices (k, k, n) `sum over i of a_i b_i^T` of vectors (m, k, n), components first, where these are symmetric."""
+    size = a.shape[1]
+    result = np.empty((size, size, a.shape[2]))
+    for row in range(size):
+        for column in range(row, size):
+            result[row, column] = result[column, row] = np.einsum("in,in->n", a[:, row], b[:, column])
     return result
 
 

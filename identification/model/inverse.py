@@ -88,68 +88,63 @@ def _branch(
     """`one_branch` of one chunk."""
     behind, elbow, flip = branch >> 2, branch >> 1 & 1, branch & 1
     sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
-    rotation, position = base_from_flange.rotation, base_from_flange.position
-    centre = (position - robot.d[5] * rotation[:, :, 2]).T
+    columns = np.ascontiguousarray(np.moveaxis(base_from_flange.rotation, 0, -1))    # [component, column, pose]
+    centre = base_from_flange.position.T - robot.d[5] * columns[:, 2]
     # The wrist centre about axis 1, whose z axis points up (alpha 0) or down (180 degrees).
     x, y, z = centre[0], cosines[0] * centre[1], cosines[0] * centre[2]
-    radius, height = np.hypot(x, y), z - robot.d[0]
+    radius, height = np.sqrt(x * x + y * y), z - robot.d[0]
     upper = robot.a[2]
     # The forearm as a vector of the frame of joint 3, from axis 3 to the wrist centre.
     fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
     forearm, fore_angle = np.hypot(fore_x, fore_y), np.arctan2(fore_y, fore_x)
-    theta1 = np.arctan2(y, x) + np.pi * behind
+    theta = np.empty((6, len(radius)))
+    theta[0] = np.arctan2(y, x) + np.pi * behind
     # The arm's plane, seen along axis 2: u outwards from axis 2, v along frame 2's y axis.
     u = (radius if not behind else -radius) - robot.a[1]
     v = sines[1] * height
-    fold = (np.hypot(u, v)**2 - upper**2 - forearm**2) / (2 * upper * forearm)
+    fold = (u * u + v * v - upper**2 - forearm**2) / (2 * upper * forearm)
     # Sign of the angle from lower arm to forearm that puts the wrist centre in front of the lower arm, in the sense of
     # rotation in which axis 2 leans the arm outwards.
     sense = sines[1] * (1 if not elbow else -1) * -1.0
-    angle = sense * np.arccos(np.clip(fold, -1, 1))
-    theta2 = np.arctan2(v, u) - np.arctan2(forearm * np.sin(angle), upper + forearm * np.cos(angle))
-    theta3 = cosines[2] * angle - fore_angle
-    wrist = _wrist(theta1, theta2, theta3, rotation, sines, cosines, flip,
-                   None if reference is None else robot.serial_angles(reference)[:, 3])
-    theta = robot.controller_angles(np.column_stack([theta1, theta2, theta3, *wrist]))
-    return _nearest_turns(robot, theta, None), np.abs(fold) <= 1 + 1e-12
+    cosine = np.clip(fold, -1, 1)
+    angle = sense * np.arccos(cosine)
+    sine = sense * np.sqrt((1 - cosine) * (1 + cosine))
+    theta[1] = np.arctan2(v, u) - np.arctan2(forearm * sine, upper + forearm * cosine)
+    theta[2] = cosines[2] * angle - fore_angle
+    _wrist(theta, columns, sines, cosines, flip, None if reference is None else robot.serial_angles(reference)[:, 3])
+    return _nearest_turns(robot, robot.controller_angles(theta.T), None), np.abs(fold) <= 1 + 1e-12
 
 
-def _wrist(
-    theta1: Array, theta2: Array, theta3: Array, rotation: Array, sines: Array, cosines: Array, flip: int,
-    reference4: Array | None,
-) -> tuple[Array, Array, Array]:
-    """Serial angles 4, 5, 6 (n,) that turn the forearm's frame into the flange's.
+def _wrist(theta: Array, columns: Array, sines: Array, cosines: Array, flip: int, reference4: Array | None) -> None:
+    """Fills in the serial angles 4, 5, 6 of theta (6, n) that turn the forearm's frame into the flange's, whose axes are
+    columns [component, column, pose].
 
     With B = RotX(-alpha4) R_03^T R = RotZ(theta4) RotX(alpha5) RotZ(theta5) RotX(alpha6) RotZ(theta6), the third
     column is (s6 sin5 cos4, s6 sin5 sin4, -s5 s6 cos5), and the second row of RotZ(-theta4) B is
-    (-s5 s6 sin6, -s5 s6 cos6, 0), which gives axis 6 sharply even where axis 5 is near zero.
+    (-s5 s6 sin6, -s5 s6 cos6, 0), which gives axis 6 sharply even where axis 5 is near zero. Joints 2 and 3 are parallel, so
+    that they turn as one, alpha3 between them no more than a change of sign.
     """
-    columns = np.moveaxis(rotation, 0, -1)                                           # [component, column, pose]
-    for index, theta in enumerate((theta1, theta2, theta3)):
-        columns = _about_x(columns, -sines[index], cosines[index])
-        columns = _about_z(columns, theta, -1.0)
-    b = _about_x(columns, -sines[3], cosines[3])
+    x, y, z = columns[0], cosines[0] * columns[1], cosines[0] * columns[2]
+    x, y = _turned_back(x, y, theta[0])
+    y, z = sines[1] * z, -sines[1] * y
+    x, y = _turned_back(x, y, theta[1] + cosines[2] * theta[2])
+    y, z = cosines[2] * y, cosines[2] * z
+    y, z = sines[3] * z, -sines[3] * y
     s5, s6 = sines[4], sines[5]
     sign = -1.0 if flip else 1.0
-    sine5 = np.hypot(b[0, 2], b[1, 2])
+    sine5 = np.sqrt(x[2] * x[2] + y[2] * y[2])
     singular = sine5 < WRIST_SINGULAR_RAD
-    theta5 = np.arctan2(sign * sine5, -s5 * s6 * b[2, 2])
-    theta4 = np.arctan2(sign * s6 * b[1, 2], sign * s6 * b[0, 2])
-    theta4 = np.where(singular, 0.0 if reference4 is None else reference4, theta4)
-    second = _about_z(b, theta4, -1.0)[1]
-    return theta4, theta5, np.arctan2(-s5 * s6 * second[0], -s5 * s6 * second[1])
+    theta[4] = np.arctan2(sign * sine5, -s5 * s6 * z[2])
+    theta[3] = np.arctan2(sign * s6 * y[2], sign * s6 * x[2])
+    theta[3] = np.where(singular, 0.0 if reference4 is None else reference4, theta[3])
+    _, second = _turned_back(x[:2], y[:2], theta[3])
+    theta[5] = np.arctan2(-s5 * s6 * second[0], -s5 * s6 * second[1])
 
 
-def _about_x(columns: Array, sine: float, cosine: float) -> Array:
-    """RotX of a fixed twist applied to vectors [component, column, pose]."""
-    return np.stack([columns[0], cosine * columns[1] - sine * columns[2], sine * columns[1] + cosine * columns[2]])
-
-
-def _about_z(columns: Array, angle: Array, sense: float) -> Array:
-    """RotZ(sense * angle) applied to vectors [component, column, pose]."""
+def _turned_back(x: Array, y: Array, angle: Array) -> tuple[Array, Array]:
+    """RotZ(-angle) of vectors (k, n) whose components are x and y."""
     s, c = sine_cosine(angle)
-    s = sense * s
-    return np.stack([c * columns[0] - s * columns[1], s * columns[0] + c * columns[1], columns[2]])
+    return c * x + s * y, c * y - s * x
 
 
 def _nearest_turns(robot: RobotModel, theta: Array, reference: Array | None) -> Array:
@@ -158,6 +153,8 @@ def _nearest_turns(robot: RobotModel, theta: Array, reference: Array | None) -> 
     turn = 2 * np.pi
     target = 0.0 if reference is None else reference
     wanted = theta + turn * np.round((target - theta) / turn)
+    if ((wanted >= robot.limits[:, 0]) & (wanted <= robot.limits[:, 1])).all():
+        return np.asarray(wanted)
     slack = 1e-9
     highest = theta + turn * np.floor((robot.limits[:, 1] + slack - theta) / turn)
     lowest = theta + turn * np.ceil((robot.limits[:, 0] - slack - theta) / turn)
@@ -213,9 +210,8 @@ def _nearer_than_others(robot: RobotModel, theta: Array, reference: Array) -> ND
     reach = 2 * distance * np.abs(robot.coupling).sum(axis=1).max() + 1e-9
     serial = robot.serial_angles(theta)
     sine, _ = quarter_turns(robot.alpha[3])
-    bend = np.sin(serial[:, 2] + np.arctan2(-sine * robot.d[3], robot.a[3]))
-    apart = np.minimum(2 * np.abs(bend), np.pi)
-    return np.asarray((reach < apart) & (np.abs(np.sin(serial[:, 4])) > 1e3 * WRIST_SINGULAR_RAD))
+    bent, of_wrist = sine_cosine(np.stack([serial[:, 2] + np.arctan2(-sine * robot.d[3], robot.a[3]), serial[:, 4]]))[0]
+    return np.asarray((reach < np.minimum(2 * np.abs(bent), np.pi)) & (np.abs(of_wrist) > 1e3 * WRIST_SINGULAR_RAD))
 
 
 def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
@@ -229,10 +225,13 @@ def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
     fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
     bend = cosines[2] * (serial[:, 2] + np.arctan2(fore_y, fore_x))
     forearm = np.hypot(fore_x, fore_y)
-    outwards = robot.a[1] + robot.a[2] * np.cos(serial[:, 1]) + forearm * np.cos(serial[:, 1] + bend)
-    quadrants = np.floor(theta[:, [0, 3, 5]] / (np.pi / 2)).astype(np.int64)
-    cfx = 4 * (outwards < 0) + 2 * (-sines[1] * np.sin(bend) < 0) + (np.sin(serial[:, 4]) < 0)
-    return np.column_stack([quadrants, cfx])
+    (_, of_bend, of_wrist, _), (upper, _, _, fore) = sine_cosine(
+        np.stack([serial[:, 1], bend, serial[:, 4], serial[:, 1] + bend]))
+    outwards = robot.a[1] + robot.a[2] * upper + forearm * fore
+    confdata = np.empty((len(theta), 4), dtype=np.int64)
+    confdata[:, :3] = np.floor(theta[:, [0, 3, 5]] / (np.pi / 2))
+    confdata[:, 3] = 4 * (outwards < 0) + 2 * (-sines[1] * of_bend < 0) + (of_wrist < 0)
+    return confdata
 
 
 def configured_solution(

@@ -33,23 +33,27 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Array:
     Each takes the largest of its four components as the pivot (Shepperd), so none is found by cancellation.
     """
     m = np.asarray(matrix, dtype=float)
-    xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    flat = m.reshape(-1, 3, 3)
+    xx, yy, zz = flat[:, 0, 0], flat[:, 1, 1], flat[:, 2, 2]
     # K / 4 of the quaternion: the outer product q q^T, of which the row with the largest diagonal is q up to scale.
-    outer = np.empty((*m.shape[:-2], 4, 4))
-    outer[..., 0, 0] = 1 + xx + yy + zz
-    outer[..., 1, 1] = 1 + xx - yy - zz
-    outer[..., 2, 2] = 1 - xx + yy - zz
-    outer[..., 3, 3] = 1 - xx - yy + zz
-    outer[..., 0, 1] = outer[..., 1, 0] = m[..., 2, 1] - m[..., 1, 2]
-    outer[..., 0, 2] = outer[..., 2, 0] = m[..., 0, 2] - m[..., 2, 0]
-    outer[..., 0, 3] = outer[..., 3, 0] = m[..., 1, 0] - m[..., 0, 1]
-    outer[..., 1, 2] = outer[..., 2, 1] = m[..., 0, 1] + m[..., 1, 0]
-    outer[..., 1, 3] = outer[..., 3, 1] = m[..., 0, 2] + m[..., 2, 0]
-    outer[..., 2, 3] = outer[..., 3, 2] = m[..., 1, 2] + m[..., 2, 1]
-    pivot = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(outer, pivot[..., None, None], axis=-2)[..., 0, :]
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.asarray(np.where(q[..., :1] < 0, -q, q))
+    diagonal = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz])
+    pivot = np.argmax(diagonal, axis=0)
+    q = np.empty((len(flat), 4))
+    for row in np.unique(pivot).tolist():
+        which = np.flatnonzero(pivot == row) if row or pivot.any() else slice(None)     # small rotations: all have row 0
+        of_row = flat[which]
+        for column in range(4):
+            q[which, column] = diagonal[row, which] if column == row else _of_outer(of_row, *sorted((row, column)))
+    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    return np.asarray(np.where(q[:, :1] < 0, -q, q)).reshape(*m.shape[:-2], 4)
+
+
+def _of_outer(m: Array, row: int, column: int) -> Array:
+    """4 q_row q_column (n,) of rotation matrices (n, 3, 3), row < column."""
+    if row == 0:
+        first, second = (column + 1) % 3, column % 3
+        return np.asarray(m[:, first, second] - m[:, second, first])
+    return np.asarray(m[:, row - 1, column - 1] + m[:, column - 1, row - 1])
 
 
 def rotation_vector(matrix: ArrayLike) -> Array:

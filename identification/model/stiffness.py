@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.compliance import displacement, equilibrium, loaded_angles, loaded_pose, regressor
+from identification.model.compliance import displacement, equilibrium, loaded_angles, loaded_pose, symmetric
 from identification.model.effects_in_force import (
     EFFECTS,
     SPRINGS,
@@ -17,12 +17,11 @@ from identification.model.effects_in_force import (
     OfEffects,
     added,
     displaced,
-    sizes,
     slopes,
     squares,
 )
 from identification.model.gravity import DOWN
-from identification.model.kinematics import forward
+from identification.model.kinematics import chunks, forward, spring_columns
 from identification.model.load_state import LoadState, load_state
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
@@ -209,28 +208,50 @@ class IdentifiedModel:
         """
         if self.effects and of_effects is None:
             of_effects = self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
-        by_x = self.deviation_slopes(theta, wrench, flange_from_tcp, of_effects)
-        elastic, unknown = by_x[:, :, SPRINGS].sum(axis=2), np.zeros((len(by_x), 2))
+        size = len(range(6)[rows])
+        result = np.empty((len(theta), size, size))
+        for part in chunks(len(theta)):
+            few = None if of_effects is None else of_effects.of(np.arange(part.start, part.stop))
+            columns = spring_columns(self.robot, theta[part], flange_from_tcp)
+            result[part] = self.covariance_by(columns, wrench[part], few, rows=rows).T
+        return result
+
+    def covariance_by(self, columns: Array, wrench: Array, of_effects: OfEffects | None = None, *, rows: slice = ALL) -> Array:
+        """The same (6, 6, n), components first, of a few thousand poses by the Jacobian's columns (6, 6, n) there."""
+        by_x = self._by_x(columns, wrench, of_effects)
+        elastic, unknown = by_x[SPRINGS].sum(axis=0), np.zeros((2, by_x.shape[2]))
         if of_effects is not None:
-            elastic = elastic - of_effects.slopes[:, :, SPRINGS].sum(axis=2)
-            unknown += self.unknown_law**2 * of_effects.squares
+            elastic = elastic - of_effects.slopes[:, :, SPRINGS].sum(axis=2).T
+            unknown += self.unknown_law**2 * of_effects.squares.T
         if self.robot.link_mass is None:
-            unknown += self.unknown_weight**2 * sizes(elastic)
+            unknown += self.unknown_weight**2 * (elastic**2).reshape(2, 3, -1).sum(axis=1)
         of_rows = by_x[:, rows]
-        covariance = np.asarray(np.einsum("nri,ij,nsj->nrs", of_rows, self.covariance, of_rows, optimize=True))
-        axes = np.arange(covariance.shape[1])
-        covariance[:, axes, axes] += np.repeat(unknown / 3, 3, axis=1)[:, rows]
+        spread = (self.covariance @ of_rows.reshape(len(of_rows), -1)).reshape(of_rows.shape)
+        covariance = symmetric(of_rows, spread)
+        axes = np.arange(len(covariance))
+        covariance[axes, axes] += np.repeat(unknown / 3, 3, axis=0)[rows]
         return covariance
 
     def deviation_slopes(
         self, theta: Array, wrench: Array, flange_from_tcp: Frame, of_effects: OfEffects | None = None
     ) -> Array:
         """Derivative (N, 6, 6 + P) [m, rad] of the deviation by x; as in `deviation_covariance`."""
-        by_x = np.asarray(regressor(self.robot, theta, flange_from_tcp, wrench) * self.compliance)
-        if not self.effects:
-            return by_x
-        slope = (of_effects or self.of_effects(self.load_state(theta, wrench, flange_from_tcp))).slopes
-        return np.concatenate([by_x + slope[:, :, SPRINGS], slope[:, :, EFFECTS]], axis=2)
+        if self.effects and of_effects is None:
+            of_effects = self.of_effects(self.load_state(theta, wrench, flange_from_tcp))
+        result = np.empty((len(theta), 6, len(self.mean)))
+        for part in chunks(len(theta)):
+            few = None if of_effects is None else of_effects.of(np.arange(part.start, part.stop))
+            columns = spring_columns(self.robot, theta[part], flange_from_tcp)
+            result[part] = self._by_x(columns, wrench[part], few).transpose(2, 1, 0)
+        return result
+
+    def _by_x(self, columns: Array, wrench: Array, of_effects: OfEffects | None) -> Array:
+        """The same of a few thousand poses, components first (6 + P, 6, n): for the springs `J_i tau_i c_i`."""
+        columns = columns * (self.compliance[:, None] * np.einsum("irn,rn->in", columns, wrench.T))[:, None]
+        if of_effects is None:
+            return columns
+        slope = of_effects.slopes.transpose(2, 1, 0)
+        return np.concatenate([columns + slope[SPRINGS], slope[EFFECTS]])
 
     def as_dict(self) -> dict[str, Any]:
         """The content of stiffness.json."""

@@ -11,6 +11,7 @@ from compensator.correction.correctable import targets_to_correct
 from compensator.correction.correction import correct_path
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import predict_path
+from compensator.correction.read_back import read_back
 from compensator.correction.settings import Settings
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError, Refused
@@ -180,6 +181,31 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
         monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled: Rewritten(content, (), 0, 0))
         with pytest.raises(CompstiffError, match="CS4203.*does not read back"):
             correct(sample.predicted)
+
+
+def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:
+    """Each digit of the moves to two corrected targets put up by one, a sign turned, a zone's and a tool's name: CS4203."""
+    lines = sample.content.split(b"\r\n")
+    path, targets = sample.predicted.path, sample.correction.targets
+    again = read_rapid(sample.content, "program.mod").toolpath
+    loaded = replace(sample.predicted.loaded, targets=targets)
+    read_back(loaded, sample.correction, sample.content)
+    spoiled = 0
+    for target in targets[[40, 2000]]:
+        number = int(again.line[target]) - 1
+        line = lines[number]
+        behind = line.index(b"]]")
+        wrong = [line[:k] + bytes([48 + (line[k] - 47) % 10]) + line[k + 1:] for k in range(behind) if line[k] in b"0123456789"
+                 and not (line[k - 1:k].isalpha() or line[k:k + 2] == b"9E" or line[k - 1:k] == b"E")]
+        wrong += [line.replace(b"[[-", b"[[", 1) if b"[[-" in line else line.replace(b"[[", b"[[-", 1),
+                  line.replace(b"]],v", b"]],v1", 1), line.replace(b",z", b",z1", 1)]
+        for text in wrong:
+            assert text != line
+            spoiled += 1
+            with pytest.raises(CompstiffError, match=r"CS4203|CS2005"):
+                read_back(loaded, sample.correction, b"\r\n".join([*lines[:number], text, *lines[number + 1:]]))
+    assert spoiled > 100
+    assert len(path.toolpath) == len(again)
 
 
 def test_a_correction_that_the_forward_model_does_not_confirm_is_refused(sample: Corrected, monkeypatch) -> None:

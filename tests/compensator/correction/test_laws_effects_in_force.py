@@ -15,12 +15,12 @@ from compensator.correction import correction, prediction
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.correction import correct_path
 from compensator.correction.files import Inputs, predict_files
-from compensator.correction.forward import loaded_tool, resting_angles, state_changes
+from compensator.correction.forward import loaded_blocks, loaded_tool, resting_angles, state_changes
 from compensator.correction.offsets import deviation_csv, offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.rapid import read_rapid
 from identification.common.findings import CompstiffError, Refused
-from identification.model.rotations import Frame
+from identification.model.rotations import Frame, rotation_vector
 from tests.compensator.correction.virtual_job import (
     AIR,
     CELL,
@@ -153,7 +153,10 @@ def test_one_forward_model(tmp_path: Path) -> None:
     theta, wrench = predicted.path.theta, predicted.forces.wrench
     position, rotation, covariance = predicted.model.predict(theta, wrench, predicted.cell.flange_from_tcp)
     assert_allclose(predicted.prediction.position, position[targets], atol=1e-13)
-    assert_allclose(predicted.prediction.rotation, rotation[targets], atol=1e-13)
+    for block in loaded_blocks(predicted.loaded, theta[targets], weight=True):
+        planned = predicted.path.base_from_tcp.rotation[targets[block.places]]
+        turned = rotation_vector(block.tool.rotation @ np.swapaxes(planned, 1, 2))
+        assert_allclose(turned, rotation[targets[block.places]], atol=1e-13)
     assert_allclose(predicted.prediction.covariance, covariance[targets, :3, :3], rtol=1e-9, atol=1e-22)
 
 

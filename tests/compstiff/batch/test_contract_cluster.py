@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
@@ -27,7 +26,7 @@ from compstiff.batch.running import correct_programs
 from identification.common.findings import CompstiffError
 from tests.compstiff.batch.deadly import Deadly, dies_at_a
 from tests.compstiff.batch.programs import Shop, shop
-from tests.support import free_port, started
+from tests.support import free_port, processes_in, started
 
 
 @pytest.fixture
@@ -62,17 +61,6 @@ def on(place: Shop, address: str, *more: object, out: str = "out") -> Result:
 
 
 WORKER, SCHEDULER = b"spawn_main", b"dask_scheduler"
-
-
-def processes_in(folder: Path, word: bytes) -> list[int]:
-    """The processes of a cluster begun in this folder with this word in their call."""
-    found = []
-    for entry in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError):
-            wanted = word in Path(f"/proc/{entry}/cmdline").read_bytes()
-            if wanted and os.readlink(f"/proc/{entry}/cwd").startswith(str(folder)):
-                found.append(int(entry))
-    return found
 
 
 def test_the_same_bytes_and_a_worker_that_dies_takes_nothing_with_it(place: Shop) -> None:

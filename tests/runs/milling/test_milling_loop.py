@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.correction.cut_kind import climb_share, slot_share
+from compensator.correction.cut_kind import cut_shares
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.settings import Estimate
 from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms, settings
@@ -116,12 +116,13 @@ def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
 def test_a_slot_and_a_climbing_cut_are_told_by_the_force(corrected: Correction) -> None:
     predicted = corrected.job.predicted
     force, place = predicted.forces.wrench[:, :3], corrected.part.place
-    for name, share, other in (("slot", slot_share, climb_share), ("straight wall", climb_share, slot_share)):
+    climbing_and_slotting, turned_over = cut_shares(predicted.path, force), cut_shares(predicted.path, -force)
+    for kind, name in enumerate(("straight wall", "slot")):
         there = place == PLACES.index(name)
-        assert (share(predicted.path, force)[there] > 0.99).mean() > 0.95
-        assert other(predicted.path, force)[there].max() < 0.05
+        assert (climbing_and_slotting[kind][there] > 0.99).mean() > 0.95
+        assert climbing_and_slotting[1 - kind][there].max() < 0.05
         # Turned over by a wrong sign it is neither a climbing cut nor a slot.
-        assert share(predicted.path, -force)[there].max() < 0.5
+        assert turned_over[kind][there].max() < 0.5
 
 
 def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
