@@ -177,6 +177,14 @@ def asked(job: ErringJob, stiffness: Path, log: Path, points: Path, *, cause: bo
 
 
 def caused(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, str]:
+    """`said_of`, or that the robot is so soft, or the effect so steep, that the simulated cut finds no balance."""
+    try:
+        return said_of(arguments)
+    except RuntimeError as stopped:
+        return arguments[0], "not milled", 1.0, f"| {arguments[0]} | {arguments[1]} | {stopped} | | | | |"
+
+
+def said_of(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, str]:
     """One robot, to which an effect came ("" none): the verdict, p, and a line of the table. erring: by a kinematic error and
     warming too."""
     effect, seed, motion, erring = arguments
@@ -187,10 +195,7 @@ def caused(arguments: tuple[str, int, float, bool]) -> tuple[str, str, float, st
         if effect == TURNED:                # not as cell.yaml says
             job.sensor = replace(job.sensor, turn=Rotation.from_euler("z", TURN_DEG, degrees=True) * job.sensor.turn)
         stiffness = job.identify()
-        try:
-            log = job.log(job.first, job.planned, "log.csv")
-        except RuntimeError as stopped:     # so soft, or so steep an effect, that the simulated cut finds no balance
-            return effect, "not milled", 1.0, f"| {effect} | {seed} | {stopped} | | | | |"
+        log = job.log(job.first, job.planned, "log.csv")
         points = job.measure(job.first, "points.csv", PROBE_UM)
         try:
             learning, learned = asked(job, stiffness, log, points, cause=True)

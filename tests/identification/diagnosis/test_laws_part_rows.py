@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.diagnosis.detect import REPLICATES
+from identification.diagnosis.detect import REPLICATES, Detection
 from identification.diagnosis.part_rows import (
     PartRows,
     adequate,
@@ -77,6 +77,18 @@ def test_play_of_a_gear_is_named() -> None:
     verdict, names, p_value = said(rows_of(state, play(state, 1, 4.6e-5), np.random.default_rng(1)))
     assert (verdict, p_value) == ("named", 1 / (REPLICATES + 1))
     assert names == ["backlash[1]"]
+
+
+@pytest.mark.parametrize(("before", "after", "verdict"), [
+    (0.005, 0.5, "named"), (0.03, 0.5, "unknown"), (0.2, 0.5, "adequate"), (0.005, 0.004, "unknown")])
+def test_a_name_needs_a_clear_detection_and_a_model_that_is_enough(before: float, after: float, verdict: str) -> None:
+    """However likely the cause is."""
+    state = state_of_a_path()
+    rows = rows_of(state, play(state, 1, 4.6e-5), np.random.default_rng(1))
+    seen = best_of(rows, rows.dictionary(effects_of_parts()))
+    first, then = (Detection(p_value, 1 / (REPLICATES + 1), np.zeros(0), {}, 1.0) for p_value in (before, after))
+    found = judged(rows, seen, first, then)
+    assert (found.verdict, bool(found.terms)) == (verdict, verdict == "named")
 
 
 def test_a_smooth_error_alone_is_no_cause() -> None:
