@@ -92,6 +92,8 @@ class OffsetDevice:
     def write(self, address: int, values: list[int]) -> None:
         """One write request. Raises RefusedWrite; what is refused changes nothing but the register `last result`."""
         try:
+            if not values:
+                raise RefusedWrite(Refusal.VALUE)
             if address == at.PAGE:
                 self._page(values)
             elif address == at.COMMAND:
