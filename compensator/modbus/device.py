@@ -92,8 +92,6 @@ class OffsetDevice:
     def write(self, address: int, values: list[int]) -> None:
         """One write request. Raises RefusedWrite; what is refused changes nothing but the register `last result`."""
         try:
-            if not values:
-                raise RefusedWrite(Refusal.VALUE)
             if address == at.PAGE:
                 self._page(values)
             elif address == at.COMMAND:
@@ -177,6 +175,8 @@ class OffsetDevice:
         self._show_table()
 
     def _robot(self, place: int, values: list[int]) -> None:
+        if not values:
+            raise RefusedWrite(Refusal.VALUE)
         if place == 0 and values[0] != self.robot[0]:
             self.robot_seen = self.clock()
         self.robot[place:place + len(values)] = values

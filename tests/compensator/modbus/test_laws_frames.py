@@ -18,6 +18,10 @@ from tests.compensator.modbus import frames
 from tests.compensator.modbus import tables_and_devices as kit
 
 
+def asking(port: int) -> Link:
+    return Link(Address("127.0.0.1", port, 1, frames.LATE_S, 0))
+
+
 def test_no_frame_changes_the_table_and_each_reply_is_one() -> None:
     assert frames.to_a_device(3, 250) == []
 
@@ -43,7 +47,7 @@ def test_registers_of_another_function_are_not_what_was_asked(function: int) -> 
     def answer(sent: bytes) -> bytes:
         return frames.adu(bytes([function, 2, 0, 77]) + b"\0" * (function in (6, 16)), int.from_bytes(sent[:2], "big"))
 
-    with frames.answering(answer) as port, Link(Address("127.0.0.1", port, 1, 0.1, 0)) as link, pytest.raises(LinkLost):
+    with frames.answering(answer) as port, asking(port) as link, pytest.raises(LinkLost):
         link.read(0, 1)
 
 
@@ -52,7 +56,7 @@ def test_an_acknowledgement_of_another_function_or_place_is_none() -> None:
         def answer(sent: bytes, echo: bytes = echo) -> bytes:
             return frames.adu(echo, int.from_bytes(sent[:2], "big"))
 
-        with frames.answering(answer) as port, Link(Address("127.0.0.1", port, 1, 0.1, 0)) as link, pytest.raises(LinkLost):
+        with frames.answering(answer) as port, asking(port) as link, pytest.raises(LinkLost):
             link.write(96, [1, 2])
 
 

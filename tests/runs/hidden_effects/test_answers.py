@@ -12,7 +12,7 @@ from scipy.stats import binom
 from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, run
 from tests.runs.hidden_effects.judge import answer, label, truth_names
 from tests.runs.hidden_effects.places import ALL, IN_MOTION, each
-from tests.support import compstiff
+from tests.support import compstiff_process
 from tests.virtual_cell.cell import DICTIONARY, Hidden, simulate
 
 NULL_SEEDS = range(10)
@@ -72,7 +72,7 @@ def test_one_fresh_seed(tmp_path: Path) -> None:
     case = simulate(seed, hidden=[hidden], validation=4)
     print(f"seed {seed}: {label(hidden.effect, hidden.joint)}")
     cell, measurements = case.write(tmp_path)
-    done = compstiff("diagnose", cell, measurements, "-o", tmp_path / "diagnosis.json")
+    done = compstiff_process("diagnose", cell, measurements, "-o", tmp_path / "diagnosis.json")
     assert done.returncode == 0, (seed, done.stderr)
     given = answer(json.loads((tmp_path / "diagnosis.json").read_text()))
     assert given.verdict != "adequate", seed
