@@ -52,7 +52,14 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", 
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 # Survivors whose change nobody can see: file, line's text, change, and why.
-EQUIVALENT: tuple[tuple[str, str, str, str], ...] = ()
+EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
+    ("compensator/rapid/text.py", "second = np.where(returns + 1 < last, array[np.minimum(returns + 2, last)], 0)", "< -> <=",
+     "on the last byte but one, `second` is then `following` itself, which is not CR and LF at once"),
+    ("compensator/correction/posture.py", "if (excess > 1e-9).any():", "> -> >=", "a tolerance, met exactly by no angle"),
+    ("compensator/cutting/coefficients.py",
+     "if np.abs(covariance).max() > 1e18 or np.abs(part.mean).max() > 1e9 or (", "> -> >=",
+     "a bound beyond all sense, on either side of which nothing is told"),
+)
 
 
 @dataclass(frozen=True)
