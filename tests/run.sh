@@ -21,7 +21,7 @@ if [ -z "${COMPSTIFF_REAL_DATA:-}" ] && [ -d ../shared/data ]; then
     export COMPSTIFF_REAL_DATA
 fi
 
-# Matrices of six by six: threads of the linear algebra only get into the way of the two test processes.
+# Matrices of six by six: threads of the linear algebra only get into the way of the test processes.
 export OPENBLAS_NUM_THREADS=1
 
 newest() {
@@ -61,9 +61,10 @@ set -m
 beside=$!
 set +m
 
+# Three processes for two cores: some wait, for a reply or a lock.
 failed=0
 echo "== tests"
-"$environment/bin/python" -m pytest -n 2 --dist loadfile --no-loadscope-reorder || failed=$?
+"$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder || failed=$?
 wait "$beside" || failed=$?
 beside=
 cat "$work/beside.txt"
