@@ -120,8 +120,8 @@ def test_a_scaled_model_s_intervals_are_scaled(tmp_path) -> None:
 
 
 def test_grades_say_how_far_the_prior_shrank(tmp_path) -> None:
-    """Not identifiable where the data took less than a third of the prior's uncertainty, reliable where a stiffness is known to a
-    fifth. Sensors from fine to useless, so that all three occur, and some shrink, but by less than a third."""
+    """Not identifiable where the data took less than a third of the prior's uncertainty, reliable where k is known to a fifth.
+    Sensors from fine to useless, so that all three occur, and some shrink, but by less than a third."""
     seen, partly = set(), 0
     for microns in (2, 60, 200, 600):
         cell, rows = simulate(tmp_path, np.random.default_rng(7), poses=6, text=NOISY.replace("[2, 2, 2]", str([microns] * 3)))
