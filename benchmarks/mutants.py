@@ -59,6 +59,12 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("compensator/cutting/coefficients.py",
      "if np.abs(covariance).max() > 1e18 or np.abs(part.mean).max() > 1e9 or (", "> -> >=",
      "a bound beyond all sense, on either side of which nothing is told"),
+    ("compensator/cutting/chips.py", "length = edge / np.maximum(depth, 1e-300)", "1e-300 -> (1e-300 * 2)",
+     "keeps a depth of nothing from dividing, smaller than any depth"),
+    ("identification/common/locks.py", "if time.monotonic() > until:", "> -> >=", "an instant of a clock"),
+    ("identification/design/domain.py", "inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])",
+     "* -> /", "by plus and minus one"),
+    ("identification/design/discrimination.py", "if self.after > DOUBTFUL:", "> -> >=", "a share that is met by none"),
 )
 
 
