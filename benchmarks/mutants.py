@@ -1,13 +1,16 @@
-"""Mutation testing: single tokens of the packages changed at random, each judged by the tests nearest to it.
+"""Mutation testing: single tokens of the packages changed at random, each judged by the cheapest tests that reach its line.
 
-    python benchmarks/mutants.py [--count 60] [--seed 0] [--only REGEX] [--state DIR] [--timeout 240] [--report]
+    python benchmarks/reached.py STATE/map -q                          # once: who reaches what; Python 3.12 or newer
+    python benchmarks/mutants.py [--each 6] [--seed 0] [--only REGEX] [--state STATE] [--budget 60] [--processes 1] [--report]
 
-Drawn evenly over the tokens that can be changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers,
-True and False, a return of nothing, `continue`/`break`, a `not`. Each is made in a copy of the tree. First the tests of its own
-room judge it, then files of tests that import its module by name, the smallest first, `--more` of them. A test that fails kills
-it; where a group of files takes longer than --timeout nothing is known of it. What was judged stands in a file of JSON lines,
-and is not judged again: the same call goes on. Printed: killed and surviving by room. Survivors whose change nobody can see are
-in EQUIVALENT, each with its reason.
+What is changed: operators, comparisons, `and`/`or`, `min`/`max`, `all`/`any`, signs, numbers, True and False, a return of
+nothing, `continue`/`break`, a `not`. As many are drawn from each room, in turns, so that a run that is cut short is even too.
+Each is made in a copy of the tree. Tests that reach its statement judge it, those of its own room first, then all others, the
+cheapest first, until they would take --budget seconds of the processor; for a statement outside functions (a limit, a table)
+those that reach a line which names what it sets. A test that fails notices it, and is tried once on the tree as it is, where
+it must pass. What takes five times as long as the map says has hung. What was judged stands in a file of JSON lines, and is
+not judged again: the same call goes on. Printed: by room. Survivors whose change nobody can see are in EQUIVALENT, each with
+its reason.
 """
 
 from __future__ import annotations
@@ -18,17 +21,25 @@ import collections
 import io
 import json
 import os
+import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 import tokenize
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.reached import Map
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("identification", "compensator", "compstiff")
@@ -41,7 +52,20 @@ PYTEST = (sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", 
 # Where a change is of no behaviour: words for people, types, what is imported for the type checker alone.
 NO_CODE = re.compile(r"^\s*(@|from |import |def |class |if TYPE_CHECKING|raise error|hint=|f?\"|\w+: [A-Z][\w\[\], .|]*$)")
 # Survivors whose change nobody can see: file, line's text, change, and why.
-EQUIVALENT: tuple[tuple[str, str, str, str], ...] = ()
+EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
+    ("compensator/rapid/text.py", "second = np.where(returns + 1 < last, array[np.minimum(returns + 2, last)], 0)", "< -> <=",
+     "on the last byte but one, `second` is then `following` itself, which is not CR and LF at once"),
+    ("compensator/correction/posture.py", "if (excess > 1e-9).any():", "> -> >=", "a tolerance, met exactly by no angle"),
+    ("compensator/cutting/coefficients.py",
+     "if np.abs(covariance).max() > 1e18 or np.abs(part.mean).max() > 1e9 or (", "> -> >=",
+     "a bound beyond all sense, on either side of which nothing is told"),
+    ("compensator/cutting/chips.py", "length = edge / np.maximum(depth, 1e-300)", "1e-300 -> (1e-300 * 2)",
+     "keeps a depth of nothing from dividing, smaller than any depth"),
+    ("identification/common/locks.py", "if time.monotonic() > until:", "> -> >=", "an instant of a clock"),
+    ("identification/design/domain.py", "inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])",
+     "* -> /", "by plus and minus one"),
+    ("identification/design/discrimination.py", "if self.after > DOUBTFUL:", "> -> >=", "a share that is met by none"),
+)
 
 
 @dataclass(frozen=True)
@@ -116,101 +140,161 @@ def written(tree: Path, mutant: Mutant) -> str:
     return before
 
 
-def judges(mutant: Mutant, more: int) -> list[list[str]]:
-    """Groups of test files: of the mutant's own room, then `more` that name its module, the smallest first."""
+def statement(text: str, line: int) -> tuple[int, int, bool]:
+    """First and last line of the innermost statement (of a compound one its head), and whether it stands in a function."""
+    first, last, inside = line, line, False
+    ahead: list[tuple[ast.AST, bool]] = [(ast.parse(text), False)]
+    while ahead:
+        node, within = ahead.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+                begins, ends = getattr(child, "lineno", 0), getattr(child, "end_lineno", 0) or 0
+                body = getattr(child, "body", None)
+                if begins <= line <= ends:
+                    first, last, inside = begins, min(ends, max(body[0].lineno - 1, begins)) if body else ends, within
+                    if last < line:
+                        first, last = line, line
+                ahead.append((child, within or isinstance(node, ast.FunctionDef) or isinstance(child, ast.FunctionDef)))
+    return first, last, inside
+
+
+def judges(mutant: Mutant, known: Map, budget: float) -> list[str]:
+    """The tests that reach it: of its own room, then of others, the cheapest first, for `budget` seconds together."""
+    text = (ROOT / mutant.file).read_text(encoding="utf-8")
+    first, last, inside = statement(text, mutant.line)
+    tests = known.reaching((mutant.file, line) for line in range(first, last + 1)) if inside else []
+    if not tests and not inside:
+        head = re.match(r"\s*(\w+)\b", text.split("\n")[first - 1])
+        name = re.compile(rf"\b{head[1]}\b") if head else re.compile("$^")
+        tests = known.reaching((file, k) for file in known.reach if (ROOT / file).is_file()
+                               for k, line in enumerate((ROOT / file).read_text(encoding="utf-8").split("\n"), 1)
+                               if name.search(line))
     parts = Path(mutant.file).with_suffix("").parts
-    room = ROOT / "tests" / Path(*parts[:2])
-    own = sorted(room.glob("test_*.py")) if room.is_dir() else sorted((ROOT / "tests" / parts[0]).glob("test_*.py"))
-    if len(parts) > 2 and (room / parts[2]).is_dir():
-        own = sorted((room / parts[2]).rglob("test_*.py")) or own
-    stem, module = parts[-1], ".".join(parts)
-    named = re.compile(rf"\b{re.escape(module)}\b|\b{re.escape('.'.join(parts[:-1]))} import .*\b{stem}\b")
-    others = [file for file in (ROOT / "tests").rglob("test_*.py")
-              if file not in own and named.search(file.read_text(encoding="utf-8"))]
-    runs = [ROOT / "tests/runs/command_line" / f"test_{name}.py" for name in ("landing", "refusals", "unchanged", "identify")]
-    late = [*sorted(others, key=lambda file: file.stat().st_size), *runs][:more]
-    # Those that name the module come first: they are the likeliest to see it.
-    own.sort(key=lambda file: (not named.search(file.read_text(encoding="utf-8")), file.stat().st_size))
-    return [[str(file.relative_to(ROOT)) for file in group] for group in (own, late) if group]
+    own = tuple(f"tests/{'/'.join(parts[:size])}/" for size in (3, 2))
+    chosen, spent, warm = [], 0.0, set()
+    for test in sorted(tests, key=lambda test: (not test.startswith(own[1]), not test.startswith(own[0]))):
+        # A second test of a file costs no further start.
+        file = test.split("::")[0]
+        cost = known.seconds[test] + 0.02 + 0.2 * (file not in warm)
+        if spent + cost <= budget or not chosen:
+            chosen.append(test)
+            spent += cost
+            warm.add(file)
+    return chosen
 
 
-def judged(tree: Path, mutant: Mutant, timeout: float, more: int) -> tuple[str, str, float]:
-    """("killed" | "timeout" | "survived" | "broken": no Python, by which test, seconds)."""
-    before, begun = written(tree, mutant), time.monotonic()
+def ran(tree: Path, tests: list[str], seconds: float) -> tuple[int | None, str]:
+    """Exit of pytest on the tree (nothing: it took too long), and what failed first."""
     environment = {**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    asked = tree / ".asked"
+    asked.write_text("\n".join(tests), encoding="utf-8")
+    with subprocess.Popen([*PYTEST, f"@{asked.name}"], cwd=tree, env=environment, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, start_new_session=True) as process:
+        try:
+            told, _ = process.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return None, ""
+    if process.returncode > 2:
+        raise RuntimeError(f"pytest could not run: {told[-500:]}")
+    first = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", told, re.MULTILINE)
+    return process.returncode, first[1] if first else told[-200:]
+
+
+def judged(tree: Path, mutant: Mutant, known: Map, budget: float) -> dict[str, object]:
+    """verdict: noticed, survived, unreached, hung, broken (no Python) or unsure (who noticed fails without the change too)."""
+    tests = judges(mutant, known, budget)
+    limit = 60.0 + 5.0 * sum(known.seconds[test] for test in tests)
+    before, begun = written(tree, mutant), time.monotonic()
+    verdict, by = "unreached", ""
     try:
         try:
             ast.parse((tree / mutant.file).read_text(encoding="utf-8"))
         except SyntaxError:
-            return "broken", "", 0.0
-        for group in judges(mutant, more):
-            try:
-                done = subprocess.run([*PYTEST, *group], cwd=tree, env=environment, capture_output=True, text=True, check=False,
-                                      timeout=timeout, start_new_session=True)
-            except subprocess.TimeoutExpired:
-                return "timeout", group[0], time.monotonic() - begun
-            if done.returncode > 2:
-                raise RuntimeError(f"pytest could not run: {done.stdout[-500:]}{done.stderr[-500:]}")
-            if done.returncode:
-                first = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
-                return "killed", first[1] if first else f"exit {done.returncode}", time.monotonic() - begun
-        return "survived", "", time.monotonic() - begun
+            verdict = "broken"
+        if verdict != "broken" and tests:
+            code, by = ran(tree, tests, limit)
+            verdict = "hung" if code is None else "noticed" if code else "survived"
+            by = by if verdict == "noticed" else ""
     finally:
         (tree / mutant.file).write_text(before, encoding="utf-8")
+    if verdict == "noticed" and ran(tree, [by if "::" in by else tests[0]], limit)[0] != 0:
+        verdict = "unsure"
+    return {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by, "tests": len(tests),
+            "seconds": round(time.monotonic() - begun, 1)}
+
+
+def drawn(chosen: argparse.Namespace) -> list[Mutant]:
+    """`each` of every room, the first of each, then the second of each, and so on."""
+    files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
+    every = [mutant for file in files for mutant in mutants_of(file) if re.search(chosen.only, mutant.file)]
+    rooms: dict[str, list[Mutant]] = collections.defaultdict(list)
+    for k in np.random.default_rng(chosen.seed).permutation(len(every)):
+        rooms[every[k].room].append(every[k])
+    turns = [rooms[room][turn] for turn in range(chosen.each) for room in sorted(rooms) if turn < len(rooms[room])]
+    print(f"{len(every)} mutants in {len(files)} files of {len(rooms)} rooms; seed {chosen.seed}, {len(turns)} drawn",
+          flush=True)
+    return turns
 
 
 def main() -> int:
     """Draws and judges."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--each", type=int, default=6, help="of each room")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=1e9, help="draw no further mutant after this time")
+    parser.add_argument("--seconds", type=float, default=1e9, help="begin no further mutant after this time")
     parser.add_argument("--only", default="")
-    parser.add_argument("--more", type=int, default=3)
-    parser.add_argument("--timeout", type=float, default=240.0)
+    parser.add_argument("--budget", type=float, default=60.0)
+    parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "compstiff-mutants")
     parser.add_argument("--report", action="store_true", help="judge none, print what was judged")
     chosen = parser.parse_args()
-    files = [file for package in PACKAGES for file in sorted((ROOT / package).rglob("*.py"))]
-    every = [mutant for file in files for mutant in mutants_of(file) if re.search(chosen.only, mutant.file)]
-    drawn = np.random.default_rng(chosen.seed).permutation(len(every))[:chosen.count]
     chosen.state.mkdir(parents=True, exist_ok=True)
     lines = chosen.state / "judged.jsonl"
-    known = {entry["key"]: entry for entry in map(json.loads, lines.read_text().splitlines())} if lines.exists() else {}
-    print(f"{len(every)} mutants in {len(files)} files; seed {chosen.seed}, {len(drawn)} drawn, {len(known)} judged before",
-          flush=True)
-    until = time.monotonic() + chosen.seconds
+    judged_before = [json.loads(line) for line in lines.read_text().splitlines()] if lines.exists() else []
+    told_of = {entry["key"]: entry for entry in judged_before}
     if not chosen.report:
-        tree = chosen.state / "tree"
-        shutil.rmtree(tree, ignore_errors=True)
-        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis"))
-        for mutant in (every[k] for k in drawn):
-            if mutant.key in known or time.monotonic() > until:
-                continue
-            verdict, by, took = judged(tree, mutant, chosen.timeout, chosen.more)
-            entry = {"key": mutant.key, "room": mutant.room, "text": mutant.text, "verdict": verdict, "by": by,
-                     "seconds": round(took, 1)}
-            known[mutant.key] = entry
-            with lines.open("a") as stream:
-                stream.write(json.dumps(entry) + "\n")
-            print(f"{verdict:9}{took:6.1f} s  {mutant.key}\n    {mutant.text}", flush=True)
-    return told(known)
+        ahead = [mutant for mutant in drawn(chosen) if mutant.key not in told_of]
+        known, until = Map.read(chosen.state / "map"), time.monotonic() + chosen.seconds
+        trees: queue.Queue[Path] = queue.Queue()
+        for k in range(chosen.processes):
+            tree = chosen.state / f"tree-{k}"
+            shutil.rmtree(tree, ignore_errors=True)
+            shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", "__pycache__", ".*_cache", ".hypothesis"))
+            trees.put(tree)
+
+        def one(mutant: Mutant) -> None:
+            tree = trees.get()
+            try:
+                if time.monotonic() < until:
+                    entry = judged(tree, mutant, known, chosen.budget)
+                    told_of[mutant.key] = entry
+                    with lines.open("a") as stream:
+                        stream.write(json.dumps(entry) + "\n")
+                    print(f"{entry['verdict']:9}{entry['seconds']:6.1f} s {entry['tests']:4} tests  {mutant.key}\n"
+                          f"    {mutant.text}", flush=True)
+            finally:
+                trees.put(tree)
+
+        with ThreadPoolExecutor(chosen.processes) as pool:
+            list(pool.map(one, ahead))
+    return told(told_of)
 
 
-def told(known: dict[str, dict[str, str]]) -> int:
+def told(known: dict[str, dict[str, Any]]) -> int:
     """By room; exit 1 where one survived that is not argued to be equivalent."""
     equivalent = {f"{file} {text} {change}" for file, text, change, _ in EQUIVALENT}
     rooms: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
     for entry in known.values():
         place, change = entry["key"].split(" ", 1)
         same = f"{place.split(':')[0]} {entry['text']} {change}" in equivalent
-        rooms[entry["room"]]["equivalent" if same and entry["verdict"] == "survived" else entry["verdict"]] += 1
+        rooms[entry["room"]]["equivalent" if same and entry["verdict"] in ("survived", "unreached") else entry["verdict"]] += 1
     total: collections.Counter[str] = collections.Counter()
     for room, counts in sorted(rooms.items()):
         total.update(counts)
         print(f"{room:34}" + "  ".join(f"{name} {counts[name]}" for name in sorted(counts)))
     print(f"{sum(total.values())} judged: " + ", ".join(f"{name} {count}" for name, count in total.most_common()))
-    return int(total["survived"] > 0)
+    return int(total["survived"] + total["unreached"] > 0)
 
 
 if __name__ == "__main__":

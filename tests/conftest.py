@@ -18,10 +18,10 @@ from identification.model.cell import read_cell
 TARE = (0, 2)
 
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.
-LONGEST = ("runs/hidden_effects/test_guard", "runs/hidden_effects/test_structure", "runs/hidden_effects/test_gears",
-           "fit/test_contract_identify", "runs/hidden_effects/test_answers", "fit/test_laws_misfit", "second_cell/test_answers",
-           "diagnosis/test_laws_diagnosis", "correction/test_laws_engagement", "diagnosis/test_contract_answers",
-           "runs/mistakes/test_mistakes")
+LONGEST = ("second_cell/test_answers", "runs/hidden_effects/test_structure", "runs/hidden_effects/test_gears",
+           "runs/hidden_effects/test_answers", "runs/hidden_effects/test_guard", "runs/hidden_effects/test_measurement",
+           "identification/diagnosis", "identification/design", "runs/mistakes", "runs/milling", "identification/fit",
+           "correction/test_laws_engagement", "forces/test_laws_time_alignment")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from pymodbus import FramerType
+from pymodbus.pdu import ExceptionResponse
 from pymodbus.server import ModbusTcpServer, ModbusTlsServer
 from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.transport import ModbusProtocol
@@ -30,6 +31,19 @@ class _Handler(ServerRequestHandler):
         # pymodbus gives its handler's constructor no types.
         super().__init__(owner, owner.trace_packet, owner.trace_pdu, owner.trace_connect)  # type: ignore[no-untyped-call]
         self.spoke, self.heard = False, time.monotonic()
+        self.asked, self._decode = 0, self.framer.decode
+        self.framer.decode = self._noted        # type: ignore[method-assign,assignment]
+
+    def _noted(self, data: bytes) -> tuple[int, int, int, bytes]:
+        used = self._decode(data)
+        self.asked = used[3][0] if used[3] else 0
+        return used
+
+    def server_send(self, pdu: Any, addr: tuple[Any, ...] | None) -> None:
+        """pymodbus answers what it cannot read by an exception of function 0; the specification wants the one asked."""
+        if isinstance(pdu, ExceptionResponse) and pdu.function_code & 0x7F == 0:
+            pdu.function_code = self.asked | 0x80
+        super().server_send(pdu, addr)          # type: ignore[no-untyped-call]
 
     def callback_data(self, data: bytes, addr: tuple[Any, ...] | None = None) -> int:
         used = super().callback_data(data, addr)

@@ -175,6 +175,8 @@ class OffsetDevice:
         self._show_table()
 
     def _robot(self, place: int, values: list[int]) -> None:
+        if not values:
+            raise RefusedWrite(Refusal.VALUE)
         if place == 0 and values[0] != self.robot[0]:
             self.robot_seen = self.clock()
         self.robot[place:place + len(values)] = values

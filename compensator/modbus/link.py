@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pymodbus.pdu import ModbusPDU
 
 MOST_READ = 125
+READ, WRITE = 3, 16
 FIRST_PAUSE_S = 0.1
 # What the procedure has to decide on; every other exception reply is asked again like a lost reply.
 MEANT = (Refusal.VALUE, Refusal.BUSY, Refusal.SEQUENCE)
@@ -91,17 +92,17 @@ class Link:
         return values
 
     def _read_once(self, address: int, count: int) -> list[int]:
-        reply = self._ask(lambda client: client.read_holding_registers(address, count=count, device_id=self.address.unit),
+        reply = self._ask(READ, lambda client: client.read_holding_registers(address, count=count, device_id=self.address.unit),
                           lambda reply: len(reply.registers) == count)
         return list(reply.registers)
 
     def write(self, address: int, values: list[int]) -> None:
         """One write of up to 123 registers. Raises LinkLost, ExceptionReply."""
-        self._ask(lambda client: client.write_registers(address, values, device_id=self.address.unit),
+        self._ask(WRITE, lambda client: client.write_registers(address, values, device_id=self.address.unit),
                   lambda reply: (reply.address, reply.count) == (address, len(values)))
 
-    def _ask(self, request: Callable[[ModbusTcpClient], Any], sound: Callable[[Any], bool]) -> Any:
-        """The reply of the first attempt that has a sound one."""
+    def _ask(self, function: int, request: Callable[[ModbusTcpClient], Any], sound: Callable[[Any], bool]) -> Any:
+        """The reply of the first attempt that has a sound one. function: code of the request, which a reply repeats."""
         from pymodbus.exceptions import ModbusException
 
         failure: Exception = LinkLost("not tried")
@@ -114,7 +115,11 @@ class Link:
                 failure = LinkLost(_reason(reason))
                 self.close()
                 continue
-            if reply.isError():
+            # pymodbus compares the transaction and the unit, and lets a reply of any other function through.
+            if reply.function_code & 0x7F != function:
+                failure = LinkLost("a reply that does not belong to the request")
+                self.close()
+            elif reply.isError():
                 failure = ExceptionReply(reply.exception_code)
                 if reply.exception_code in MEANT:
                     raise failure

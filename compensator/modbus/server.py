@@ -59,7 +59,7 @@ async def serve(device: OffsetDevice, endpoint: Endpoint, stop: asyncio.Event, r
     context = endpoint.tls.context("server") if endpoint.tls else None
     quiet_pymodbus()
     _check_free(endpoint)
-    registers = SimData(0, values=[0] * (at.LAST_ADDRESS + 1), datatype=DataType.REGISTERS)
+    registers = SimData(0, count=at.LAST_ADDRESS + 1, values=0, datatype=DataType.REGISTERS)
     simulated = SimDevice(endpoint.unit, simdata=registers, action=action)
     server = bounded_server(simulated, (endpoint.host, endpoint.port), context)
     try:

@@ -198,3 +198,13 @@ def test_coarse_gauges_read_alike_up_and_down_and_a_copy_is_still_found(tmp_path
     fine = up_and_down(0.01)
     assert "CS0012" not in codes(fine)
     assert "CS0012" in codes([*fine, *[row for row in fine[1:6] for _ in range(2)]])
+
+
+@pytest.mark.parametrize("text", ["{}\n", "{}", "# a note\n{}\n\n# nothing yet\n", "{}\r\n"])
+def test_a_header_alone_is_an_empty_sheet(tmp_path, text):
+    names = [*(f"q{i}_deg" for i in range(1, 7)), "fx_n", "fy_n", "fz_n", "dx_um", "dy_um", "dz_um"]
+    (tmp_path / "measurements.csv").write_bytes(text.format(",".join(names)).encode())
+    with pytest.raises(CompstiffError) as stopped:
+        read_measurements(tmp_path / "measurements.csv", robot())
+    assert (stopped.value.findings[0].code, "0 rows" in stopped.value.findings[0].message) == ("CS1005", True)
+    assert "the sheet is empty" in stopped.value.findings[0].hint

@@ -9,10 +9,13 @@ import shutil
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from scipy.spatial.transform import Rotation
 
 from tests.runs.command_line import user_files as kit
@@ -167,6 +170,23 @@ def test_the_container_s_call_runs_without_root_and_its_health_is_the_lock(cell:
         process.terminate()
         assert process.wait(timeout=30) == 0
     assert subprocess.run(health, cwd=cell, capture_output=True).returncode != 0
+
+
+def test_the_container_installs_what_is_locked_and_that_is_all_it_needs() -> None:
+    """A pin with its hash for every dependency, within the bounds of pyproject.toml; the file installs nothing else."""
+    text = re.sub(r"\\\n", " ", (PIPELINE / "Dockerfile").read_text())
+    project = tomllib.loads((PIPELINE.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    for name, wanted in (("requirements", project["project"]["dependencies"]), ("build", project["build-system"]["requires"])):
+        lines = (PIPELINE / f"{name}.lock").read_text().splitlines()
+        assert lines[0].startswith("# Linux x86_64, CPython 3.12")
+        pins = [re.fullmatch(r"([a-z0-9.-]+)==([^ ]+) --hash=sha256:[0-9a-f]{64}", line) for line in lines[1:]]
+        assert all(pins)
+        versions = {pin[1]: pin[2] for pin in pins if pin}
+        assert len(versions) == len(pins)
+        for requirement in map(Requirement, wanted):
+            assert versions[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+        assert f"--require-hashes --only-binary :all: -r {name}.lock" in text
+    assert re.findall(r"pip install (?!--require-hashes)(.*)", text) == ["--no-deps /wheel/*.whl"]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

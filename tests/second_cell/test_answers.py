@@ -18,8 +18,7 @@ from tests.runs.hidden_effects.judge import answer, judge, truth_names
 from tests.second_cell.cell import Case, Hidden, simulate
 from tests.second_cell.detectable import CLEAR, signal
 
-CLEARLY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", 0, 2.0), Hidden("drift", 0, 1.5), Hidden("backlash", 1, 2.0),
-           Hidden("deflection_sensor_rotation", 0, 2.0), Hidden("spindle_compliance", 0, 2.0))
+CLEARLY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", 0, 2.0), Hidden("drift", 0, 1.5), Hidden("backlash", 1, 2.0))
 
 
 @pytest.fixture(scope="module")

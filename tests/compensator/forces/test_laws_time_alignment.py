@@ -7,6 +7,7 @@ in corners by a law that is not the package's; and a raster of passes that are a
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 
 from benchmarks.foreign_logs import foreign, played
 from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
-from benchmarks.time_placement import sample as sample_log
+from benchmarks.time_placement import sample as sample_once
 from compensator.correction.correct import Corrected
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
@@ -24,6 +25,8 @@ from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
 from tests.support import compstiff
+
+sample_log, program_time = cache(sample_once), cache(program_time)
 
 
 @pytest.mark.parametrize(("override", "shift", "slowing", "first", "last"), [

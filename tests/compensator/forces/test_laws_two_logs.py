@@ -7,6 +7,7 @@ another engagement in places, noise.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -131,6 +132,19 @@ def test_targets_that_differ_are_told(path: RobotPath, tmp_path: Path) -> None:
     low, high = (int(word) for word in said.message.split("(")[1].split(")")[0].split(",")[0].split(" to "))
     assert 19 <= low <= 21
     assert 22 <= high <= 24
+
+
+def test_moments_hide_no_force_that_differs(path: RobotPath, tmp_path: Path) -> None:
+    """What differs is held against a share of the largest force [N]; moments [N m], however large, are none."""
+    def chipped(shown: np.ndarray) -> np.ndarray:
+        shown = shown.copy()
+        shown[20:24] += [0, 150, 0]
+        return shown
+
+    first, second = two(path, tmp_path, 5, chipped)
+    turned = np.hstack([second.wrench[:, :3], np.full((COUNT, 3), 1e5)])
+    said = {finding.code for finding in compared(first, replace(second, wrench=turned), path)}
+    assert "CS3116" in said
 
 
 def test_one_log_twice_is_an_error(path: RobotPath, tmp_path: Path) -> None:

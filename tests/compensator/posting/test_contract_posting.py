@@ -90,6 +90,30 @@ def test_what_is_posted_reads_back(tmp_path, posted, cell):
     assert read.findings == ()
 
 
+@pytest.mark.parametrize(("said", "instead"), [
+    ("[[-57.0000,-20.7410,3.2490]", "[[-57.0000,-20.7411,3.2490]"),         # a target 0.1 um off
+    ("0.05533095,", "0.05533195,"),                                         # turned by a few microradians
+    ("[0,-1,-1,0]", "[0,-1,-1,1]"), ("[9E9,9E9", "[12,9E9"),
+    ("[15.113,", "[15.114,"),                                               # a feed that is not the file's
+    ("    MoveL [[-54", "    !MoveL [[-54"),                                # one move less
+])
+def test_a_text_that_does_not_say_what_was_meant_is_not_written(tmp_path, cell, monkeypatch, said, instead):
+    """Each by itself, everything else as it should be."""
+    from compensator.posting import post as posting
+
+    real = posting.module_text
+    assert said in real_text(tmp_path, cell)
+    monkeypatch.setattr(posting, "module_text", lambda *given: real(*given).replace(said, instead, 1))
+    with pytest.raises(CompstiffError) as stopped:
+        real_text(tmp_path, cell)
+    assert stopped.value.findings[0].code == "CS4306"
+
+
+def real_text(tmp_path, cell):
+    (tmp_path / "shell.apt").write_text(APT)
+    return post(read_apt(tmp_path / "shell.apt"), cell, DEFAULTS.posting, "shell.mod").content.decode()
+
+
 def test_the_robot_holds_one_configuration_all_along(posted, cell):
     plan = robot_path(posted.program.toolpath, cell)
     assert plan.findings == ()                                          # the confdata lead where the path leads

@@ -27,6 +27,13 @@ def test_named_arguments_mean_what_the_plain_ones_mean(named, plain):
     same(path(named, DECLARED), path(plain, DECLARED))
 
 
+@pytest.mark.parametrize("value", ["100 DIV 3", "7 mod 4 + 93", "a AND b", "NOT a OR b XOR c", "2*(50 DIV 1)"])
+def test_operators_that_are_words_stand_in_arguments(value):
+    """RAPID has DIV, MOD, AND, OR, XOR and NOT beside the marks: the statement is read, and what follows is as ever."""
+    same(path(f"MoveL {A},v100\\V:={value},z1,tool0;\nMoveL {B},v100,z1,tool0;"),
+         path(f"MoveL {A},v100\\V:=100+0,z1,tool0;\nMoveL {B},v100,z1,tool0;"))
+
+
 @pytest.mark.parametrize(("body", "column", "says"), [
     (f"MoveL {A},v100,tool:=tool0,z1;", 7 + len(A) + 6, "found 'tool', expected 'zone:=' or the value alone"),
     (f"MoveL Target:={A},v100,z1,tool0;", 7, "expected 'topoint:='"),

@@ -10,6 +10,7 @@ import pytest
 import trustme
 
 from compensator.upload import session
+from compensator.upload.answers import Answered
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import Emulator, RobotController
 
@@ -142,3 +143,11 @@ def test_endless_and_packed_answers_end(tmp_path, monkeypatch):
         assert (refused.code, refused.codes) == (4, ["CS6109"])
         packed.set()
     assert len(sent) < 20_000
+
+
+@pytest.mark.parametrize(("status", "code", "meant"), [
+    (399, -1, False), (400, -1, True), (404, 5, True), (499, 5, True), (500, 5, False), (503, -1, False), (404, None, False)])
+def test_a_refusal_is_the_controller_s_own(status, code, meant):
+    """A client's error with the controller's own code; what stands between, or a server that fails, says nothing of what was
+    done."""
+    assert Answered(status, code).meant is meant

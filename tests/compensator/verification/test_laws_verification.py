@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 from scipy.signal import lfilter
 
+from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
 from compstiff.cli.main import compstiff
@@ -67,6 +68,16 @@ def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     assert 0.915 <= held_ratio / runs <= 0.985
     assert 0.915 <= held_scale / runs <= 0.985
     assert naive / runs < 0.87
+
+
+def test_the_interval_is_student_s_with_one_less_than_the_blocks() -> None:
+    """Blocks of 100 values whose means are known: t(0.975; 15) = 2.1314, of the tables."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(3.0, 1.0, 1600)
+    mean = mean_along(values)
+    assert mean.blocks == 16
+    error = values.reshape(16, 100).mean(axis=1).std(ddof=1) / 4
+    assert mean.half_width == pytest.approx(2.1314 * error, rel=1e-4)
 
 
 def test_figures_by_hand(tmp_path: Path) -> None:
@@ -155,6 +166,7 @@ def test_gain_and_scale_are_found(passes: dict[str, Path], tmp_path: Path) -> No
     scale = found["predicted"]
     assert scale["interval"][0] < 1.25 < scale["interval"][1]
     assert scale["advised_scale"] == pytest.approx(1.25, abs=0.02)
+    assert re.fullmatch(r"\d\.\d{1,3}", str(scale["advised_scale"]))
     # What s = 1 leaves of 1.25 p and the noise: (0.25^2 + 0.05^2) / (1.25^2 + 0.05^2).
     assert scale["share"] == pytest.approx(1 - 0.065 / 1.565, abs=0.01)
     assert scale["share_scaled"] > 0.99

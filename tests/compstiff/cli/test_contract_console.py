@@ -18,7 +18,7 @@ from compstiff.outcome import Outcome, Session
 from identification.common.catalogue import catalogue
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, Refused, error, fold
-from tests.support import compstiff, started
+from tests.support import compstiff_process, started
 
 ROOT = Path(__file__).parents[3]
 
@@ -81,16 +81,16 @@ def test_findings_fold_and_quiet_keeps_errors() -> None:
 
 
 def test_wrong_calls_exit_2_with_json_too() -> None:
-    assert compstiff("identify", "--nonsense").returncode == 2
-    missing = compstiff("identify", "no.yaml", "no.csv", "-o", "x.json", "--json")
+    assert compstiff_process("identify", "--nonsense").returncode == 2
+    missing = compstiff_process("identify", "no.yaml", "no.csv", "-o", "x.json", "--json")
     assert missing.returncode == 2
     assert json.loads(missing.stdout)["findings"][0]["code"] == "CS0002"
-    assert compstiff("nonsense").returncode == 2
+    assert compstiff_process("nonsense").returncode == 2
 
 
 def test_help_and_version() -> None:
     for arguments in (["-h"], ["--help"], ["correct", "-h"], ["--version"]):
-        done = compstiff(*arguments)
+        done = compstiff_process(*arguments)
         assert done.returncode == 0
         assert done.stdout
 
@@ -148,11 +148,11 @@ def test_every_code_has_its_page_and_every_page_its_code() -> None:
 
 
 def test_explain_and_robots() -> None:
-    shown = compstiff("explain", "cs1010")
+    shown = compstiff_process("explain", "cs1010")
     assert shown.returncode == 0
     assert "Negative compliances" in shown.stdout
-    assert compstiff("explain", "CS9999").returncode == 1
-    listed = json.loads(compstiff("robots", "--json").stdout)["result"]["robots"]
+    assert compstiff_process("explain", "CS9999").returncode == 1
+    listed = json.loads(compstiff_process("robots", "--json").stdout)["result"]["robots"]
     assert {"irb6660-205-1.90", "irb6640-235-2.55", "irb6700-200-2.60", "irb4400-60"} <= {robot["name"] for robot in listed}
     assert {"drive", "serial"} == {robot["load_path"] for robot in listed}
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
 from identification.common.chart_numbers import MOST_ROWS, chart_numbers
-from identification.common.chart_svg import WIDE, draw, extremes, legend, number, numbers, ticks
+from identification.common.chart_svg import WIDE, draw, extremes, legend, log_ticks, number, numbers, ticks
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -154,3 +154,16 @@ def test_no_numbers_of_clouds_long_lines_and_series_over_other_places() -> None:
     assert chart_numbers(Figure("f", "", [Panel([Cells(np.eye(2))], Axis(categories="ab"), Axis(categories="ab"))])) is None
     # A line through its own marks is told once.
     assert of(Line("", [1, 2], [3, 4]), Points("", [1, 2], [3, 4])) == (["x", "y"], [["1", "3"], ["2", "4"]])
+
+
+@pytest.mark.parametrize(("decades", "most"), [(4, 6), (12, 4), (30, 5), (300, 8)])
+def test_logarithmic_ticks_are_powers_of_ten_as_many_as_fit(decades: int, most: int) -> None:
+    marks = np.log10(log_ticks(1e-3, 10.0 ** (decades - 3), most))
+    np.testing.assert_allclose(marks, np.round(marks), atol=1e-9)
+    assert len(set(np.round(np.diff(marks), 9))) == 1
+    assert 3 <= len(marks) <= 2 * most
+    assert marks[0] == -3
+
+
+def test_few_decades_get_what_stands_between_them() -> None:
+    np.testing.assert_allclose(log_ticks(2.0, 60.0, 6), [2, 5, 10, 20, 50])

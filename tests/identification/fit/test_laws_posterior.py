@@ -119,6 +119,22 @@ def test_a_scaled_model_s_intervals_are_scaled(tmp_path) -> None:
     assert_allclose(ratio, 2 * 1.959964 * np.hypot(model.log_std, 0.02), rtol=1e-6)
 
 
+def test_grades_say_how_far_the_prior_shrank(tmp_path) -> None:
+    """Not identifiable where the data took less than a third of the prior's uncertainty, reliable where k is known to a fifth.
+    Sensors from fine to useless, so that all three occur, and some shrink, but by less than a third."""
+    seen, partly = set(), 0
+    for microns in (2, 60, 200, 600):
+        cell, rows = simulate(tmp_path, np.random.default_rng(7), poses=6, text=NOISY.replace("[2, 2, 2]", str([microns] * 3)))
+        model = fit_stiffness(cell, rows).model
+        shrunk = model.log_std / cell.prior.log_std
+        for ratio, std, grade in zip(shrunk, model.log_std, model.grades, strict=True):
+            assert grade == ("not identifiable" if ratio > 2 / 3 else "reliable" if std <= 0.2 else "tentative"), (ratio, std)
+            seen.add(grade)
+            partly += 2 / 3 < ratio < 0.95
+    assert seen == {"not identifiable", "tentative", "reliable"}
+    assert partly > 2
+
+
 def test_the_paper_s_x_only_data_say_nothing_of_joint_6(tmp_path) -> None:
     """Forces along x in the plane of the arm, as in the paper: joints 1, 4 and 6 stay at the prior and are graded so."""
     cell = read_cell(write_cell(tmp_path, "robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\n"))

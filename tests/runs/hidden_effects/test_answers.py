@@ -11,8 +11,8 @@ from scipy.stats import binom
 
 from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, run
 from tests.runs.hidden_effects.judge import answer, label, truth_names
-from tests.runs.hidden_effects.places import ALL, IN_MOTION, each
-from tests.support import compstiff
+from tests.runs.hidden_effects.places import ALL, IN_MOTION, OUTSIDE, check_unknown, each
+from tests.support import compstiff_process
 from tests.virtual_cell.cell import DICTIONARY, Hidden, simulate
 
 NULL_SEEDS = range(10)
@@ -44,16 +44,9 @@ def test_absent_is_not_named(where: Place) -> None:
         assert where.label not in found.answer.names
 
 
-OUTSIDE = ((Hidden("gear_ripple", 1, 2.0), 0), (Hidden("warm_gears", None, 1.5), 1),
-           (Hidden("load_cell_hysteresis", None, 2.0), 1), (Hidden("floor_bolt", None, 2.0), 3))
-
-
 @pytest.mark.parametrize(("hidden", "seed"), OUTSIDE, ids=[hidden.effect for hidden, _ in OUTSIDE])
 def test_what_the_dictionary_does_not_know_is_unknown(hidden: Hidden, seed: int) -> None:
-    found = run(seed, hidden)
-    assert found.content["verdict"] == "unknown", found.answer
-    assert found.content["gain"] is None
-    assert found.extended["effects"] == []
+    check_unknown(hidden, seed)
 
 
 PAIRS = ((Hidden("backlash", 5, 1.5), Hidden("base_rocking", None, 1.0), 1), (Hidden("drift"), Hidden("hysteresis", 1), 2),
@@ -72,7 +65,7 @@ def test_one_fresh_seed(tmp_path: Path) -> None:
     case = simulate(seed, hidden=[hidden], validation=4)
     print(f"seed {seed}: {label(hidden.effect, hidden.joint)}")
     cell, measurements = case.write(tmp_path)
-    done = compstiff("diagnose", cell, measurements, "-o", tmp_path / "diagnosis.json")
+    done = compstiff_process("diagnose", cell, measurements, "-o", tmp_path / "diagnosis.json")
     assert done.returncode == 0, (seed, done.stderr)
     given = answer(json.loads((tmp_path / "diagnosis.json").read_text()))
     assert given.verdict != "adequate", seed
