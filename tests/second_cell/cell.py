@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from tests.second_cell.arm import Arm
-from tests.second_cell.effects import EFFECTS, World
+from tests.second_cell.effects import EFFECTS
+from tests.second_cell.hidden import World
 from tests.second_cell.noise import Noise, draw_noise, reading, real_force
 from tests.second_cell.plans import PLANS, Plan, fresh
 from tests.second_cell.robots import HOME_FLANGE, ROBOTS, Robot, X, Y, Z, robot

@@ -19,7 +19,8 @@ from identification.model.effects import effects
 from tests.second_cell.arm import Arm, Law, Rows
 from tests.second_cell.cell import Hidden, simulate
 from tests.second_cell.chain import placed
-from tests.second_cell.effects import DICTIONARY, EFFECTS, World
+from tests.second_cell.effects import DICTIONARY, EFFECTS
+from tests.second_cell.hidden import World
 from tests.second_cell.laws import BoucWen, Cubic, KelvinVoigt, Play, SmoothZone, Softening, Strut
 from tests.second_cell.plans import Plan
 from tests.second_cell.rest import Load, at_rest
