@@ -21,7 +21,8 @@ class _AxisGain(ForceAxes):
                          "amplifiers are calibrated to",
                   bounds_source="engineering judgement: either way, to a gain that a weighed load shows at once")
         for axis in "xy")
-    sentence = "the axes of the force measurement are not alike: one reads too much, another too little"
+    sentence = ("the axes of the force measurement are not alike: one reads too much, another too little (a log of the same "
+                "sensor is off by as much)")
     settles = "hang a known weight along each axis of the force sensor in turn"
 
     def share(self, values: Array) -> Array:

@@ -20,7 +20,8 @@ class _Crosstalk(ForceAxes):
                          "of it is a turn",
                   bounds_source="engineering judgement: either way, to axes that are 11 degrees off square")
         for pair in ("xy", "xz", "yz"))
-    sentence = "the axes of the force measurement see each other: cross-talk of the sensor, or axes that are not square"
+    sentence = ("the axes of the force measurement see each other: cross-talk of the sensor (then a log of it is off by as "
+                "much), or axes that are not square")
     settles = "push along one axis of the force sensor after the other and read all three"
 
     def share(self, values: Array) -> Array:

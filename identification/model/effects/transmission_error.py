@@ -11,6 +11,8 @@ from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
 SENTENCE = "the gear or an encoder of joint {joint} has an error that repeats with its angle"
+LINES = "docs/real-data.md: lines of 1 to 92 urad on three axes of a KUKA KR300"
+LARGEST_LINE = "engineering judgement: 3 arcmin, several times the backlash of a gear for robots"
 # Fewer poses to one reference than this are too few for a wave whose length is searched.
 FEWEST_POSES = 8
 
@@ -28,9 +30,7 @@ class BetweenPoses(AtJoint):
     formula_source = ("engineering judgement: gears and encoders turn, so what they get wrong repeats with their angle; the "
                       "poses of load tests show the coarse part")
     parameters = tuple(
-        Parameter(name, "rad", 1e-5, -1e-3, 1e-3,
-                  source="docs/real-data.md: lines of 1 to 92 urad on three axes of a KUKA KR300",
-                  bounds_source="engineering judgement: 3 arcmin, several times the backlash of a gear for robots")
+        Parameter(name, "rad", 1e-5, -1e-3, 1e-3, source=LINES, bounds_source=LARGEST_LINE)
         for name in ("sin_rad", "cos_rad"))
     sentence = SENTENCE
     settles = "go over the joint's angles without a load, a gauge at the tool, in both directions"
@@ -73,9 +73,7 @@ class TransmissionError(InMotion):
         Parameter("smooth_rad", "rad", 1e-4, 0.0, 2e-3,
                   source="engineering judgement: a code ring of 100 mm radius that sits 15 um off its axis, as RMS",
                   bounds_source="engineering judgement: the same ring, 0.3 mm off its axis"),
-        Parameter("line_rad", "rad", 1e-5, 0.0, 1e-3,
-                  source="docs/real-data.md: lines of 1 to 92 urad on three axes of a KUKA KR300",
-                  bounds_source="engineering judgement: 3 arcmin, several times the backlash of a gear for robots"),
+        Parameter("line_rad", "rad", 1e-5, 0.0, 1e-3, source=LINES, bounds_source=LARGEST_LINE),
         Parameter("cycles_per_turn", "1", 500.0, 2.0, 4000.0, shape=True,
                   source="docs/real-data.md: 413 to 1653 a turn on three axes of a KUKA KR300",
                   bounds_source="engineering judgement: from the ovality of a ring to sixteen times the motor's turns at a "
