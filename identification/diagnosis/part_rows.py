@@ -30,9 +30,9 @@ from identification.model.load_state import LoadState
 
 Verdict = Literal["adequate", "named", "ambiguous", "unknown"]
 # What a part cannot show: it is measured by another instrument than a load test; its load comes from the cutter; no load stands
-# long enough to creep under; and a scale of the force is the factor in motion.
+# long enough to creep under; a scale of the force is the factor in motion, and a zero of it a smooth error like any other.
 OF_LOAD_TESTS = ("deflection measurement", "load path")
-NOT_ON_A_PART = ("creep", "force_gain")
+NOT_ON_A_PART = ("creep", "force_gain", "force_offset")
 
 
 def effects_of_parts() -> dict[str, Effect]:

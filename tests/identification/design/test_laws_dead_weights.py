@@ -192,7 +192,7 @@ def test_the_files_of_the_command(written):
     prompts = re.findall(r'TPReadFK nAnswer,"([^"]*)"', (folder / "plan.mod").read_text())
     assert max(map(len, prompts)) <= 80
     assert sum("take off 20 kg, then hang on 40 kg" in prompt for prompt in prompts) == 4
-    assert "60 kg" in (folder / "plan.html").read_text()
+    assert "60\u00a0kg" in (folder / "plan.html").read_text()
 
 
 def test_calls_that_contradict_themselves(written, tmp_path):
