@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,17 +35,18 @@ def on_flange(name: str) -> Effect:
     ("force_crosstalk", [0.01, 0.02, -0.03], lambda force: force @ [[1, 0.01, 0.02], [0.01, 1, -0.03], [0.02, -0.03, 1]]),
     ("force_offset", [1.0, -2.0, 3.0], lambda force: force + np.array([1.0, -2.0, 3.0])),
 ])
-def test_a_sensor_on_the_flange_errs_in_its_own_axes(name: str, values: list[float], own: object) -> None:
+def test_a_sensor_on_the_flange_errs_in_its_own_axes(name: str, values: list[float],
+                                                     own: Callable[[np.ndarray], np.ndarray]) -> None:
     """What really acted, seen from the flange, is the reported force with the error that the sensor's own axes have."""
     state, law = rows(6), on_flange(name)
     flange = Rotation.from_matrix(state.flange)
     real = law.true_wrench(state, None, np.array(values))
     assert real is not None
-    expected = flange.apply(own(flange.inv().apply(state.wrench[:, :3])))      # type: ignore[operator]
+    expected = flange.apply(own(flange.inv().apply(state.wrench[:, :3])))
     np.testing.assert_allclose(real[:, :3], expected, atol=1e-9)
     still = effects()[name].true_wrench(state, None, np.array(values))
     assert still is not None
-    np.testing.assert_allclose(still[:, :3], own(state.wrench[:, :3]), atol=1e-9)   # type: ignore[operator]
+    np.testing.assert_allclose(still[:, :3], own(state.wrench[:, :3]), atol=1e-9)
 
 
 def test_an_unloaded_row_has_no_offset() -> None:
