@@ -27,3 +27,11 @@ def test_what_no_deflection_shows_is_not_named(where: Place) -> None:
 def test_what_shows_in_motion_only_is_said_not_to_be_offered(name: str) -> None:
     """Joint deflection logs show these (tests/identification/motion); load tests at rest must not seem to rule them out."""
     assert run(1).content["not_offered"][name] == "it shows only in logs taken in motion"
+
+
+def test_what_a_gear_gets_wrong_between_poses_is_not_carried() -> None:
+    """It is the gear's, but no answer to a load, and nobody knows it where nothing was measured."""
+    where = next(place for place in MEASUREMENT if place.hidden.effect == "transmission_error")
+    found = run(where.seed, where.hidden)
+    assert [cause["of_robot"] for cause in found.content["causes"]] == [False]
+    assert found.extended["effects"] == []
