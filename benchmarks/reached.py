@@ -41,6 +41,7 @@ class Watched:
     def __init__(self) -> None:
         self.stack: list[set[tuple[str, int]]] = [set()]
         self.prefixes = tuple(f"{ROOT / package}{os.sep}" for package in PACKAGES)
+        # From Python 3.12 on, and types are checked on 3.11 too.
         monitoring = sys.monitoring                                            # type: ignore[attr-defined,unused-ignore]
         self.done, self.again = monitoring.DISABLE, monitoring.restart_events
         monitoring.use_tool_id(monitoring.COVERAGE_ID, "reached")

@@ -103,7 +103,7 @@ def place_forces(
     wrench, standard_error = in_frames[cell.force_log.kind]
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
-        standard_error = np.hypot(standard_error, _misplaced(path, wrench[:, :3], spread))
+        standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
                           zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
@@ -186,11 +186,11 @@ def _without_offset(mean: Array, zero: Zero, rows: TargetRows) -> Array:
     return less
 
 
-def _misplaced(path: RobotPath, force: Array, spread: Array) -> Array:
-    """What standing `spread` (N, 1) [m, 1 sigma] further on or back makes of the force (N, 3) [N], component by component, root
-    mean square: |dF/ds| times the spread where the force changes evenly, and never more than it changes."""
-    known = np.isfinite(path.length)
-    length, values = path.length[known], force[known]
+def _misplaced(length: Array, force: Array, spread: Array) -> Array:
+    """What standing `spread` (N, 1) [m, 1 sigma] further on or back along `length` (N,) [m] makes of the force (N, 3) [N], each
+    component, root mean square: |dF/ds| times the spread where the force changes evenly, and never more than it changes."""
+    known = np.isfinite(length)
+    length, values = length[known], force[known]
     square = np.zeros_like(values)
     for shift in SHIFTS:
         at = length + shift * spread[known, 0]
