@@ -32,6 +32,7 @@ class _Handler(ServerRequestHandler):
         super().__init__(owner, owner.trace_packet, owner.trace_pdu, owner.trace_connect)  # type: ignore[no-untyped-call]
         self.spoke, self.heard = False, time.monotonic()
         self.asked, self._decode = 0, self.framer.decode
+        # pymodbus has no hook that sees a frame before it is decoded, nor types for what it sends.
         self.framer.decode = self._noted        # type: ignore[method-assign,assignment]
 
     def _noted(self, data: bytes) -> tuple[int, int, int, bytes]:
