@@ -27,8 +27,8 @@ class Axes(click.ParamType[str]):
 @click.argument("cell_file", metavar="CELL", type=READABLE)
 @click.option("-o", "--output", required=True, type=WRITABLE, help="The plan to write: a measurement file to fill in.")
 @click.option("--measurements", type=click.IntRange(1, 60), help="Runs: poses, each with its loads.  [default: 8]")
-@click.option("--criterion", type=click.Choice(["D", "A", "E", "I"]),
-              help="What the plan is best for.  [default: I with --toolpath, else D]")
+@click.option("--criterion", type=click.Choice(["D", "A", "E", "I", "C"]),
+              help="What the plan is best for; C: to tell causes apart too.  [default: I with --toolpath, else D]")
 @click.option("--toolpath", type=READABLE, help="The milling program whose predicted deflection shall be sure.")
 @click.option("--forces", "forces_file", type=READABLE, help="Its force log; without it all directions count alike.")
 @click.option("--protocol", type=click.Choice(["cycle", "single"]), default="cycle", show_default=True,
@@ -73,6 +73,8 @@ def design(
     """
     _check_call(measurements, preset, add, positions, box, forces_file, toolpath)
     _check_loads(axes, every_axis, direction, preset, diagnosis, add)
+    if diagnosis and criterion == "C":
+        raise click.UsageError("--criterion C is for causes of any kind, --diagnosis for its rival causes: give one of them")
     if dead_weight and (preset or every_axis or axes != "xyz" or direction == "free" or max_force):
         raise click.UsageError("--dead-weight only pulls down, with the weights' own force; it takes no --axes, --every-axis, "
                                "--direction, --max-force or --preset")

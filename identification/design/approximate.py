@@ -49,7 +49,7 @@ def best_weights(task: Task, runs: Pool, start: Array) -> Array:
 
     criterion, group = task.criterion, task.group(runs)
     scaled = task.replicates * runs.information * task.demand.counts[group][:, None, None]
-    flat = scaled.reshape(len(scaled), 36)
+    flat = scaled.reshape(len(scaled), -1)
 
     def objective(weight: Array) -> tuple[float, Array]:
         information = task.prior + np.einsum("n,nij->ij", weight, scaled)
@@ -68,7 +68,7 @@ def best_weights(task: Task, runs: Pool, start: Array) -> Array:
 def solved_on_pool(task: Task, design: ApproximateDesign) -> ApproximateDesign:
     """The best weights over all known runs: those that promise most join the active ones until none promises more."""
     known = design.known
-    flat = known.information.reshape(-1, 36)
+    flat = known.information.reshape(len(known), -1)
     group = task.group(known)
     for _ in range(40):
         weight = best_weights(task, known.take(design.active), design.weight)
@@ -104,7 +104,7 @@ def maximisers(task: Task, tangent: Array, design: ApproximateDesign, rng: np.ra
     """Local maxima of `trace(H m(u))` over continuous poses, climbed to from the best known runs, the support and random ones;
     `starts` a group, spread over slots and positions."""
     known, active = design.known, design.active
-    gain = known.information.reshape(-1, 36) @ tangent.ravel()
+    gain = known.information.reshape(len(known), -1) @ tangent.ravel()
     group = task.group(known)
     tops: list[Pool] = []
     for g, count in enumerate(task.demand.counts):

@@ -156,7 +156,7 @@ def certify(
     weight = 1.0 / task.demand.counts[task.group(plan)]
     design = ApproximateDesign(plan.joined(sample), np.arange(len(plan), dtype=np.intp), weight)
     design, pool_bound, rounds = _column_generation(task, design, rng, starts, gap)
-    bound = _bound(task, design.tangent(task), design.known)
+    bound = bound_over(task, design.tangent(task), design.known)
     splits = splits_of(task.demand)
     if splits is not None and len(splits) > 1:
         bounds = _Bounds(task, splits)
@@ -164,7 +164,7 @@ def certify(
         known, bound = _by_split(bounds, design.known, value, rng, starts, gap)
         design = solved_on_pool(task, replace(design, known=known))
     optimum = float(task.criterion.value(design.information(task)))
-    relaxed = max(_bound(task, design.tangent(task), design.known), value)
+    relaxed = max(bound_over(task, design.tangent(task), design.known), value)
     design = design.without_light()
     bound = max(min(bound, relaxed), value)
     return Certificate(value / bound, bound, value, optimum, relaxed, min(value / max(pool_bound, value), 1.0),
@@ -181,13 +181,13 @@ def _column_generation(
         design = solved_on_pool(task, design)
         tangent, optimum = design.tangent(task), float(task.criterion.value(design.information(task)))
         if rounds == 1:
-            pool_bound = _bound(task, tangent, design.known)
+            pool_bound = bound_over(task, tangent, design.known)
         last = rounds == MOST_ROUNDS
         design = _with_maximisers(task, tangent, design, rng, starts if last else few)
-        relaxed = _bound(task, tangent, design.known)
+        relaxed = bound_over(task, tangent, design.known)
         if relaxed <= optimum * (1 + gap) and not last:
             design = _with_maximisers(task, tangent, design, rng, starts)
-            relaxed = _bound(task, tangent, design.known)
+            relaxed = bound_over(task, tangent, design.known)
         if relaxed <= optimum * (1 + 2 * gap):
             break
     return design, pool_bound, rounds
@@ -251,9 +251,9 @@ def _climbed(
     return replace(design, known=design.known.joined(climbed))
 
 
-def _bound(task: Task, tangent: Array, known: Pool) -> float:
+def bound_over(task: Task, tangent: Array, known: Pool) -> float:
     """`trace(H P) + sum of each run's largest trace(H m)` over the known runs."""
-    gain = known.information.reshape(-1, 36) @ tangent.ravel()
+    gain = known.information.reshape(len(known), -1) @ tangent.ravel()
     group = task.group(known)
     largest = sum(float(count * gain[group == g].max()) for g, count in enumerate(task.demand.counts) if count)
     return float(np.sum(tangent * task.prior) + task.replicates * largest)

@@ -37,7 +37,7 @@ MOST_DRAWS = 40
 @dataclass(frozen=True, eq=False)
 class Pool:
     """n admissible runs: theta (n, 6) [rad], slot and place (n,), line (n, 3) along which a free slot is loaded (base x for the
-    others), information (n, 6, 6)."""
+    others), information (n, m, m): of the six ln c, and for causes.py of more."""
 
     theta: Array
     slot: Indices

@@ -14,6 +14,7 @@ from identification.design.task import Task
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# So many of six by six; fewer of larger matrices, each of which takes longer.
 EXACT = 250
 MOST_SWEEPS = 30
 
@@ -27,10 +28,11 @@ def exchange(task: Task, pool: Pool, rng: np.random.Generator, start: Indices | 
     group = task.group(pool)
     members = [np.flatnonzero(group == g) for g in range(int(demand.groups.max()) + 1)]
     pieces = [replicates * pool.information[rows] for rows in members]
-    flat = [piece.reshape(len(piece), 36) for piece in pieces]
+    flat = [piece.reshape(len(piece), -1) for piece in pieces]
     chosen = np.array([rng.choice(members[g]) for g in demand.wanted]) if start is None else start.copy()
     total = task.information(pool.take(chosen))
     best = float(criterion.smooth(total))
+    exact = EXACT * 6 // len(total)
     for _ in range(MOST_SWEEPS):
         before = best
         for i in rng.permutation(len(chosen)):
@@ -40,7 +42,7 @@ def exchange(task: Task, pool: Pool, rng: np.random.Generator, start: Indices | 
             if criterion.kind == "E":
                 slope = slope + 1e-3 * np.linalg.inv(rest)      # a matrix mean's slope looks at one direction only
             promise = flat[g] @ slope.ravel()
-            few = np.argpartition(promise, -EXACT)[-EXACT:] if len(promise) > EXACT else np.arange(len(promise))
+            few = np.argpartition(promise, -exact)[-exact:] if len(promise) > exact else np.arange(len(promise))
             values = criterion.smooth(rest + pieces[g][few])
             k = int(np.argmax(values))
             if values[k] > best * (1 + 1e-10):

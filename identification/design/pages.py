@@ -27,15 +27,15 @@ BAR_M = 0.15
 
 def design_report(plan: DesignPlan, program: RapidProgram | None = None) -> str:
     """The report of `design`; program: the one that was written with it, whose findings it shows."""
-    design, expected, discrimination = plan.design, plan.forecast, plan.discrimination
+    design, expected = plan.design, plan.forecast
     figures = [_shares(design, plan.sheet), _certificate(design)]
-    if expected.runs and discrimination is None:
+    if expected.runs and plan.aim is None:
         figures.append(_by_length(expected))
     tables = [_visits(plan.sheet), _joints(expected, plan.prepared.before), _causes(expected)]
-    if discrimination is not None:
-        tables.insert(1, _pairs(discrimination))
+    if isinstance(plan.aim, Discrimination):
+        tables.insert(1, _pairs(plan.aim))
     findings = (*plan.findings, *(program.findings if program else ()))
-    return render(Page(f"Measurement plan: {len(design.task.demand)} runs, criterion {design.task.criterion.name}",
+    return render(Page(f"Measurement plan: {len(design.task.demand)} runs, criterion {plan.criterion}",
                        _verdict(plan, count_words(findings, "error", "warning")), _keys(plan), _steps(plan),
                        [*plan.worth(tables=True), "Collisions were not checked: drive the poses in manual mode first."],
                        tables, [_arms(design.task.domain, plan.sheet)], figures, findings, plan.as_dict()))
@@ -46,8 +46,11 @@ def _verdict(plan: DesignPlan, doubts: str) -> Verdict:
     efficiency = 100 * plan.design.certificate.efficiency
     known = "all six stiffnesses will be known well" if not weak else (
         f"{', '.join(weak)} will not be known well, the others will")
-    sentence = (f"{len(plan.sheet.label)} poses, about {plan.sheet.time[-1] / 60:.0f} min: {known}. At least "
-                f"{np.floor(efficiency):.0f} % as good as any plan of this length with the same loads.")
+    told = f" It names {plan.forecast.counts['identifiable']} of {len(plan.forecast.causes)} possible causes." * (
+        plan.criterion == "C")
+    sentence = (f"{len(plan.sheet.label)} poses, about {plan.sheet.time[-1] / 60:.0f} min: {known}.{told} At least "
+                f"{np.floor(efficiency):.0f} % as good as any plan of this length with the same loads"
+                f"{' by the stiffnesses alone' if told else ''}.")
     if len(weak) == 6:
         return Verdict("bad", "THIS PLAN TELLS NO STIFFNESS WELL", sentence)
     if weak or doubts:

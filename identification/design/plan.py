@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from identification.common.findings import Finding
+from identification.design.causes import ByCauses
 from identification.design.comparison import Comparison
 from identification.design.discrimination import Discrimination
 from identification.design.forecast import Forecast
@@ -20,21 +21,23 @@ from identification.model.controller import check_rapid
 
 CRITERIA = {"D": "the volume of the confidence ellipsoid of ln k", "A": "the mean variance of ln k",
             "A in raw k": "the mean variance of k, as published", "E": "the longest axis of the confidence ellipsoid of ln k",
-            "I": "the mean variance of the deflection predicted along the program"}
+            "I": "the mean variance of the deflection predicted along the program",
+            "C": "what the runs tell of the six stiffnesses and of every cause of typical size together"}
 
 
 @dataclass(frozen=True, eq=False)
 class DesignPlan:
     """A plan and all that there is to say of it: the task, the design that was found for it, its rows, what they will tell.
-    discrimination: which rival causes they are to tell apart, gain: over plainer loads, None where that was not asked for.
-    further: rows were measured before, and the forecast is of them together. seed: of the random starts. unseen: for each joint
-    that the loads cannot show, the load that would, and at which pose."""
+    aim: the rival causes, or all causes (criterion C), that the runs were chosen for, None where it was the criterion alone.
+    gain: over plainer loads, None where that was not asked for. further: rows were measured before, and the forecast is of
+    them together. seed: of the random starts. unseen: for each joint that the loads cannot show, the load that would, and at
+    which pose."""
 
     prepared: Prepared
     design: Design
     sheet: Sheet
     forecast: Forecast
-    discrimination: Discrimination | None
+    aim: Discrimination | ByCauses | None
     gain: Comparison | None
     further: bool
     seed: int
@@ -52,10 +55,15 @@ class DesignPlan:
         return first, last
 
     @property
+    def criterion(self) -> str:
+        """Its name, as the user asked for it."""
+        return "C" if isinstance(self.aim, ByCauses) else self.design.task.criterion.name
+
+    @property
     def certified(self) -> str:
-        """The certificate in words; of runs that discriminate between rivals it judges what they were not chosen for."""
+        """The certificate in words; of runs that were chosen for causes it judges what they were not chosen for."""
         certified = self.design.certificate.sentence
-        if self.discrimination is None:
+        if self.aim is None:
             return certified
         return f"by criterion {self.design.task.criterion.name} alone, for which they were not chosen, the runs are {certified}"
 
@@ -63,7 +71,7 @@ class DesignPlan:
         """JSON values."""
         design, prediction = self.design, self.prediction_std_um
         return {
-            "format": "compstiff-design", "version": 1, "criterion": design.task.criterion.name, "seed": self.seed,
+            "format": "compstiff-design", "version": 1, "criterion": self.criterion, "seed": self.seed,
             "measurements": len(design.task.demand), "replicates": design.task.replicates, "rows": len(self.sheet.visit),
             "place": self.prepared.place, "before": self.prepared.before,
             "certificate": design.certificate.as_dict(),
@@ -71,7 +79,8 @@ class DesignPlan:
                        "pool": len(design.pool),
                        "sampled_pool_exchange_efficiency": design.single / design.certificate.bound},
             "prediction_std_um": None if prediction is None else {"before": prediction[0], "after": prediction[1]},
-            "settles": None if self.discrimination is None else self.discrimination.as_dict(),
+            "settles": self.aim.as_dict() if isinstance(self.aim, Discrimination) else None,
+            "by_causes": self.aim.as_dict() if isinstance(self.aim, ByCauses) else None,
             "gain": None if self.gain is None else self.gain.as_dict(),
             "unseen": [one.as_dict(label) for one, label in self.unseen],
             "forecast": self.forecast.as_dict(),
@@ -85,7 +94,7 @@ class DesignPlan:
     def worth(self, tables: bool = False) -> list[str]:
         """What the plan is worth and what it will tell, in words; tables: without what tables beside it say of joints and
         causes."""
-        sheet, criterion = self.sheet, self.design.task.criterion.name
+        sheet, criterion = self.sheet, self.criterion
         kept = int(sheet.validate.sum())
         lines = [
             f"{len(sheet.label)} poses" + (f" ({kept} of them never fitted)" if kept else "")
@@ -93,9 +102,12 @@ class DesignPlan:
         if sheet.hung:
             lines.append(f"{sheet.lifted_kg:g} kg are lifted in all to hang the weights on and take them off; every pose "
                          "begins and ends without them")
-        if self.discrimination is not None:
-            lines += self.discrimination.lines()
-        lines += [f"criterion {criterion}: {CRITERIA[criterion]}{self._about}", self.certified]
+        if isinstance(self.aim, Discrimination):
+            lines += self.aim.lines()
+        lines.append(f"criterion {criterion}: {CRITERIA[criterion]}{self._about}")
+        if isinstance(self.aim, ByCauses):
+            lines += self.aim.lines()
+        lines.append(self.certified)
         if self.gain is not None:
             lines += self.gain.lines()
         if not tables:
@@ -106,7 +118,7 @@ class DesignPlan:
                          f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
         causes = self.forecast.cause_lines(", with what was measured before," if self.further else "")
         lines += causes[:1] if tables else causes
-        return lines + (self.forecast.length_lines() if self.discrimination is None else [])
+        return lines + (self.forecast.length_lines() if self.aim is None else [])
 
     @property
     def _about(self) -> str:
@@ -131,7 +143,7 @@ class DesignPlan:
         lines = [
             f"Measurement plan by compstiff design, {len(task.demand)} runs"
             + (f" and {kept} that are never fitted (purpose validate)" if kept else "")
-            + f", criterion {task.criterion.name}; {self.prepared.place}",
+            + f", criterion {self.criterion}; {self.prepared.place}",
             self.certified,
             "Deflection: loaded minus unloaded TCP, base frame. Fill in dx_um dy_um dz_um of every row, the zero readings too,",
             "with the sensors set to zero anew at each pose, and put the true times in time_s; planned ones stand there.",
@@ -146,6 +158,6 @@ class DesignPlan:
             ]
         if self.sheet.hung and self.further:
             lines.append("To a file of forces add the column mass_kg first, empty in its rows; fx_n fy_n fz_n stay empty here.")
-        if self.discrimination is not None:
-            lines += ["Append the rows to what was measured before, then diagnose again.", *self.discrimination.lines()]
+        if isinstance(self.aim, Discrimination):
+            lines += ["Append the rows to what was measured before, then diagnose again.", *self.aim.lines()]
         return lines

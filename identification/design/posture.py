@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
-from identification.design.domain import TOLERANCE, Domain
+from identification.design.domain import TOLERANCE, Domain, Pool
 from identification.design.search import Design, elsewhere, refined
 
 Array = NDArray[np.float64]
@@ -45,21 +45,25 @@ def least_turned(domain: Domain, theta: Array) -> Array:
     return np.asarray(stacked[turn.argmin(axis=0), np.arange(len(theta))])
 
 
-def ordinary(design: Design) -> tuple[Design, tuple[Finding, ...]]:
-    """The design with ordinary postures, never worse than by COST, and a note where poses are left that reach backwards."""
-    task, domain = design.task, design.task.domain
-    design, left = _forwards(design)
-    runs = design.runs
+def turned_least(domain: Domain, runs: Pool) -> Pool:
+    """The same runs with axes 4 and 6 turned least."""
     turned = replace(runs, theta=least_turned(domain, runs.theta))
     # The wrist turned over meets no other limit than the joints'; where it does all the same, it stays.
     kept = domain.excess(turned) > np.maximum(domain.excess(runs), TOLERANCE)
     theta = np.where(kept[:, None], runs.theta, turned.theta)
-    runs = domain.runs(theta, runs.slot, runs.place, runs.line)
-    back = np.flatnonzero(reaching_back(domain, theta))
+    return domain.runs(theta, runs.slot, runs.place, runs.line)
+
+
+def ordinary(design: Design) -> tuple[Design, tuple[Finding, ...]]:
+    """The design with ordinary postures, never worse than by COST, and a note where poses are left that reach backwards."""
+    task, domain = design.task, design.task.domain
+    design, left = _forwards(design)
+    runs = turned_least(domain, design.runs)
+    back = np.flatnonzero(reaching_back(domain, runs.theta))
     findings = () if not len(back) else (Finding(
-        "CS0013", "note", f"{len(back)} of {len(theta)} poses reach over the robot's back (axis 1 at "
-        f"{', '.join(f'{angle:.0f}' for angle in np.degrees(theta[back, 0]))} deg): poses in front in their place would cost "
-        f"{100 * (1 - left):.0f} % of the criterion or more", file=str(domain.rig.cell.source),
+        "CS0013", "note", f"{len(back)} of {len(runs)} poses reach over the robot's back (axis 1 at "
+        f"{', '.join(f'{angle:.0f}' for angle in np.degrees(runs.theta[back, 0]))} deg): poses in front in their place would "
+        f"cost {100 * (1 - left):.0f} % of the criterion or more", file=str(domain.rig.cell.source),
         hint="where the cell does not allow them, state design.joint_window_deg in cell.yaml, such as {q1: [-90, 90]}"),)
     return replace(design, runs=runs, information=task.information(runs)), findings
 

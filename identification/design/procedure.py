@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from identification.common.findings import Finding
+from identification.design.causes import ByCauses, design_for_causes
 from identification.design.comparison import compared
-from identification.design.discrimination import discriminating_design, no_rivals, rival_models
+from identification.design.discrimination import Discrimination, discriminating_design, no_rivals, rival_models
 from identification.design.domain import Pool
 from identification.design.forecast import forecast
 from identification.design.kept_back import kept_back
@@ -49,9 +50,14 @@ def design_plan(
     task, rng, effort = prepared.task, np.random.default_rng(seed), QUICK if quick else Effort()
     rivals, findings = _rivals(cell, request)
     say(f"searching {len(task.demand)} runs ...")
-    design, discrimination = (discriminating_design(task, rivals, rng, effort) if len(rivals) > 1
-                              else (optimal_design(task, rng, effort), None))
-    if discrimination is None and request.preset is None:
+    aim: Discrimination | ByCauses | None = None
+    if len(rivals) > 1:
+        design, aim = discriminating_design(task, rivals, rng, effort)
+    elif request.criterion == "C":
+        design, aim = design_for_causes(task, request.measured, rng, effort)
+    else:
+        design = optimal_design(task, rng, effort)
+    if aim is None and request.preset is None:
         design, posture = ordinary(design)
         findings = (*findings, *posture)
     gain = None if prepared.plainer is None else compared(design, *prepared.plainer, rng)
@@ -59,7 +65,7 @@ def design_plan(
     sheet = _in_order(design, runs, request, rng)
     expected = forecast(design, sheet.of_purpose(validate=False), request.measured, rng)
     helps, labels, unseen = _unseen(design, sheet)
-    return DesignPlan(prepared, design, sheet, expected, discrimination, gain, request.measured is not None, seed,
+    return DesignPlan(prepared, design, sheet, expected, aim, gain, request.measured is not None, seed,
                       (*(milling.findings if milling is not None else ()), *prepared.findings, *findings, *unseen),
                       tuple(zip(helps, labels, strict=True)))
 

@@ -36,7 +36,8 @@ ONE_PLACE_M = 0.02
 class Request:
     """What a user asks for, named as the command's options are, lengths in millimetres, angles in degrees; None: not said.
 
-    measurements: runs, poses with their loads (8). criterion: D, A, E or I (I with milling poses, else D). protocol: "cycle" or
+    measurements: runs, poses with their loads (8). criterion: D, A, E, I or C (I with milling poses, else D;
+    C is D over the causes too, causes.py). protocol: "cycle" or
     "single". axes: base axes the cylinder can push along, every_axis: all of them at each pose in turn; free: along a line of
     its own at each pose. force_n: largest force. dead_weight: in place of all these, levels of hung mass [kg] such as
     "20,40,20+40" (dead_weights.py). positions_mm: where the TCP may stand, or box_mm: two corners (6 numbers) it
@@ -76,6 +77,8 @@ class Request:
              "free loads each pose along a line of its own; it takes no axes, every_axis or preset"),
             (self.dead_weight and (self.preset or self.every_axis or self.free or self.axes != "xyz"),
              "dead_weight only pulls down; it takes no axes, every_axis, free or preset"),
+            (self.criterion == "C" and self.diagnosis is not None, "criterion C is for causes of any kind, diagnosis for "
+             "its rival causes"),
             (self.diagnosis is not None and self.measured is None, "diagnosis belongs to measured: its rivals are fitted to "
              "that"),
         ):
@@ -150,7 +153,7 @@ def _criterion(cell: Cell, request: Request, weight: Array | None, rig: Instrume
         return i_criterion(weight)
     if kind == "A":
         return a_criterion(1 / rig.compliance if request.preset else None)
-    return d_criterion() if kind == "D" else e_criterion()
+    return e_criterion() if kind == "E" else d_criterion()
 
 
 def measured_place(tcp: Array) -> tuple[Array | None, Array | None]:

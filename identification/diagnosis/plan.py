@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
-from identification.diagnosis.projection import Base
+from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import VarianceComponents, noise_model
 from identification.measurements import Measurements
 from identification.model.cell import Cell
-from identification.model.effects import effects
+from identification.model.effects import Effect, effects
+from identification.model.effects_in_force import SPRINGS
 
 Array = NDArray[np.float64]
 ALARM = 0.05
@@ -115,16 +116,54 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
     from scipy.stats import norm
 
     rows = planned.select(~planned.validate)
-    # With a reading in every component: a plan leaves them empty.
-    data = LoadTest.of(cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
-    start = -np.log(cell.prior.stiffness)
-    noise, state = noise_model(data, np.exp(start)), data.load_state(np.exp(start))
-    dictionary = dictionary_of(state, noise, effects())
-    base = base_at(data, start, noise, noise.weights(VarianceComponents()))
+    base, dictionary = _linearised(cell, rows, -np.log(cell.prior.stiffness), effects())
     gram, slices = _gram(base, dictionary)
     needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + POWER_80
     outlooks = tuple(_outlook(dictionary, k, gram, slices, needed) for k in range(len(dictionary.entries)))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
+
+
+@dataclass(frozen=True, eq=False)
+class VisitInformation:
+    """What single visits tell of everything at once. of (V, m, m): information of each visit about the six ln c, then the
+    coefficients of the causes in typical sizes; prior (m, m): what is known of them before."""
+
+    of: Array
+    prior: Array
+
+
+def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) -> VisitInformation:
+    """Of planned rows, the arm linearised at ln c (6,). Of a cause with several shapes the one in the middle of the range.
+    Causes that are bound to a place in the table are left out: they hang on the order of the visits."""
+    catalogue = {name: effect for name, effect in effects().items() if not effect.where}
+    rows = planned.select(~planned.validate)
+    base, dictionary = _linearised(cell, rows, log_compliance, catalogue)
+    columns = [base.design]
+    for entry in dictionary.entries:
+        shapes = list(entry.signatures)
+        strength = np.sum(dictionary.columns[:, :, shapes] ** 2, axis=(0, 1, 3))
+        middle = shapes[int(np.argsort(strength)[len(shapes) // 2])]
+        columns.append(dictionary.columns[:, :, middle, : dictionary.widths[middle]])
+    stacked = np.concatenate(columns, axis=2)
+    weighted = base.weights.apply(stacked)
+    _, first = np.unique(rows.visit, return_index=True)
+    # Rows of a visit stand together; visits share no error.
+    of = np.stack([np.einsum("nap,naq->pq", mine, its) for mine, its in zip(
+        np.split(stacked, first[1:]), np.split(weighted, first[1:]), strict=True)])
+    prior = np.eye(stacked.shape[2]) / PRIOR_SIZES**2
+    prior[SPRINGS, SPRINGS] = base.precision
+    return VisitInformation(of, prior)
+
+
+def _linearised(
+    cell: Cell, rows: Measurements, log_compliance: Array, catalogue: dict[str, Effect]
+) -> tuple[Base, Dictionary]:
+    """The plain model at ln c (6,) and the dictionary, as planned rows would show them."""
+    # With a reading in every component: a plan leaves them empty.
+    data = LoadTest.of(cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
+    noise, state = noise_model(data, np.exp(log_compliance)), data.load_state(np.exp(log_compliance))
+    base = base_at(data, log_compliance, noise, noise.weights(VarianceComponents()))
+    return base, dictionary_of(state, noise, catalogue)
 
 
 def _outlook(dictionary: Dictionary, number: int, gram: Array, slices: dict[int, slice], needed: float) -> Outlook:

@@ -48,8 +48,12 @@ from identification.model.effects import Effect, effects
 # Family-wise false alarms of the detection, and of the test whether the extended model is enough.
 ALARM = 0.05
 INADEQUATE = 0.005
-# A name needs more than an alarm does: of data sets without any cause, one in a hundred shows as much.
+# A name needs more than an alarm does: of data sets without any cause one in a hundred shows as much, or it is likelier than
+# nothing by so much (ln odds), all parameters and the noise's sizes integrated out; and never less likely than nothing.
 NAMING = 0.01
+CERTAINLY = float(np.log(1000.0))
+# Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
+LOOKED_AT = 0.3
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
@@ -64,6 +68,7 @@ NEARLY_ALL = 0.97
 NEAREST = 5
 NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviations of nothing"
 CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
+NO_LIKELIER = "a larger noise explains the readings as well as it does"
 SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
@@ -173,6 +178,10 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
+        if detection.p_value <= LOOKED_AT:
+            found = self.named(judgement)
+            if found.log_odds is not None and found.log_odds >= CERTAINLY:
+                return found
         unseen = beyond_the_fit(plain)
         return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))
 
@@ -241,9 +250,10 @@ class Procedure:
         if judgement.detection.p_value > self.alarm and len({cause.effect.name for cause in causes}) < len(causes):
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
-        if max(NAMING, judgement.detection.resolution) < judgement.detection.p_value <= self.alarm:
-            chance = CHANCE_IN_WORDS.format(judgement.detection.p_value)
-            return self.unknown(judgement, seen, judgement.detection, {cause.label: chance for cause in causes})
+        odds = log_odds(judgement, len(seen.dictionary.entries))
+        doubt = self.doubt(judgement.detection, odds, only_local(seen, best))
+        if doubt:
+            return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
         if measured.support <= AGAINST and not only_local(seen, best):
             against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "
@@ -251,8 +261,15 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
         given = labels | {f"{law}[{cause.joint}]" for cause in causes for law in cause.open_laws}
         others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
-        return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured,
+        return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured, log_odds=odds,
                        robot_difference=difference, carried=with_free_laws(extended))
+
+    def doubt(self, detection: Detection, odds: float, local: bool) -> str:
+        """Why what is named may still be nothing, in words, "" where it may not. odds: ln, against nothing; local: the name is
+        bound to one place, where the weights of the rows may take it up."""
+        if max(NAMING, detection.resolution) < detection.p_value <= self.alarm and odds < CERTAINLY:
+            return CHANCE_IN_WORDS.format(detection.p_value)
+        return NO_LIKELIER if detection.p_value <= self.alarm and odds < 0 and not local else ""
 
     def unknown(
         self, judgement: Judgement, seen: Survey, left: Detection, withdrawn: dict[str, str] | None = None,
@@ -283,8 +300,20 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
         return found.log_evidence
     if found.plain.data is not extended.data:
         extended = posterior(found.plain.data, extended.terms, extended)
-    size = min(len(extended.terms), len(PRIOR_OF_SIZE))
-    return log_evidence(extended) + float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
+    return log_evidence(extended) + log_prior(len(extended.terms), entries)
+
+
+def log_odds(judgement: Judgement, entries: int) -> float:
+    """ln odds of the extended model, one set among `entries`, against the plain one: all parameters and the noise's sizes
+    integrated out."""
+    extended = judgement.extended
+    return log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(judgement.plain)
+
+
+def log_prior(terms: int, entries: int) -> float:
+    """ln prior of one set of so many causes among `entries`."""
+    size = min(terms, len(PRIOR_OF_SIZE))
+    return float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
 
 
 def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:

@@ -10,6 +10,7 @@ from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.procedure import NAMING
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
@@ -43,12 +44,17 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "adequacy_p_value": None if judgement.adequacy is None else judgement.adequacy.p_value,
         "patterns": list(judgement.patterns), "noise_beyond_stated": judgement.scatter, "withdrawn": list(judgement.withdrawn),
         "withdrawn_because": judgement.withdrawn, "not_converged": list(judgement.lost),
-        "law_differs": judgement.law_differs,
+        "law_differs": judgement.law_differs, "log10_odds_against_nothing": _decades(judgement),
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
         "not_offered": judgement.left_out,
         "rows_looked_at": len(judgement.rows), "visits": _visits(judgement), "validation": _validation(judgement),
     }
+
+
+def _decades(judgement: Judgement) -> float | None:
+    """log10 of the odds of what is named against nothing."""
+    return None if judgement.log_odds is None else judgement.log_odds / float(np.log(10))
 
 
 def _visits(judgement: Judgement) -> dict[str, Any] | None:
@@ -145,6 +151,10 @@ def answer(judgement: Judgement) -> list[str]:
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's")
+    decades = _decades(judgement)
+    if decades is not None and judgement.detection.p_value > NAMING:
+        lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
+                     f"10^{decades:.0f} times likelier than nothing")
     lines += [f"  the data need {factor:.1f} times the stated {part}" for part, factor in judgement.scatter.items()]
     if judgement.gain is not None:
         gain = judgement.gain

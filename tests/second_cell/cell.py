@@ -145,15 +145,20 @@ def _seen(world: World, force: np.ndarray) -> np.ndarray:
 
 def simulate(seed: int, plan: str = "cycles", stratum: str = "near", hidden: Sequence[Hidden] = (), name: str | None = None,
              weight: str = "none") -> Case:
-    """The load test of a seed. Robot, tool, stiffnesses and poses depend on the seed and the plan alone.
-
-    weight: whether the arm's masses act: "none", "known" (robot.yaml has them) or "unknown".
-    """
+    """The load test of a seed. Robot, tool, stiffnesses and poses depend on the seed and the plan alone."""
     rng = np.random.default_rng([seed, list(PLANS).index(plan), 2])
     model = robot(name or ROBOTS[int(rng.integers(len(ROBOTS)))])
     tool = np.array([rng.uniform(0.06, 0.16), 0.0, rng.uniform(0.15, 0.32)]).round(4)
     stiffness = model.stiffness * np.exp(LOG_STD * rng.standard_normal(6))
-    planned = PLANS[plan](model, tool, rng)
+    return measured(seed, model, tool, stiffness, PLANS[plan](model, tool, rng), stratum, hidden, weight)
+
+
+def measured(seed: int, model: Robot, tool: np.ndarray, stiffness: np.ndarray, planned: Plan, stratum: str = "near",
+             hidden: Sequence[Hidden] = (), weight: str = "none") -> Case:
+    """A plan carried out. tool (3,) [m] from the flange, stiffness (6,) [N m/rad]; the seed draws sizes and noise.
+
+    weight: whether the arm's masses act: "none", "known" (robot.yaml has them) or "unknown".
+    """
     world = World(_arm(model, tool, stiffness, weight), planned, planned.q.copy())
     sizes = np.random.default_rng([seed, 5])
     for one in hidden:
