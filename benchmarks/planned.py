@@ -2,9 +2,9 @@
 
     OMP_NUM_THREADS=1 python benchmarks/planned.py ROBOTS CASES --seed FIRST [--runs N] [--every-axis] [--free]
 
-For each of ROBOTS robots and tools of tests/second_cell a plan by each criterion (D, C) with the same number of runs; then CASES
-load tests of each plan, one effect hidden in each (0.5 to 2 times typical), the same for both, measured in the second cell,
-which shares neither code nor laws with the package. The promise is the forecast's for that cause at that size, from the
+For each of ROBOTS robots and tools of tests/second_cell a plan by each criterion (D, C) with the same number of runs; then
+CASES load tests of each plan, one effect hidden in each (0.5 to 2 times typical), the same for both, measured in the second
+cell, which shares neither code nor laws with the package. The promise is the forecast's for that cause at that size, from the
 package's prior and noise sheet: named, noticed or missed. Seeds FIRST on, none skipped.
 """
 
@@ -86,8 +86,8 @@ def report(plans: list[tuple[str, DesignPlan]], results: list[Result]) -> None:
         mine = [plan for name, plan in plans if name == criterion]
         named = [plan.forecast.counts["identifiable"] for plan in mine]
         least = [max(joint.after for joint in plan.forecast.joints) for plan in mine]
-        print(f"criterion {criterion}: names by its forecast {np.mean(named):.1f} of {len(mine[0].forecast.causes)} causes on average; "
-              f"least known stiffness to {100 * np.median(least):.1f} % (median)")
+        print(f"criterion {criterion}: names by its forecast {np.mean(named):.1f} of {len(mine[0].forecast.causes)} causes on "
+              f"average; least known stiffness to {100 * np.median(least):.1f} % (median)")
         for said in PROMISES:
             those = [r for r in results if r.criterion == criterion and r.promise == said]
             counts = Counter(r.outcome for r in those)

@@ -38,13 +38,13 @@ FEWER = 10
 
 @dataclass(frozen=True)
 class ByCauses:
-    """What runs by criterion C are worth. bits: information that they are expected to give of stiffnesses and causes.
-    efficiency: what they certainly have of the criterion of the best plan out of the pool, which has `pool` runs. largest: std
-    of ln k after them. otherwise_named, otherwise_largest: causes of typical size that as many runs out of the pool by
+    """What runs by criterion C are worth. bits: information that they are expected to give of stiffnesses and causes. share:
+    what they certainly have of the bits of the best plan out of the pool, which has `pool` runs. largest: std of ln k after
+    them. otherwise_named, otherwise_largest: causes of typical size that as many runs out of the pool by
     criterion D name, and the largest std of ln k after those."""
 
     bits: float
-    efficiency: float
+    share: float
     pool: int
     largest: float
     otherwise_named: int
@@ -52,13 +52,13 @@ class ByCauses:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
-        return {"bits": self.bits, "efficiency_in_pool": self.efficiency, "pool": self.pool, "largest_log_std": self.largest,
+        return {"bits": self.bits, "share_of_best_in_pool": self.share, "pool": self.pool, "largest_log_std": self.largest,
                 "by_d": {"causes_named": self.otherwise_named, "largest_log_std": self.otherwise_largest}}
 
     def lines(self) -> list[str]:
         """In plain words."""
-        return [f"at least {np.floor(1e3 * self.efficiency) / 10:.1f} % efficient against every plan of as many runs out of "
-                f"{self.pool} drawn at random (equivalence theorem; {self.bits:.0f} bits about stiffnesses and causes)",
+        return [f"{self.bits:.0f} bits about stiffnesses and causes, at least {np.floor(1e2 * self.share):.0f} % of what as many "
+                f"out of {self.pool} runs drawn at random could tell (equivalence theorem, poses as fractions)",
                 f"as many runs by criterion D name {self.otherwise_named} causes of typical size and know the least known "
                 f"stiffness {spread(self.otherwise_largest)}; these know it {spread(self.largest)}, their causes stand below"]
 
@@ -81,10 +81,11 @@ def design_for_causes(
     certificate = certify(task, runs, pool, rng, starts=effort.climbs // 2)
     design = Design(task, runs, task.information(runs), certificate, 0, 0, 0, task.value(runs), pool)
     plainly = pool.take(many_exchanges(task, pool, rng, starts)[0][0])
-    information = (everything.information(told.take(chosen)), everything.prior)
-    gained = np.linalg.slogdet(information[0])[1] - np.linalg.slogdet(information[1])[1]
+    # det^(1/m) of the precision before and after: half its log2 is the information in bits.
+    nothing, most = everything.criterion.value(everything.prior), max(_bound(everything, told, chosen), value)
+    bits, best = (0.5 * len(everything.prior) * float(np.log2(phi / nothing)) for phi in (value, most))
     return design, ByCauses(
-        float(gained / np.log(4.0)), min(value / _bound(everything, told, chosen), 1.0), len(pool),
+        bits, bits / best, len(pool),
         _largest(design.information), judge_plan(rig.cell, _rows(task, plainly, before)).counts["identifiable"],
         _largest(task.information(plainly)))
 

@@ -126,10 +126,11 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
 @dataclass(frozen=True, eq=False)
 class VisitInformation:
     """What single visits tell of everything at once. of (V, m, m): information of each visit about the six ln c, then the
-    coefficients of the causes in typical sizes; prior (m, m): what is known of them before."""
+    coefficients of the causes, `labels`, in typical sizes; prior (m, m): what is known of them before."""
 
     of: Array
     prior: Array
+    labels: tuple[str, ...]
 
 
 def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) -> VisitInformation:
@@ -138,12 +139,13 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
     catalogue = {name: effect for name, effect in effects().items() if not effect.where}
     rows = planned.select(~planned.validate)
     base, dictionary = _linearised(cell, rows, log_compliance, catalogue)
-    columns = [base.design]
+    columns, labels = [base.design], []
     for entry in dictionary.entries:
         shapes = list(entry.signatures)
         strength = np.sum(dictionary.columns[:, :, shapes] ** 2, axis=(0, 1, 3))
         middle = shapes[int(np.argsort(strength)[len(shapes) // 2])]
         columns.append(dictionary.columns[:, :, middle, : dictionary.widths[middle]])
+        labels += [entry.label] * int(dictionary.widths[middle])
     stacked = np.concatenate(columns, axis=2)
     weighted = base.weights.apply(stacked)
     _, first = np.unique(rows.visit, return_index=True)
@@ -152,7 +154,7 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
         np.split(stacked, first[1:]), np.split(weighted, first[1:]), strict=True)])
     prior = np.eye(stacked.shape[2]) / PRIOR_SIZES**2
     prior[SPRINGS, SPRINGS] = base.precision
-    return VisitInformation(of, prior)
+    return VisitInformation(of, prior, tuple(labels))
 
 
 def _linearised(

@@ -251,7 +251,7 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         odds = log_odds(judgement, len(seen.dictionary.entries))
-        doubt = self.doubt(judgement.detection, odds, only_local(seen, best))
+        doubt = doubt_of(judgement.detection, self.alarm, odds, only_local(seen, best))
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
@@ -263,13 +263,6 @@ class Procedure:
         others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
         return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured, log_odds=odds,
                        robot_difference=difference, carried=with_free_laws(extended))
-
-    def doubt(self, detection: Detection, odds: float, local: bool) -> str:
-        """Why what is named may still be nothing, in words, "" where it may not. odds: ln, against nothing; local: the name is
-        bound to one place, where the weights of the rows may take it up."""
-        if max(NAMING, detection.resolution) < detection.p_value <= self.alarm and odds < CERTAINLY:
-            return CHANCE_IN_WORDS.format(detection.p_value)
-        return NO_LIKELIER if detection.p_value <= self.alarm and odds < 0 and not local else ""
 
     def unknown(
         self, judgement: Judgement, seen: Survey, left: Detection, withdrawn: dict[str, str] | None = None,
@@ -301,6 +294,14 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     if found.plain.data is not extended.data:
         extended = posterior(found.plain.data, extended.terms, extended)
     return log_evidence(extended) + log_prior(len(extended.terms), entries)
+
+
+def doubt_of(detection: Detection, alarm: float, odds: float, local: bool) -> str:
+    """Why what is named may still be nothing, in words, "" where it may not. odds: ln, against nothing; local: the name is
+    bound to one place, where the weights of the rows may take it up."""
+    if max(NAMING, detection.resolution) < detection.p_value <= alarm and odds < CERTAINLY:
+        return CHANCE_IN_WORDS.format(detection.p_value)
+    return NO_LIKELIER if detection.p_value <= alarm and odds < 0 and not local else ""
 
 
 def log_odds(judgement: Judgement, entries: int) -> float:

@@ -11,6 +11,9 @@ from tests.second_cell.robots import Robot
 CYCLE_N = (130.0, 260.0, 390.0, 200.0, 0.0, -190.0, -380.0, -90.0)     # up, down, through zero, the other side
 
 
+SHORT_N = (150.0, 300.0, 150.0, 0.0, -150.0, -300.0, -150.0)           # one cycle, as a short commissioning takes it
+
+
 @dataclass(frozen=True)
 class Plan:
     """Rows in the order taken: q (n, 6) [rad], load (n, 3) [N] as reported, time (n,) and dwell (n,) [s], visit (n,) from 0.
@@ -55,6 +58,12 @@ def single(robot: Robot, tool: np.ndarray, rng: np.random.Generator) -> Plan:
     return _plan(robot.poses(24, tool, rng), axes[:, None], rng)
 
 
+def few(robot: Robot, tool: np.ndarray, rng: np.random.Generator) -> Plan:
+    """Eight poses, a load cycle along one axis at each: 56 rows."""
+    axes = np.eye(3)[rng.permutation(8) % 3]
+    return _plan(robot.poses(8, tool, rng), np.einsum("l,va->vla", np.array(SHORT_N), axes), rng)
+
+
 def fresh(robot: Robot, tool: np.ndarray, rng: np.random.Generator, count: int = 30) -> Plan:
     """Poses that no model was fitted to, one load in any direction each."""
     direction = rng.standard_normal((count, 1, 3))
@@ -62,4 +71,4 @@ def fresh(robot: Robot, tool: np.ndarray, rng: np.random.Generator, count: int =
     return _plan(robot.poses(count, tool, rng), rng.uniform(120, 380, (count, 1, 1)) * direction, rng)
 
 
-PLANS = {"cycles": cycles, "five": five, "single": single}
+PLANS = {"cycles": cycles, "five": five, "single": single, "few": few}

@@ -11,12 +11,13 @@ import pytest
 from scipy.stats import kstest
 
 from identification.diagnosis.blocks import in_blocks
-from identification.diagnosis.detect import FittedNoise, detect
+from identification.diagnosis.detect import Detection, FittedNoise, detect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
 from identification.diagnosis.patterns import patterns_of
 from identification.diagnosis.plan import judge_plan
+from identification.diagnosis.procedure import ALARM, doubt_of
 from identification.diagnosis.projection import Base, evidence
 from identification.fit.fitted_model import Term, predicted_deflection, response
 from identification.fit.load_test import LoadTest
@@ -264,3 +265,18 @@ def test_what_is_not_named_is_not_carried_on(tmp_path: Path) -> None:
         assert model["effects"] == []
         assert len(model["parameters"]) == len(model["log_compliance"]["mean"]) == 6
         assert "no effect of the robot is named" in done.stderr
+
+
+def detected(p_value):
+    return Detection(p_value, 0.005, np.zeros(1), {}, 1.0)
+
+
+@pytest.mark.parametrize(("p_value", "odds", "local", "says"), [
+    (0.005, 8.0, False, ""), (0.01, 1.0, False, ""),
+    (0.03, np.log(900.0), False, "too many for a name"), (0.03, np.log(1100.0), False, ""),
+    (0.005, -0.1, False, "a larger noise explains"), (0.005, -0.1, True, "")])
+def test_a_name_is_rare_by_chance_or_far_likelier_than_nothing(p_value, odds, local, says):
+    """`local`: of a step at one pose the weights of its rows may take up as much, and the odds tell nothing."""
+    doubt = doubt_of(detected(p_value), ALARM, odds, local)
+    assert says in doubt
+    assert bool(doubt) == bool(says)

@@ -1,0 +1,116 @@
+"""Criterion C: what a run tells of stiffnesses and causes, the bound over the pool, and that causes gain by it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from compstiff.cli.design import design
+from identification.design import causes
+from identification.design.criteria import d_criterion
+from identification.design.domain import Domain, random_pool
+from identification.design.exchange import exchange
+from identification.design.posture import reaching_back
+from identification.design.search import Effort
+from identification.design.task import Task, free_demand
+from identification.diagnosis.plan import judge_plan, visit_information
+from identification.measurements import read_measurements
+from identification.model.cell import read_cell
+from tests.identification.design.conftest import CELL
+from tests.support import write_cell
+
+SMALL = Effort(poses=200, exchanges=30, refinements=1, moves=0, climbs=4)
+
+
+@pytest.fixture(scope="module")
+def task(domain, prior):
+    box = np.array([[1.1, -0.4, 0.5], [1.7, 0.4, 1.2]])
+    return Task(Domain(domain.rig, domain.slots, None, box), d_criterion(), prior, free_demand(3, 6))
+
+
+@pytest.fixture(scope="module")
+def visits(task, cell):
+    """Some sixty runs of the pool, and what the dictionary says of each."""
+    pool = random_pool(task.domain, 20, np.random.default_rng(3))
+    return pool, visit_information(cell, causes._rows(task, pool, None), -np.log(cell.prior.stiffness))
+
+
+@pytest.fixture(scope="module")
+def found(task):
+    return causes.design_for_causes(task, None, np.random.default_rng(2), SMALL)
+
+
+def test_of_the_springs_it_is_the_closed_form(visits):
+    """information.py knows no dictionary and no rows: it sums the noise's parts by hand."""
+    pool, told = visits
+    largest = np.abs(pool.information).max(axis=(1, 2), keepdims=True)
+    assert np.abs((told.of[:, :6, :6] - pool.information) / largest).max() < 1e-3
+
+
+def test_of_a_plan_s_causes_it_is_what_the_forecast_finds(visits, task, cell):
+    """An effect with one shape is found from `needed / sqrt(G)` typical sizes on, G its information once the springs are free;
+    the forecast takes all rows together."""
+    pool, told = visits
+    total = np.diag(np.concatenate([np.diag(told.prior)[:6], np.zeros(len(told.prior) - 6)])) + told.of.sum(axis=0)
+    left = total[6:, 6:] - total[6:, :6] @ np.linalg.solve(total[:6, :6], total[:6, 6:])
+    outlook = {cause.entry.label: cause.detectable for cause in judge_plan(cell, causes._rows(task, pool, None)).effects}
+    needed = [outlook[label] * np.sqrt(left[k, k]) for k, label in enumerate(told.labels)
+              if label in outlook and told.labels.count(label) == 1 and "[" not in label and outlook[label] < 50]
+    # Creep and its like have several shapes, of which the forecast takes its own.
+    assert np.sum(np.isclose(needed, np.median(needed), rtol=1e-4)) >= 6
+
+
+def test_no_plan_out_of_the_pool_beats_the_bound(visits, task):
+    pool, told = visits
+    runs = replace(pool, information=told.of)
+    two = Task(task.domain, d_criterion(), told.prior, free_demand(3, 2))
+    best = max(two.value(runs.take(np.array(rows))) for rows in combinations_with_replacement(range(len(runs)), 2))
+    assert best <= causes._bound(two, runs, np.array([0, 1])) * (1 + 1e-9)
+    # Of many runs hardly a fraction is a whole number, and the bound is close.
+    many = Task(task.domain, d_criterion(), told.prior, free_demand(3, 60))
+    chosen, value = exchange(many, runs, np.random.default_rng(0))
+    bound = causes._bound(many, runs, chosen)
+    assert 0.97 * bound < value <= bound * (1 + 1e-9)
+
+
+def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
+    plan, worth = found
+    named = judge_plan(cell, causes._rows(task, plan.runs, None)).counts["identifiable"]
+    assert named >= worth.otherwise_named + 3
+    assert worth.largest < 2 * worth.otherwise_largest
+    assert worth.largest == pytest.approx(float(np.sqrt(np.diag(plan.covariance).max())))
+    assert 0.5 < worth.share <= 1
+    assert plan.certificate.efficiency < 0.95       # by the stiffnesses alone it is not the best
+    assert not reaching_back(task.domain, plan.runs.theta).any()
+    assert task.domain.excess(plan.runs).max() <= 1e-6
+
+
+def test_rows_measured_before_count(task, found, cell):
+    """The same runs again tell less that is new than runs that are chosen after them."""
+    plan, worth = found
+    before = causes._rows(task, plan.runs, None)
+    _, further = causes.design_for_causes(task, before, np.random.default_rng(2), SMALL)
+    assert further.bits < 0.6 * worth.bits
+    assert further.otherwise_named >= worth.otherwise_named
+
+
+def test_on_the_command_line(tmp_path):
+    cell = write_cell(tmp_path, CELL)
+    arguments = [cell, "-o", tmp_path / "plan.csv", "--criterion", "C", "--measurements", 3, "--axes", "z", "--quick",
+                 "--report", tmp_path / "plan.html", "--json"]
+    result = CliRunner().invoke(design, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)["result"]
+    assert content["criterion"] == "C"
+    assert content["by_causes"]["pool"] > 100
+    assert len(read_measurements(tmp_path / "plan.csv", read_cell(cell).robot, planned=True).row) == content["rows"] == 21
+    assert "possible causes" in (tmp_path / "plan.html").read_text(encoding="utf-8")
+    both = CliRunner().invoke(design, [str(cell), "-o", str(tmp_path / "x.csv"), "--criterion", "C", "--add", "1",
+                                       str(tmp_path / "plan.csv"), "--diagnosis", str(tmp_path / "plan.csv")])
+    assert both.exit_code == 2
+    assert "give one of them" in both.output
