@@ -57,8 +57,8 @@ class ByCauses:
 
     def lines(self) -> list[str]:
         """In plain words."""
-        return [f"{self.bits:.0f} bits about stiffnesses and causes, at least {np.floor(1e2 * self.share):.0f} % of what as many "
-                f"out of {self.pool} runs drawn at random could tell (equivalence theorem, poses as fractions)",
+        return [f"{self.bits:.0f} bits about stiffnesses and causes, at least {np.floor(1e2 * self.share):.0f} % of what as "
+                f"many out of {self.pool} runs drawn at random could tell (equivalence theorem, poses as fractions)",
                 f"as many runs by criterion D name {self.otherwise_named} causes of typical size and know the least known "
                 f"stiffness {spread(self.otherwise_largest)}; these know it {spread(self.largest)}, their causes stand below"]
 

@@ -118,6 +118,9 @@ class DesignPlan:
                          f"{prediction[1]:.2g} um RMS, before {prediction[0]:.3g} um")
         causes = self.forecast.cause_lines(", with what was measured before," if self.further else "")
         lines += causes[:1] if tables else causes
+        if self.aim is None and 2 * self.forecast.counts["identifiable"] < len(self.forecast.causes):
+            lines.append("most causes would stay without a name: --criterion C plans for them, most in a --box; --every-axis "
+                         "names more at each pose")
         return lines + (self.forecast.length_lines() if self.aim is None else [])
 
     @property

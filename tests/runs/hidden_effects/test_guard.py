@@ -97,7 +97,8 @@ def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.Mon
 
 
 def test_what_chance_does_now_and_then_gets_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An effect that is there, with a misfit that one in fifty data sets of nothing would show."""
+    """An effect that is there, with a misfit that one in fifty data sets of nothing would show: a name only where the odds
+    against nothing are beyond doubt."""
     real = procedure.goodness_of_fit
 
     def by_chance(fitted: Any, *arguments: Any) -> Any:
@@ -105,5 +106,7 @@ def test_what_chance_does_now_and_then_gets_no_name(monkeypatch: pytest.MonkeyPa
         return found if fitted.terms else replace(found, p_value=0.02)
 
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
+    assert kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer.verdict == "named"
+    monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: 6.0)
     found = kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer
     assert (found.verdict, found.names) == ("unknown", frozenset())
