@@ -79,7 +79,7 @@ class Terms:
         return remainder, rows.spread(remainder.basis(rows.position, rows.posture))
 
     def free(self, slopes: Array) -> Array:
-        """An orthonormal basis (3 m, r) of the weights of which the set-up sees nothing at these rows, by the slopes (n, 3 m)."""
+        """An orthonormal basis (3 m, r) of the weights of which the set-up sees nothing here, by the slopes (n, 3 m)."""
         weight = 1.0 / self.rows.sigma**2
         setup = slice(0, SETUP)
         seen = self.of_job[:, setup] * self.of_job_std[setup] @ self.job[setup, setup]
