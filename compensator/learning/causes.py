@@ -14,7 +14,8 @@ import numpy as np
 
 from compensator.correction.forward import load_state_of
 from compensator.correction.predict import Predicted
-from compensator.learning.fitted_part import FittedPart
+from compensator.correction.settings import Estimate
+from compensator.learning.fitted_part import Believed, FittedPart
 from compensator.learning.held_out import HeldOut
 from compensator.learning.rows import Rows, slope_along
 from compensator.learning.sizes import Sizes, noise_covariance, with_remainder
@@ -30,11 +31,15 @@ from identification.diagnosis.part_rows import (
     columns_of,
     effects_of_parts,
     enough,
+    free_laws,
     judged,
     moved_by,
     of_nothing,
 )
 from identification.fit.fitted_model import Term
+from identification.model.law_of import uncertain
+from identification.model.load_state import LoadState
+from identification.model.stiffness import UNKNOWN_LAW
 
 ROUNDS, TRIES = 4, 12
 # Every effect is worked out at all targets of a program, since gears remember their load: of longer ones nothing is asked [-].
@@ -45,7 +50,8 @@ MOST_TARGETS = 20_000
 class Asked:
     """found: the verdict, None: it was not asked, and why_not says why; rows: of the part, the place of the force as uncertain
     for the causes as for the springs. p_value: of the detection without causes, after: with the likeliest set. gained:
-    stretches left out, without the named causes and with them; withdrawn: why a name was taken back."""
+    stretches left out, without the named causes and with them; withdrawn: why a name was taken back; values: parameters of the
+    named causes by the dictionary's own laws, one a label and unit."""
 
     found: Found | None
     rows: Rows
@@ -54,6 +60,7 @@ class Asked:
     after: float = 1.0
     gained: tuple[HeldOut, HeldOut] | None = None
     withdrawn: str = ""
+    values: tuple[tuple[str, str, Estimate], ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -79,6 +86,8 @@ class Asked:
                 "carried": bool(self.terms), "withdrawn": self.withdrawn,
                 "causes": [{"effect": cause.effect.name, "joint": cause.joint, "probability": cause.probability,
                             "sentence": cause.sentence, "open_laws": cause.open_laws} for cause in causes],
+                "parameters": [{"name": label, "unit": unit, "estimate": each.value, "std": each.std}
+                               for label, unit, each in self.values if self.terms],
                 "left_out_um": None if self.gained is None else [1e6 * tried.learned for tried in self.gained]}
 
 
@@ -91,10 +100,9 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
         return Asked(None, plain, f"the program has {count} targets, causes are looked for in up to {MOST_TARGETS}")
     rng = np.random.default_rng(seed)
     terms, start = fitted.all_terms, replace(fitted.sizes, length=fitted.length)
-    loaded = replace(predicted.loaded, model=replace(fitted.believed.model, mean=fitted.x))
-    state = load_state_of(loaded, loaded.path.theta[loaded.targets])
+    state, targets = _state(fitted, predicted), predicted.targets
     prior = terms.physical_prior
-    rows = PartRows(state, lambda moved: terms.rows.seen(moved[loaded.targets]), _factor(terms, _sizes(terms, start)),
+    rows = PartRows(state, lambda moved: terms.rows.seen(moved[targets]), _factor(terms, _sizes(terms, start)),
                     terms.residual, terms.physical @ np.linalg.cholesky(prior + 1e-18 * np.eye(len(prior))))
     catalogue = effects_of_parts()
     first = alarm(rows, rows.dictionary(catalogue), rng)
@@ -108,7 +116,7 @@ def ask(fitted: FittedPart, predicted: Predicted, seed: int = 0) -> Asked:
             break
         chosen = seen.hypotheses[0]
         tried.add(chosen.key)
-        blurred = _blurred(terms, predicted, [moved[loaded.targets] for moved in moved_by(rows, seen, chosen)])
+        blurred = _blurred(terms, predicted, [moved[targets] for moved in moved_by(rows, seen, chosen)])
         sizes = _sizes(_with(blurred, columns_of(rows, seen, chosen)), start)
         rows = replace(rows, factor=_factor(blurred, sizes))
     after = enough(rows, seen, seen.hypotheses[0], rng) if seen.hypotheses else first
@@ -123,6 +131,7 @@ def tested(asked: Asked, without: FittedPart, fitted: FittedPart) -> Asked:
     size = len(without.believed.mean)
     off = fitted.absolute[size:len(fitted.x)] - fitted.believed.mean[size:]
     covariance = fitted.posterior.covariance[size:len(fitted.x), size:len(fitted.x)]
+    asked = replace(asked, values=_values(asked.terms, fitted.absolute[size:len(fitted.x)], covariance))
     nothing = of_nothing(asked.terms, off, covariance)
     if nothing:
         return replace(asked, withdrawn=f"{', '.join(nothing)}: within two standard deviations of nothing")
@@ -130,6 +139,30 @@ def tested(asked: Asked, without: FittedPart, fitted: FittedPart) -> Asked:
         return replace(asked, withdrawn=f"on stretches left out {1e6 * fitted.tried.learned:.1f} um are left with it, "
                                         f"{1e6 * without.tried.learned:.1f} um without")
     return asked
+
+
+def _values(terms: tuple[Term, ...], values: Array, covariance: Array) -> tuple[tuple[str, str, Estimate], ...]:
+    """Parameters (P,) of the terms with their covariance (P, P), as they are said: their laws were taken for the real ones in
+    the fit, so how far these may be off is in the standard errors."""
+    said = [(label, parameter) for term in terms for label, parameter in zip(term.names, term.effect.parameters, strict=True)]
+    of_law = UNKNOWN_LAW * values * [uncertain(term.effect) for term in terms for _ in term.effect.parameters]
+    std = np.sqrt(np.diag(covariance) + of_law**2)
+    return tuple((label, parameter.unit, Estimate(float(value), float(sigma)))
+                 for (label, parameter), value, sigma in zip(said, values, std, strict=True))
+
+
+def with_free_laws(asked: Asked, without: FittedPart, fitted: FittedPart, predicted: Predicted) -> Believed | None:
+    """What is believed of the model that is carried: the named effects as they were fitted, and beside each how far its real
+    law may be off the dictionary's; None where no law is uncertain."""
+    size = len(without.believed.mean)
+    laws = free_laws(_state(without, predicted), asked.terms, fitted.absolute[size:len(fitted.x)])
+    return fitted.believed.extended(laws, fitted.x) if laws else None
+
+
+def _state(fitted: FittedPart, predicted: Predicted) -> LoadState:
+    """Where the arm stood while it cut, yielding as it was fitted; rows are the targets in their order."""
+    loaded = replace(predicted.loaded, model=replace(fitted.believed.model, mean=fitted.x))
+    return load_state_of(loaded, loaded.path.theta[loaded.targets])
 
 
 def said_of_causes(asked: Asked, source: str) -> list[Finding]:

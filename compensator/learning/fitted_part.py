@@ -18,8 +18,9 @@ from compensator.learning.sizes import Sizes, with_remainder, without_remainder
 from compensator.learning.terms import Terms, frame_of, terms_of
 from compensator.learning.wrong_factor import refuse_wrong_factor
 from identification.common.arrays import Array
-from identification.fit.fitted_model import Term
+from identification.fit.fitted_model import WIDE, Term
 from identification.model.effects_in_force import SPRINGS
+from identification.model.law_of import LawOf
 from identification.model.stiffness import IdentifiedModel
 
 ROUNDS = 3
@@ -45,13 +46,14 @@ class Believed:
         return np.concatenate([x[SPRINGS], replace(self.model, mean=x).values])
 
     def extended(self, terms: tuple[Term, ...], found: Array) -> Believed:
-        """With effects that the part showed; found (S,): the parameters without them."""
+        """With effects that the part showed, or what their laws may be off by; found (S,): the parameters without them."""
         own, mean = list(terms), [self.mean]
         std: list[Array] = []
         for term in own:
             shape = np.array([parameter.shape for parameter in term.effect.parameters])
             mean.append(np.where(shape, term.start, term.neutral))
-            std.append(np.where(shape, SHAPE * np.abs(term.start), SIZE * term.scale))
+            wide = WIDE if isinstance(term.effect, LawOf) else SIZE
+            std.append(np.where(shape, SHAPE * np.abs(term.start), wide * term.scale))
         size, every = len(self.mean), np.concatenate(mean)
         covariance = np.diag(np.concatenate([np.zeros(size), *std]) ** 2)
         covariance[:size, :size] = self.covariance

@@ -12,7 +12,7 @@ from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
 from compensator.learned.learned import DRIFT, SETUP, Learned
-from compensator.learning.causes import ask, said_of_causes, tested
+from compensator.learning.causes import ask, said_of_causes, tested, with_free_laws
 from compensator.learning.fitted_part import Believed, fitted_part
 from compensator.learning.learning import Learning
 from compensator.learning.measured_points import read_points
@@ -71,13 +71,17 @@ def learn(
     fitted = without
     if asked.terms:
         extended = without.believed.extended(asked.terms, without.x)
-        with_causes = fitted_part(asked.rows, predicted, offsets, extended, motion, points.source)
-        asked = tested(asked, without, with_causes)
-        fitted = with_causes if asked.terms else without
+        fitted = fitted_part(asked.rows, predicted, offsets, extended, motion, points.source)
+        asked = tested(asked, without, fitted)
+        free = with_free_laws(asked, without, fitted, predicted) if asked.terms else None
+        if free is not None:
+            fitted = fitted_part(asked.rows, predicted, offsets, free, motion, points.source)
+        fitted = fitted if asked.terms else without
     terms, found = fitted.terms, fitted.posterior
     measured = rows.value - rows.seen(offsets)[:, 0]
     parts = _parts(terms, found, measured, rows.seen(predicted.prediction.position)[:, 0])
-    in_force = tuple(EffectInForce(term.effect, term.joint) for term in asked.terms)
+    shown = fitted.believed.model.effects[len(model.effects):]
+    in_force = tuple(EffectInForce(term.effect, term.joint) for term in shown)
     learned = Learned(model.mean.copy(), fitted.absolute, found.covariance, terms.frame, found.remainder, in_force)
     result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,

@@ -86,19 +86,8 @@ class Learning:
             "noise": {"factor": self.sizes.noise, "shared_um": 1e6 * self.sizes.shared,
                       "smear_mm": 1e3 * self.sizes.smear},
             "held_out": self.held_out.as_dict() if self.held_out else None,
-            "causes": self._causes(),
+            "causes": self.asked.as_dict(),
         }
-
-    def _causes(self) -> dict[str, Any]:
-        """What the dictionary of causes says, with the parameters of those that are carried."""
-        first, learned = len(self.learned.prior), self.learned
-        size = learned.springs
-        parameters = [(label, parameter.unit) for term in learned.effects
-                      for label, parameter in zip(term.names, term.effect.parameters, strict=True)]
-        std = np.sqrt(np.diag(learned.covariance))[first:size]
-        return self.asked.as_dict() | {"parameters": [
-            {"name": label, "unit": unit, "estimate": float(value), "std": float(sigma)}
-            for (label, unit), value, sigma in zip(parameters, learned.mean[first:size], std, strict=True)]}
 
     def gone(self) -> dict[str, float]:
         """Share of the measured RMS that is gone with each part taken off too, one after the other, in the order of PARTS."""

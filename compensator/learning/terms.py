@@ -1,11 +1,13 @@
 """The linear model of the rows: residual = H z + noise, z the parameters of the springs, of set-up, drift and remainder.
 
-The remainder's prior is taken on the condition that set-up and drift see nothing of it: G^T W Phi w = 0 with their columns G at
-the rows and the weights W = 1 / sigma^2 (Plumlee and Joseph, Statistica Sinica 28 (2018) 601, orthogonal Gaussian process
-models). What they can explain is theirs, and is not carried elsewhere in the remainder's name. The springs have a prior of
-their own, the load test's, and a column that follows the force: both are weighed against the remainder together. Made
-orthogonal to the springs too, what they could explain by chance would be theirs whatever the load test says; docs/benchmarks.md
-has both.
+The remainder's prior is taken on the condition that the set-up sees nothing of it: G^T W Phi w = 0 with its columns G at the
+rows and the weights W = 1 / sigma^2 (Plumlee and Joseph, Statistica Sinica 28 (2018) 601, orthogonal Gaussian process models).
+What it can explain is its own, and is not carried elsewhere in the remainder's name. That costs nothing, since a rigid
+displacement is itself smooth over the places: remainder and set-up together are all that they were. The drift's columns go with
+the time and are not, and smooth errors go with the time as the path does: made orthogonal to the drift, the remainder could not
+be a stretch of the work space along the path, and what acts with the force was taken for it. The springs have a prior of their
+own, the load test's, and columns that follow the force. So drift and springs are weighed against the remainder together;
+docs/benchmarks.md has what it costs to make it orthogonal to them.
 """
 
 from __future__ import annotations
@@ -77,10 +79,10 @@ class Terms:
         return remainder, rows.spread(remainder.basis(rows.position, rows.posture))
 
     def free(self, slopes: Array) -> Array:
-        """An orthonormal basis (3 m, r) of the weights that neither set-up nor drift sees at these rows, by the slopes (n, 3
-        m)."""
+        """An orthonormal basis (3 m, r) of the weights of which the set-up sees nothing here, by the slopes (n, 3 m)."""
         weight = 1.0 / self.rows.sigma**2
-        seen = self.of_job * self.of_job_std @ self.job
+        setup = slice(0, SETUP)
+        seen = self.of_job[:, setup] * self.of_job_std[setup] @ self.job[setup, setup]
         seen = seen / np.maximum(np.linalg.norm(seen, axis=0), 1e-300)
         _, size, right = np.linalg.svd((seen * weight[:, None]).T @ slopes)
         rank = int((size > 1e-9 * size.max(initial=0.0)).sum())

@@ -7,7 +7,7 @@ beside the springs, and which effects a part can show at all.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 from identification.common.arrays import Array, rms
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
-from identification.diagnosis.discrepancy import stiffening
+from identification.diagnosis.discrepancy import discrepancies, stiffening
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.naming import beyond_nothing, credible, inclusion, kindred, with_open_laws
 from identification.diagnosis.procedure import ALARM, INADEQUATE, MOST_CAUSES, NAMING, OPEN_LAWS_DIFFER, SUPPORT, certain
@@ -164,6 +164,14 @@ def judged(rows: PartRows, seen: Survey, first: Detection, after: Detection) -> 
         if not certain(sum(one.probability for one in kin), causes) or _apart(seen, kin) > OPEN_LAWS_DIFFER:
             return Found("ambiguous", credible(seen, best), clear=clear)
     return Found("named", causes, seen.terms(best), clear)
+
+
+def free_laws(state: LoadState, terms: tuple[Term, ...], values: Array) -> tuple[Term, ...]:
+    """What is to be carried beside named terms of these values (P,): how far their real laws may be off the dictionary's, as
+    for load tests."""
+    ends = np.cumsum([len(term.effect.parameters) for term in terms])
+    return discrepancies(state, tuple(replace(term, start=own) for term, own in zip(terms, np.split(values, ends[:-1]),
+                                                                                    strict=True)))
 
 
 def of_nothing(terms: tuple[Term, ...], off: Array, covariance: Array) -> tuple[str, ...]:

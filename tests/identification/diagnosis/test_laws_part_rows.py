@@ -91,6 +91,26 @@ def test_a_name_needs_a_clear_detection_and_a_model_that_is_enough(before: float
     assert (found.verdict, bool(found.terms)) == (verdict, verdict == "named")
 
 
+def test_replicates_are_drawn_from_the_stated_noise() -> None:
+    """As metres, by the factor that makes them white: normal, each direction with the variance that the stated covariance has
+    there, none with another's, no replicate with the next; its covariance is worked out here."""
+    rows, count = rows_of(state_of_a_path(), np.zeros((PLACES, 3)), np.random.default_rng(1)), 6000
+    way = np.linspace(0, 1, PLACES)
+    stated = np.kron(40e-6**2 * np.exp(-0.5 * ((way[:, None] - way) / 0.3) ** 2), np.eye(3)) + SIGMA**2 * np.eye(3 * PLACES)
+    variance, directions = np.linalg.eigh(stated)
+    white = rows.draw(np.random.default_rng(2), count)
+    assert white.shape == (rows.readings, 1, count)
+    drawn = directions.T @ rows.factor @ white[:, 0] / np.sqrt(variance)[:, None]
+    found = drawn @ drawn.T / count
+    spread = 5 / np.sqrt(count)     # five standard errors: of 16 290 numbers one in a hundred sets has one beyond
+    assert np.abs(np.diag(found) - 1).max() < np.sqrt(2) * spread
+    assert np.abs(found - np.diag(np.diag(found))).max() < spread
+    assert np.abs(np.mean(drawn**4, axis=1) / 3 - 1).max() < np.sqrt(96) / 3 * spread
+    after = drawn[:, 1:] @ drawn[:, :-1].T / count
+    assert np.abs(after).max() < 1.1 * spread
+    assert np.allclose(rows.whitened(rows.factor @ white[:, 0, :3])[:, 0], white[:, 0, :3])
+
+
 def test_a_smooth_error_alone_is_no_cause() -> None:
     """Of twenty drawn errors of 40 um one in twenty alarms; at most four do (99.7 %), and none is named."""
     state = state_of_a_path()

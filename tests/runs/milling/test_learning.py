@@ -152,9 +152,11 @@ def test_what_is_stated_for_the_part_holds_there(job: ErringJob, stiffness: Path
 
 
 def test_where_no_part_was_measured_nothing_is_added(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
-    """A learned file whose places stand a metre away: the springs hold, the remainder is nothing and its width stays."""
+    """A learned file whose places stand ten of its lengths away: the springs hold, the remainder is nothing and its width
+    stays."""
     content = json.loads(learned.read_text())
-    content["remainder"]["places_mm"] = [[x - 1000, y, z] for x, y, z in content["remainder"]["places_mm"]]
+    far = 10 * content["remainder"]["length_mm"]
+    content["remainder"]["places_mm"] = [[x - far, y, z] for x, y, z in content["remainder"]["places_mm"]]
     away = job.folder / "away.json"
     away.write_text(json.dumps(content))
     found = corrected(job, log, stiffness, away)
