@@ -129,7 +129,8 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
     where the tool stood off the plan.
 
-    Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, and what `read_stock` raises.
+    Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies away
+    from the program, and what `read_stock` raises.
     """
     cell = path.cell
     cutter = cutter_of(cell)
@@ -141,10 +142,26 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     step = min(LONGEST, SHARE * cutter.radius)
     track = track_of(path, cutter.teeth, 60 / speed, step, off)
+    _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
     made = blank.stock(_levels(track if off is None else track_of(path, cutter.teeth, 60 / speed, step)), cutter.corner)
     engagement = mill_through(made, track, cutter)
     return Cut(path, cutter, 60 / speed, blank, track, engagement, made)
+
+
+def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:
+    """Raises CompstiffError (CS4715) for a blank from an STL that the program comes nowhere near."""
+    if blank.solid is None or not len(track):
+        return
+    own = blank.solid.bounds
+    way = np.stack([np.minimum(track.start, track.end).min(axis=0), np.maximum(track.start, track.end).max(axis=0)])
+    low, high = way[0, :2] - cutter.radius, way[1, :2] + cutter.radius
+    if (low < own[1, :2]).all() and (high > own[0, :2]).all() and way[0, 2] < own[1, 2]:
+        return
+    words = ["; ".join(f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}" for axis, a, b in zip("xyz", *box, strict=True))
+             for box in (own, way)]
+    raise error("CS4715", f"the blank lies away from the program: it has {words[0]} mm, the program {words[1]} mm",
+                file=str(blank.solid.source), hint="export it in the program's work object; are its `units` the stated ones?")
 
 
 def _levels(track: Track) -> Array:

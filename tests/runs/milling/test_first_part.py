@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from compensator.cutting.stock_file import read_npz
+from tests.compensator.cutting.solids import binary, box_faces, stock_of
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.first_part_job import CUTTING, stock_file
 from tests.runs.milling.milling_job import MillingJob, rms
@@ -142,3 +143,25 @@ def test_clamps_stay_uncorrected_and_are_listed(shop: Shop, fitted: dict[str, An
     slot = (y == 50.0) & (shop.b.part.target_mm[:, 2] < 0)
     assert not moved[slot & (x > -8) & (x < 50)].any()
     assert (moved[slot & (x > -45) & (x < -15)] > 0.05).all()
+
+
+def test_a_blank_from_an_stl_is_predicted_as_its_box(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """The same deviation at every target; away from the program it is refused, and nothing is written."""
+    assert fitted["grades"]
+    low, high = (-62.0, -42.0, -20.0), (62.0, 63.0, 0.0)
+    (tmp_path / "box.yaml").write_text(f"box: {{from_mm: {list(low)}, to_mm: {list(high)}}}\nposition_std_mm: 0.05\n")
+    stock_of(tmp_path, binary(box_faces(low, high)), "units: mm\nposition_std_mm: 0.05\n")
+    words = ("predict", shop.cell, shop.b.program, "--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json")
+    deviation = {}
+    for name in ("box", "stock"):
+        shop.run(*words, "--stock", tmp_path / f"{name}.yaml", "-o", tmp_path / f"{name}.csv")
+        deviation[name] = np.genfromtxt(tmp_path / f"{name}.csv", delimiter=",", names=True)
+    for column in ("dx_um", "dy_um", "dz_um"):
+        most = np.nanmax(np.abs(deviation["box"][column]))
+        assert most > 50
+        assert deviation["stock"][column] == pytest.approx(deviation["box"][column], abs=0.002 * most, nan_ok=True)
+    (tmp_path / "blank.stl").write_bytes(binary(box_faces((900.0, -42.0, -20.0), (1000.0, 63.0, 0.0))))
+    done = kit.run(*words, "--stock", tmp_path / "stock.yaml", "-o", tmp_path / "no.csv", "--json")
+    assert done.code == 1, done
+    assert [finding["code"] for finding in json.loads(done.out)["findings"]][-1] == "CS4715"
+    assert not (tmp_path / "no.csv").exists()
