@@ -16,7 +16,7 @@ from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import Cut, cut_of
-from compensator.cutting.cutter import cutter_of
+from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import coefficients_of
 from compensator.cutting.posterior import fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
@@ -57,7 +57,7 @@ def cutting_coefficients(
     ...     print(stopped.findings[0].code)
     CS4701
     """
-    cutter_of(cell)
+    cutter_of(cell, program.toolpath.cutters)
     predicted = predict(cell, program, model, forces, replace(settings, cutting=CuttingSettings()))
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     aside = standing(predicted)
@@ -87,8 +87,8 @@ def cutting_coefficients(
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
-    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no
-    material).
+    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: what `cutter_of` raises, CS4703,
+    CS4731 (no material).
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> try:
@@ -97,7 +97,8 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
     ...     print(stopped.findings[0].code)
     CS4701
     """
-    cutter, rpm = cutter_of(cell), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
+    cutters = program.toolpath.cutters
+    cutter, rpm = cutter_of(cell, cutters), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     if not rpm:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
@@ -113,7 +114,7 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
                                 {"from": "table", "spindle_rpm": rpm})
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
-                              next_cut(mean, covariance, cutter, depth, chip, 0.5), tuple(assumed))
+                              next_cut(mean, covariance, cutter, depth, chip, 0.5), (*assumed, *said_of_cutter(cell, cutters)))
 
 
 def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Finding]]:

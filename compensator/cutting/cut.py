@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.cutting.chips import SHEAR
-from compensator.cutting.cutter import Cutter, cutter_of
+from compensator.cutting.cutter import Cutter, cutter_of, said_of_cutter
 from compensator.cutting.removal import Engagement, mill_through
 from compensator.cutting.stock import Stock
 from compensator.cutting.stock_file import Blank, read_stock
@@ -107,6 +107,7 @@ class Cut:
         toolpath, found = self.path.toolpath, []
         source, stock = str(self.blank.source), self.left
         found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}", file=source))
+        found += said_of_cutter(self.path.cell, toolpath.cutters)
         if not self.blank.stated:
             found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to "
                                  f"{1e3 * stock.position_std:g} mm, 1 sigma, in x, y and z", file=source,
@@ -129,11 +130,11 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
     where the tool stood off the plan.
 
-    Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies away
-    from the program, and what `read_stock` raises.
+    Raises CompstiffError: what `cutter_of` raises, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies
+    away from the program, and what `read_stock` raises.
     """
     cell = path.cell
-    cutter = cutter_of(cell)
+    cutter = cutter_of(cell, path.toolpath.cutters)
     speed = rpm or cell.force_log.form.spindle_rpm
     if not speed:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),

@@ -39,7 +39,7 @@ class Shop:
 
     def run(self, *words: object) -> dict[str, Any]:
         done = kit.run(*words, "--json")
-        assert done.code == 0, done
+        assert done.code == 0, done.out
         return json.loads(done.out)["result"]
 
     def gone(self, program: Path) -> float:
@@ -165,3 +165,30 @@ def test_a_blank_from_an_stl_is_predicted_as_its_box(shop: Shop, fitted: dict[st
     assert done.code == 1, done
     assert [finding["code"] for finding in json.loads(done.out)["findings"]][-1] == "CS4715"
     assert not (tmp_path / "no.csv").exists()
+
+
+def test_the_cutter_of_an_apt_file(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Program B as APT: CUTTER fills what cell.yaml leaves out, to the same deviation; another one is refused at its line."""
+    assert fitted["grades"]
+    position = shop.b.part.target_mm
+    program = tmp_path / "b.apt"
+    moves = "\n".join(f"GOTO/{x:.4f},{y:.4f},{z:.4f}" for x, y, z in position)
+    program.write_text(f"UNITS/MM\nCUTTER/16,0\nFEDRAT/{60 * 36.0},MMPM\n{moves}\nFINI\n")
+    words = ("--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json", "--stock", shop.stocks[1],
+             "--tool-x=-1,0,0")
+    deviation, text = {}, shop.cell.read_text()
+    for name, block in (("stated", "tool_diameter_mm: 16, "), ("left out", "")):
+        cell = shop.cell.with_name(f"{name}.yaml")
+        cell.write_text(text.replace("tool_diameter_mm: 16, ", block))
+        done = kit.run("predict", cell, program, *words, "-o", tmp_path / f"{name}.csv", "--json")
+        assert done.code == 0, done.out
+        codes = [finding["code"] for finding in json.loads(done.out)["findings"]]
+        assert ("CS4717" in codes) == (not block)
+        deviation[name] = (tmp_path / f"{name}.csv").read_bytes()
+    assert deviation["stated"] == deviation["left out"]
+    assert np.nanmax(np.genfromtxt(tmp_path / "stated.csv", delimiter=",", names=True)["dx_um"]) > 50
+    program.write_text(program.read_text().replace("CUTTER/16,0", "CUTTER/12,0"))
+    done = kit.run("predict", shop.cell, program, *words, "-o", tmp_path / "no.csv", "--json")
+    assert done.code == 1, done
+    stop = json.loads(done.out)["findings"][-1]
+    assert (stop["code"], stop["line"], Path(stop["file"]).name) == ("CS4716", 2, "b.apt")
