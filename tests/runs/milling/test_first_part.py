@@ -176,7 +176,8 @@ def test_the_cutter_of_an_apt_file(shop: Shop, fitted: dict[str, Any], tmp_path:
     program.write_text(f"UNITS/MM\nCUTTER/16,0\nFEDRAT/{60 * 36.0},MMPM\n{moves}\nFINI\n")
     words = ("--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json", "--stock", shop.stocks[1],
              "--tool-x=-1,0,0")
-    deviation, text = {}, shop.cell.read_text()
+    text = "workobject: {position_mm: [1350, -100, 750], quaternion: [0.99619470, 0, 0, 0.08715574]}\n" + shop.cell.read_text()
+    deviation = {}
     for name, block in (("stated", "tool_diameter_mm: 16, "), ("left out", "")):
         cell = shop.cell.with_name(f"{name}.yaml")
         cell.write_text(text.replace("tool_diameter_mm: 16, ", block))
@@ -188,7 +189,7 @@ def test_the_cutter_of_an_apt_file(shop: Shop, fitted: dict[str, Any], tmp_path:
     assert deviation["stated"] == deviation["left out"]
     assert np.nanmax(np.genfromtxt(tmp_path / "stated.csv", delimiter=",", names=True)["dx_um"]) > 50
     program.write_text(program.read_text().replace("CUTTER/16,0", "CUTTER/12,0"))
-    done = kit.run("predict", shop.cell, program, *words, "-o", tmp_path / "no.csv", "--json")
+    done = kit.run("predict", shop.cell.with_name("stated.yaml"), program, *words, "-o", tmp_path / "no.csv", "--json")
     assert done.code == 1, done
-    stop = json.loads(done.out)["findings"][-1]
+    [stop] = [finding for finding in json.loads(done.out)["findings"] if finding["level"] == "error"]
     assert (stop["code"], stop["line"], Path(stop["file"]).name) == ("CS4716", 2, "b.apt")
