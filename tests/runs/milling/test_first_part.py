@@ -4,6 +4,7 @@ truth is the virtual cell alone; benchmarks/first_part.py has the figures over r
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -193,3 +194,67 @@ def test_the_cutter_of_an_apt_file(shop: Shop, fitted: dict[str, Any], tmp_path:
     assert done.code == 1, done
     [stop] = [finding for finding in json.loads(done.out)["findings"] if finding["level"] == "error"]
     assert (stop["code"], stop["line"], Path(stop["file"]).name) == ("CS4716", 2, "b.apt")
+
+
+def in_folder(shop: Shop, folder: Path) -> Path:
+    """Programs with a stock, with a log, with both, and with neither, as b, a, both and none."""
+    folder.mkdir()
+    own = shop.b.log(shop.b.first, shop.b.planned, "b.csv")
+    for name, program, log, stock in (("b", shop.b.program, None, shop.stocks[1]), ("a", shop.a.program, shop.log, None),
+                                      ("both", shop.b.program, own, shop.stocks[1]), ("none", shop.b.program, None, None)):
+        shutil.copy(program, folder / f"{name}.mod")
+        if log:
+            shutil.copy(log, folder / f"{name}.forces.csv")
+        if stock:
+            shutil.copy(stock, folder / f"{name}.blank.npz")
+            (folder / f"{name}.stock.yaml").write_text(f"left_by: {name}.blank.npz\n")
+    return folder
+
+
+def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Each as if alone: predicted, by its log, by its log held against its stock; without either it is left alone."""
+    assert fitted["grades"]
+    folder, out, alone = in_folder(shop, tmp_path / "in"), tmp_path / "out", tmp_path / "alone.mod"
+    words = ("--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json", "--json")
+    done = kit.run("correct", shop.cell, folder, *words, "--tare", "0:2", "-o", f"{out}/")
+    said = {Path(line["program"]).stem: line for line in map(json.loads, done.out.splitlines())}
+    assert done.code == 0, done
+    assert {name: line["status"] for name, line in said.items()} == {"a": "ok", "b": "ok", "both": "ok", "none": "left"}
+    codes = {name: {finding["code"] for finding in line["findings"]} for name, line in said.items()}
+    assert ["CS4737" in codes[name] for name in ("a", "b", "both")] == [True, False, False]
+    assert "CS4740" in codes["both"]
+    assert "no stock none.stock.yaml" in said["none"]["findings"][0]["message"]
+    assert kit.run("correct", shop.cell, folder / "b.mod", *words, "--stock", folder / "b.stock.yaml", "-o", alone).code == 0
+    assert (out / "b.mod").read_bytes() == alone.read_bytes()
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["stock"]["file"], record["blank"]["file"]) == ("b.stock.yaml", "b.blank.npz")
+
+
+def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Once for each content of the stock, what its file names included; then by the log that comes."""
+    assert fitted["grades"]
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    shutil.copy(shop.b.program, folder / "b.mod")
+
+    def look(*more: object) -> list[str]:
+        done = kit.run("watch", folder, out, "--cell", shop.cell, "--stiffness", shop.stiffness, "--predict-force",
+                       shop.folder / "log.json", "--tare", "0:2", "--once", "--settle", 0, "--json", *more)
+        return [json.loads(line)["status"] for line in done.out.splitlines() if json.loads(line).get("program")]
+
+    assert look() == ["waiting"]
+    shutil.copy(shop.stocks[1], folder / "blank.npz")
+    (folder / "b.stock.yaml").write_text("left_by: blank.npz\n")
+    assert look() == ["ok"]
+    first = (out / "b.mod").read_bytes()
+    assert look() == []
+    with np.load(shop.stocks[1]) as content:        # a wall that stands 0.4 mm further in
+        np.savez(folder / "blank.npz", **{**content, "inside_mm": (content["inside_mm"] + 0.4).astype(np.float32)})
+    assert look() == ["ok"]
+    assert (out / "b.mod").read_bytes() != first
+    shutil.copy(shop.b.log(shop.b.first, shop.b.planned, "b.csv"), folder / "b.forces.csv")
+    assert look() == ["ok"]
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["forces"]["file"], record["stock"]["file"]) == ("b.forces.csv", "b.stock.yaml")
+    journal = [json.loads(line) for line in (out / "compstiff-watch.jsonl").read_text().splitlines()]
+    assert [len(line["stocks_sha256"]) for line in journal if line["event"] == "done"] == [1, 1, 1]
