@@ -64,6 +64,17 @@ class Blank:
     position_std: float
     stated: bool
 
+    @property
+    def bounds(self) -> Array:
+        """Least and greatest coordinates (2, 3) [m] of what may be material."""
+        if self.left is not None:
+            size = self.left.cell * (np.array(self.left.inside.shape[:0:-1]) - 1)
+            low = np.append(self.left.origin, self.left.height[0])
+            return np.stack([low, np.append(self.left.origin + size, self.left.height[-1])])
+        found = self.corners if self.solid is None else self.solid.bounds
+        assert found is not None
+        return found
+
     def stock(self, tips: Array, corner: float) -> Stock:
         """In layers for a program whose tip comes to the heights `tips` (n,) [m] with a cutter of this corner radius [m]. A new
         one each time. Raises CompstiffError (CS4704): too large."""
