@@ -76,16 +76,17 @@ def stock_of(folder: Path, content: bytes, more: str = "units: mm\n") -> Path:
 
 
 def summed_force(inside: Predicate, axis_mm: np.ndarray, heading: float, radius: float, teeth: int, high: float, chip: float,
-                 shear: tuple[float, float, float], edge: tuple[float, float, float]) -> np.ndarray:
+                 shear: tuple[float, float, float], edge: tuple[float, float, float], turn_deg: float = 0.25,
+                 rise_mm: float = 0.02) -> np.ndarray:
     """Mean force [N] on a flat cutter at axis_mm (3,), the tip, on its first way through a solid: the linear-edge law summed
-    over 0.25 degrees of the half circle that faces the feed, and 0.02 mm of height."""
-    phi = np.radians(np.arange(-90 + 0.125, 90, 0.25))
-    z = np.arange(axis_mm[2] + 0.01, high, 0.02)
+    over steps of the half circle that faces the feed, and of height."""
+    phi = np.radians(np.arange(-90 + 0.5 * turn_deg, 90, turn_deg))
+    z = np.arange(axis_mm[2] + 0.5 * rise_mm, high, rise_mm)
     rim = np.empty((len(phi), len(z), 3))
     rim[..., 0] = (axis_mm[0] + radius * np.cos(heading + phi))[:, None]
     rim[..., 1] = (axis_mm[1] + radius * np.sin(heading + phi))[:, None]
     rim[..., 2] = z
-    depth = 0.02 * inside(rim).sum(axis=1) * teeth / (2 * np.pi) * np.radians(0.25)
+    depth = rise_mm * inside(rim).sum(axis=1) * teeth / (2 * np.pi) * np.radians(turn_deg)
     h = chip * np.cos(phi)
     (kt, kr, ka), (et, er, ea) = shear, edge
     out = np.column_stack([np.cos(heading + phi), np.sin(heading + phi)])
