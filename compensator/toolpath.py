@@ -52,6 +52,21 @@ class WorkObject:
     unit: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class StatedCutter:
+    """The tool as a toolpath's file states it: diameter [m], corner [m] (None: not said), its words and where they stand.
+    beyond: what of its shape is not that of an end mill with upright flank and level floor, or why it cannot be read; "":
+    nothing."""
+
+    diameter: float
+    corner: float | None
+    words: str
+    file: str
+    line: int
+    column: int
+    beyond: str = ""
+
+
 @dataclass(frozen=True)
 class Toolpath:
     """N targets in the order of the text (docs/formats.md#force-logs: `target`).
@@ -71,6 +86,7 @@ class Toolpath:
     together   (N,) the move is synchronised with those of other robots (\\ID); None: none is
     given      (N,) number of each target in the program as it was given, None where none was added since; `line` and `column`
                are always those of that program
+    cutters    those that the file states for these targets; RAPID and tables state none
     """
 
     source: str
@@ -94,6 +110,7 @@ class Toolpath:
     given: Indices | None = None
     switched: tuple[tuple[int, str, bool], ...] = ()
     together: NDArray[np.bool_] | None = None
+    cutters: tuple[StatedCutter, ...] = ()
 
     @property
     def number(self) -> Indices:

@@ -14,11 +14,12 @@ from compensator.coefficients.next_cut import next_cut
 from compensator.correction.logged_pass import read_offsets
 from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
+from compensator.cutting.chips import EDGE, SHEAR
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import Cut, cut_of
-from compensator.cutting.cutter import cutter_of
+from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import coefficients_of
-from compensator.cutting.posterior import fit_coefficients
+from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import read_stock
@@ -32,8 +33,8 @@ from identification.model.stiffness import IdentifiedModel
 
 # Without a material in cell.yaml nothing is known before: a middle one, known to a factor of ten. Engineering judgement.
 ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
-# Teeth that stand out by 10 to 20 um, as nobody has measured them, miss part of a light cut: by so large a share the edge's
-# coefficients of one log may be others' in another cut. Engineering judgement.
+# Teeth that stand out by 10 to 20 um, as nobody has measured them, miss part of their thin chips: so large a share of the
+# edge's part a log gives to the chip's. Engineering judgement.
 RUNOUT = 0.1
 # What the table leaves of the force at a place, beside the coefficients.
 TABLE_MODEL_ERROR = 0.05
@@ -57,12 +58,12 @@ def cutting_coefficients(
     ...     print(stopped.findings[0].code)
     CS4701
     """
-    cutter_of(cell)
+    cutter_of(cell, program.toolpath.cutters)
     predicted = predict(cell, program, model, forces, replace(settings, cutting=CuttingSettings()))
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     aside = standing(predicted)
-    cut = cut_of(predicted.path, blank, rpm, aside)
-    rows, used = logged_rows(cut, predicted.forces, aside, cut.left.position_std, rpm)
+    cut = cut_of(predicted.path, blank, rpm, aside, blank.position_std)
+    rows, used = logged_rows(cut, predicted.forces)
     if len(rows.force) < FEWEST:
         raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at "
                     f"least {FEWEST}", file=predicted.forces.log.source,
@@ -71,10 +72,10 @@ def cutting_coefficients(
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
     gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
-    of_edge = np.where(np.arange(6) < 3, 0.0, found.mean)
+    taken = of_runout(rows, found)
     coefficients = Coefficients(
         found.mean.copy(),
-        found.covariance + gain**2 * np.outer(found.mean, found.mean) + RUNOUT**2 * np.outer(of_edge, of_edge),
+        found.covariance + gain**2 * np.outer(found.mean, found.mean) + RUNOUT**2 * np.outer(taken, taken),
         found.model_error, cut.cutter,
         material,
         (float(chip.min()), float(chip.max())),
@@ -86,9 +87,20 @@ def cutting_coefficients(
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
 
 
+def of_runout(rows: ForceRows, found: ForcePosterior) -> Array:
+    """Which way (6,) the coefficients of a log err by run-out: what the edge's three lose altogether, the chip's three have
+    got, so that the forces of that log stay what they are."""
+    edge = np.where(np.arange(6) < 3, 0.0, found.mean)
+    weight = rows.weight / found.error[:, :, None]
+    scale = np.maximum(np.abs(found.mean[SHEAR]), 1e-9 * np.abs(found.mean[SHEAR]).max())
+    lost = (weight @ edge).reshape(-1)
+    got = np.linalg.lstsq(weight[:, :, SHEAR].reshape(-1, 3) * scale, lost, rcond=1e-6)[0]
+    return np.concatenate([scale * got, -edge[EDGE]])
+
+
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:
-    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: CS4701, CS4703, CS4731 (no
-    material).
+    """By the material of cell.yaml alone, for the program's feed. Raises CompstiffError: what `cutter_of` raises, CS4703,
+    CS4731 (no material).
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> try:
@@ -97,7 +109,8 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
     ...     print(stopped.findings[0].code)
     CS4701
     """
-    cutter, rpm = cutter_of(cell), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
+    cutters = program.toolpath.cutters
+    cutter, rpm = cutter_of(cell, cutters), settings.log.spindle_rpm or cell.force_log.form.spindle_rpm
     if not rpm:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
@@ -113,7 +126,7 @@ def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings =
                                 {"from": "table", "spindle_rpm": rpm})
     depth = 1e-3 * (cell.cutting.contact_mm or 1.0)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), None, None,
-                              next_cut(mean, covariance, cutter, depth, chip, 0.5), tuple(assumed))
+                              next_cut(mean, covariance, cutter, depth, chip, 0.5), (*assumed, *said_of_cutter(cell, cutters)))
 
 
 def before(cell: Cell, chip: float) -> tuple[Array, Array, str | None, list[Finding]]:

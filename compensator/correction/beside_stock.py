@@ -11,6 +11,7 @@ from compensator.cutting.coefficients import check_same, read_coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.disagreement import disagreement
 from compensator.cutting.rows import FEWEST, logged_rows
+from compensator.cutting.stock_file import read_stock
 from identification.common.findings import Finding
 
 # The stock is moved by this [m] to see what that changes; more where its place is known worse.
@@ -28,10 +29,11 @@ def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings)
     if settings.correction.logged_with is None:
         aside[loaded.targets] = prediction.position
     rpm, source = settings.log.spindle_rpm, forces.log.source
-    cut = cut_of(path, chosen.stock, rpm, aside)
+    blank = read_stock(chosen.stock)
+    step = max(STEP, blank.position_std)
+    cut = cut_of(path, blank, rpm, aside, step)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
-    step = max(STEP, cut.left.position_std)
-    rows, _ = logged_rows(cut, forces, aside, step, rpm, coefficients.mean)
+    rows, _ = logged_rows(cut, forces, coefficients.mean)
     if len(rows.force) < FEWEST:
         return [Finding("CS4743", "warning", f"only {len(rows.force)} targets show a force and are engaged as the stock "
                         "says: the log cannot be held against it", file=source,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from compensator.correction.correct import Corrected
+from compensator.cutting.stock_file import named_by
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, fold
 
@@ -30,6 +31,7 @@ def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
         "cell": _named(predicted.cell.source),
         "forces": _named(Path(predicted.forces.log.source)),
         **{name: _named(file) for name, file in predicted.settings.files()},
+        **_blank(predicted.settings.cutting.stock),
         "settings": predicted.settings.as_dict(),
         "robot": {"name": predicted.cell.robot.name, "sha256": predicted.cell.robot.sha256},
         "summary": corrected.as_dict(),
@@ -41,6 +43,12 @@ def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
 def _named(file: Path | None) -> dict[str, str] | None:
     """A file by its name and content; None where a script gave the value itself."""
     return None if file is None else {"file": file.name, "sha256": sha256(file)}
+
+
+def _blank(stock: Path | None) -> dict[str, Any]:
+    """The file that the stock file names, under `blank`."""
+    named = named_by(stock) if stock else ()
+    return {"blank": _named(named[0])} if named else {}
 
 
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.cutting.chips import SHEAR
-from compensator.cutting.cutter import Cutter, cutter_of
+from compensator.cutting.cutter import Cutter, cutter_of, said_of_cutter
 from compensator.cutting.removal import Engagement, mill_through
 from compensator.cutting.stock import Stock
 from compensator.cutting.stock_file import Blank, read_stock
@@ -22,6 +22,8 @@ from identification.common.findings import Finding, counted, error
 
 # Steps of a track are so long at most, and this share of the cutter's radius [m].
 LONGEST, SHARE = 0.5e-3, 1 / 16
+# A tool that yields, and a stock that stands aside, are further off than this nowhere [m].
+MOST_ASIDE = 5e-3
 # So many places that stay as they are are named.
 NAMED = 5
 
@@ -43,8 +45,15 @@ class Cut:
     def per_step(self) -> Array:
         """A (S, 3, 6): the mean force of a step [N], base frame, is A K; coefficients K in N/m^2 and N/m. Zero where it is not
         known."""
+        return self._in_base(self.engagement.weights)
+
+    def per_step_aside(self) -> list[Array]:
+        """The same with the tool aside, as `cut_of` was asked, along x, y and z of the work object; none where it was not."""
+        return [] if self.engagement.moved is None else [self._in_base(moved) for moved in self.engagement.moved]
+
+    def _in_base(self, weight: Array) -> Array:
         chip = np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
-        scaled = self.engagement.weights.copy()
+        scaled = weight.copy()
         scaled[:, :, SHEAR] *= chip[:, None, None]
         scaled[self.engagement.unknown] = 0.0
         return np.asarray(np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled))
@@ -107,6 +116,7 @@ class Cut:
         toolpath, found = self.path.toolpath, []
         source, stock = str(self.blank.source), self.left
         found.append(Finding("CS4706", "note", f"{self.cutter.words()}; stock {stock.words()}", file=source))
+        found += said_of_cutter(self.path.cell, toolpath.cutters)
         if not self.blank.stated:
             found.append(Finding("CS4707", "note", f"where the stock stands is taken to be known to "
                                  f"{1e3 * stock.position_std:g} mm, 1 sigma, in x, y and z", file=source,
@@ -125,29 +135,50 @@ class Cut:
         return found
 
 
-def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None) -> Cut:
+def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None, step: float = 0.0) -> Cut:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
-    where the tool stood off the plan.
+    where the tool stood off the plan; step [m]: also with all of it aside by so much (`per_step_aside`).
 
-    Raises CompstiffError: CS4701 no cutter, CS4702 another work object, CS4703 no spindle speed, and what `read_stock` raises.
+    Raises CompstiffError: what `cutter_of` raises, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies
+    away from the program, and what `read_stock` raises.
     """
     cell = path.cell
-    cutter = cutter_of(cell)
+    cutter = cutter_of(cell, path.toolpath.cutters)
     speed = rpm or cell.force_log.form.spindle_rpm
     if not speed:
         raise error("CS4703", "the chip's thickness needs the spindle's speed", file=str(cell.source),
                     hint="--spindle-rpm, or force_log.spindle_rpm in cell.yaml")
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
-    step = min(LONGEST, SHARE * cutter.radius)
-    track = track_of(path, cutter.teeth, 60 / speed, step, off)
+    piece = min(LONGEST, SHARE * cutter.radius)
+    track = track_of(path, cutter.teeth, 60 / speed, piece, off)
+    _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
-    made = blank.stock(_levels(track if off is None else track_of(path, cutter.teeth, 60 / speed, step)), cutter.corner)
-    engagement = mill_through(made, track, cutter)
+    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece)
+    made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
+    engagement = mill_through(made, track, cutter, step)
     return Cut(path, cutter, 60 / speed, blank, track, engagement, made)
 
 
-def _levels(track: Track) -> Array:
-    """The heights (n,) [m] at which the tip goes sideways."""
-    sideways = np.hypot(*(track.end - track.start)[:, :2].T) > 1e-9
+def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:
+    """Raises CompstiffError (CS4715) for a blank from an STL that the program comes nowhere near."""
+    if blank.solid is None or not len(track):
+        return
+    own = blank.bounds
+    way = np.stack([np.minimum(track.start, track.end).min(axis=0), np.maximum(track.start, track.end).max(axis=0)])
+    low, high = way[0, :2] - cutter.radius, way[1, :2] + cutter.radius
+    if (low < own[1, :2]).all() and (high > own[0, :2]).all() and way[0, 2] < own[1, 2]:
+        return
+    words = ["; ".join(f"{axis} {1e3 * a:.4g} to {1e3 * b:.4g}" for axis, a, b in zip("xyz", *box, strict=True))
+             for box in (own, way)]
+    raise error("CS4715", f"the blank lies away from the program: it has {words[0]} mm, the program {words[1]} mm",
+                file=str(blank.solid.source), hint="export it in the program's work object; are its `units` the stated ones?")
+
+
+def _levels(track: Track, bounds: Array, reach: float) -> Array:
+    """The heights (n,) [m] at which the tip goes sideways within `reach` [m] of the stock's bounds (2, 3): what it does beside
+    the stock cuts no layer."""
+    way = (track.end - track.start)[:, :2]
+    low, high = np.minimum(track.start, track.end)[:, :2], np.maximum(track.start, track.end)[:, :2]
+    sideways = (np.hypot(*way.T) > 1e-9) & ((low < bounds[1, :2] + reach) & (high > bounds[0, :2] - reach)).all(axis=1)
     return np.concatenate([track.start[sideways, 2], track.end[sideways, 2]])

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from compensator.toolpath import StatedCutter
 from identification.common.arrays import Array
-from identification.common.findings import error
+from identification.common.findings import Finding, error
 from identification.model.cell import Cell
+
+# Lengths of a cutter that are one [m].
+SAME = 1e-5
 
 
 @dataclass(frozen=True)
@@ -48,17 +53,55 @@ class Cutter:
         return f"{kind} end mill, diameter {2e3 * self.radius:g} mm, {self.teeth} teeth"
 
 
-def cutter_of(cell: Cell) -> Cutter:
-    """As `cutting` of cell.yaml says. Raises CompstiffError (CS4701) where diameter or teeth are not stated there."""
-    cutting = cell.cutting
-    missing = [f"cutting.{name}" for name in ("tool_diameter_mm", "teeth") if getattr(cutting, name) is None]
-    if missing or cutting.tool_diameter_mm is None or cutting.teeth is None:
+def cutter_of(cell: Cell, stated: tuple[StatedCutter, ...] = ()) -> Cutter:
+    """As `cutting` of cell.yaml says; what it leaves out of diameter and corner radius is that which the program states.
+
+    Raises CompstiffError: CS4701 diameter or teeth are stated nowhere, CS4716 cell and program contradict each other, CS4718
+    the program's tool is no end mill that is modelled, CS4719 the program states several.
+    """
+    cutting, own = cell.cutting, _only(stated)
+    wide, rounded = cutting.tool_diameter_mm, cutting.corner_radius_mm
+    if own is not None:
+        for name, value, there in (("tool_diameter_mm", wide, 1e3 * own.diameter),
+                                   ("corner_radius_mm", rounded, None if own.corner is None else 1e3 * own.corner)):
+            if value is not None and there is not None and abs(value - there) > 1e3 * SAME:
+                raise error("CS4716", f"{own.words} has {there:g} mm, cutting.{name} of {Path(str(cell.source)).name} "
+                            f"{value:g}", file=own.file, line=own.line, column=own.column, hint="which tool is in the spindle? "
+                            "Correct cell.yaml, or let the CAM system write the program for that tool")
+        wide = 1e3 * own.diameter if wide is None else wide
+        rounded = 1e3 * own.corner if rounded is None and own.corner is not None else rounded
+    missing = [f"cutting.{name}" for name, value in (("tool_diameter_mm", wide), ("teeth", cutting.teeth)) if value is None]
+    if wide is None or cutting.teeth is None:
         raise error("CS4701", f"the cutter is not known: {' and '.join(missing)} of cell.yaml", file=str(cell.source),
                     hint="state diameter and teeth, and cutting.corner_radius_mm unless it is a flat end mill")
-    radius = 0.5e-3 * cutting.tool_diameter_mm
-    corner = 1e-3 * (cutting.corner_radius_mm or 0.0)
+    radius, corner = 0.5e-3 * wide, 1e-3 * (rounded or 0.0)
     if corner > radius * (1 + 1e-9):
         raise error("CS4701", f"cutting.corner_radius_mm is {1e3 * corner:g}, expected at most half the diameter, "
                     f"{1e3 * radius:g}", file=str(cell.source), hint="a ball has just half the diameter")
     return Cutter(radius, cutting.teeth, min(corner, radius),
                   np.inf if cutting.flute_mm is None else 1e-3 * cutting.flute_mm)
+
+
+def said_of_cutter(cell: Cell, stated: tuple[StatedCutter, ...]) -> list[Finding]:
+    """A note (CS4717) of what the program stated of the cutter and cell.yaml did not."""
+    own = _only(stated)
+    if own is None:
+        return []
+    taken = ([f"diameter {1e3 * own.diameter:g} mm"] if cell.cutting.tool_diameter_mm is None else []) + (
+        [f"corner radius {1e3 * own.corner:g} mm"] if cell.cutting.corner_radius_mm is None and own.corner else [])
+    return [Finding("CS4717", "note", f"the cutter's {' and '.join(taken)}: as {own.words} says", own.file, own.line,
+                    own.column, hint="state it in cell.yaml to have it checked")] if taken else []
+
+
+def _only(stated: tuple[StatedCutter, ...]) -> StatedCutter | None:
+    """The one cutter of a program. Raises CompstiffError: CS4718, CS4719."""
+    for one in stated:
+        if one.beyond:
+            raise error("CS4718", f"{one.words}: {one.beyond}; forces are worked out for end mills with an upright flank and a "
+                        "level floor", file=one.file, line=one.line, column=one.column,
+                        hint="log a pass of this program, or let the CAM system write CUTTER/diameter,corner radius")
+    if len(stated) > 1:
+        raise error("CS4719", f"{stated[1].words} behind {stated[0].words} (line {stated[0].line}): one program, one cutter",
+                    file=stated[1].file, line=stated[1].line, column=stated[1].column,
+                    hint="let the CAM system write one file a tool; --leaves gives the next one its stock")
+    return stated[0] if stated else None

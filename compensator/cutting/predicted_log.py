@@ -10,9 +10,9 @@ import numpy as np
 
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
+from compensator.cutting.stock_file import read_stock
 from compensator.forces.log import ForceLog
 from compensator.path.robot_path import RobotPath
-from identification.common.arrays import Array
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
 
@@ -35,14 +35,16 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
 
     Raises CompstiffError: CS4721 another cutter or material, and what `cut_of` raises.
     """
-    cut = cut_of(path, stock, rpm)
+    blank = read_stock(stock)
+    cut = cut_of(path, blank, rpm, step=blank.position_std)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
     force = cut.per_step @ coefficients.mean
     covariance = np.einsum("sij,jk,slk->sil", cut.per_step, coefficients.covariance, cut.per_step)
     size = np.linalg.norm(force, axis=1)
     covariance += (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
-    for moved in _moved(cut, coefficients, rpm):
-        covariance += np.einsum("si,sj->sij", moved - force, moved - force)
+    for weight in cut.per_step_aside():
+        change = weight @ coefficients.mean - force
+        covariance += np.einsum("si,sj->sij", change, change)
     # A target with a step of unknown force has none, and stays as it is.
     lost = cut.unknown[cut.track.target]
     force[lost], covariance[lost] = 0.0, 0.0
@@ -58,17 +60,6 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
         np.maximum(np.round(cut.track.length[step] / pieces[step] / A_SAMPLE), 1.0), None, None, None,
         np.concatenate([force, np.zeros((rows, 3))], axis=1), np.zeros(rows, dtype=bool), findings,
         covariance=covariance), cut
-
-
-def _moved(cut: Cut, coefficients: Coefficients, rpm: float | None) -> list[Array]:
-    """The forces (S, 3) [N] where the stock stands aside by its standard deviation along x, y and z of the work object."""
-    std = cut.left.position_std
-    if not std:
-        return []
-    axes = cut.path.base_from_object.rotation[0]
-    count = len(cut.path.toolpath)
-    return [np.asarray(cut_of(cut.path, cut.blank, rpm, np.tile(std * axes[:, k], (count, 1))).per_step @ coefficients.mean)
-            for k in range(3)]
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

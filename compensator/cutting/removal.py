@@ -1,9 +1,12 @@
 """A cutter goes through the stock: how it engages on every step of its way, and what it leaves.
 
 Steps are taken in batches of a few. For each batch the half circle that faces the feed is looked at in every layer, at the
-middle of every step: what stands there is the lesser of two distances to the material's edge, that of the stock as the batches
-before left it, and that to the way of the cutter in this batch up to the step. Then the way of the whole batch is taken out of
-the stock. Where the distance passes zero between two points of the half circle the cut begins or ends.
+middle of every step: what stands there is the least of three distances to the material's edge, that of the blank, that to what
+the batches before went over, and that to the way of the cutter in this batch up to the step. Then the way of the whole batch is
+gone over. Where the distance passes zero between two points of the half circle the cut begins or ends.
+
+Where the blank stands aside only the first of the three is another. So one going through tells the engagement with it aside
+too: along x and y anew at the steps that come near the blank's own edge, along z by how much of each layer is then another's.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from numpy.typing import NDArray
 
 from compensator.cutting.chips import integrals, weights
 from compensator.cutting.cutter import Cutter
-from compensator.cutting.stock import Stock
+from compensator.cutting.stock import Grid, Stock
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
 from identification.common.progress import progress
@@ -36,7 +39,8 @@ class Engagement:
     """How the cutter is engaged on S steps of a track. weights (S, 3, 6): of the coefficients in the mean force, per metre of
     feed a tooth in the chip's three (chips.py), work object; low, high (S,) [rad]: the cut's ends, to the left of the feed, NaN
     where nothing is cut; depth (S,) [m]: largest, along the axis; width (S,) [m]: across the feed, mean over the depth; unknown
-    (S,): it cuts, and the force is not known."""
+    (S,): it cuts, and the force is not known; moved (3, S, 3, 6): `weights` with the tool aside along x, y and z, None: not
+    asked for."""
 
     weights: Array
     low: Array
@@ -44,9 +48,12 @@ class Engagement:
     depth: Array
     width: Array
     unknown: Flags
+    moved: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(self.weights, self.low, self.high, self.depth, self.width, self.unknown)
+        if self.moved is not None:
+            read_only(self.moved)
 
     @property
     def cuts(self) -> Flags:
@@ -64,26 +71,43 @@ class _Slice:
     edge: Array
 
 
-def mill_through(stock: Stock, track: Track, cutter: Cutter) -> Engagement:
-    """Takes the way of the cutter out of the stock, IN PLACE, and says how it engaged."""
+@dataclass(frozen=True, eq=False)
+class _Material:
+    """stock: the blank; swept (L, ny, nx) [m]: how far its points are from where the cutter was; aside [m]: how far the tool is
+    moved to see what that changes, 0: not at all; kind (L,): layers of one number have the same outline."""
+
+    stock: Stock
+    swept: Grid
+    aside: float
+    kind: NDArray[np.intp]
+
+
+def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> Engagement:
+    """Takes the way of the cutter out of the stock, IN PLACE, and says how it engaged; aside [m]: also with the tool moved by
+    so much along x, y and up, each by itself."""
     count = len(track)
-    engaged = Engagement(np.zeros((count, 3, 6)), np.full(count, np.nan), np.full(count, np.nan), np.zeros(count),
-                         np.zeros(count), np.zeros(count, dtype=bool))
-    arrays = {name: np.array(getattr(engaged, name)) for name in ("weights", "low", "high", "depth", "width", "unknown")}
+    arrays = {"weights": np.zeros((count, 3, 6)), "low": np.full(count, np.nan), "high": np.full(count, np.nan),
+              "depth": np.zeros(count), "width": np.zeros(count)}
+    if aside:
+        arrays["moved"] = np.zeros((3, count, 3, 6))
     near = _near(stock, track, cutter)
+    grid = stock.inside
+    kind = np.cumsum([0, *(not np.array_equal(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
+    material = _Material(stock, np.full(grid.shape, np.float32(1.0)), aside, kind)
     with progress("milling through the stock", count) as bar:
         for first in range(0, count, BATCH):
             rows = first + np.flatnonzero(near[first:first + BATCH])
             if len(rows):
-                _one_batch(stock, track, cutter, rows, arrays)
+                _one_batch(material, track, cutter, rows, arrays)
             bar.add(min(BATCH, count - first))
+    np.minimum(grid, material.swept, out=grid)
     in_a_box = np.zeros(count, dtype=bool)
     for low, high in stock.unknown:
         reach = np.array([cutter.radius, cutter.radius, 0.0])
         in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
     cuts = arrays["depth"] > 0
-    arrays["unknown"] = (cuts & (track.joint | ~track.upright | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box
-    return Engagement(**arrays)
+    unknown = (cuts & (track.joint | ~track.upright | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box
+    return Engagement(unknown=unknown, **arrays)
 
 
 def _plunges(track: Track) -> Flags:
@@ -102,8 +126,9 @@ def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
                       & (np.minimum(track.start, track.end)[:, 2] < stock.height[-1]))
 
 
-def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp], into: dict[str, Array]) -> None:
-    """Looks at the steps `rows` (K,), then takes them out."""
+def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[np.intp], into: dict[str, Array]) -> None:
+    """Looks at the steps `rows` (K,), then goes over them."""
+    stock = material.stock
     start, end = track.start[rows], track.end[rows]
     middle = 0.5 * (start + end)
     way = (end - start)[:, :2]
@@ -134,12 +159,17 @@ def _one_batch(stock: Stock, track: Track, cutter: Cutter, rows: NDArray[np.intp
                 np.cos(ANGLE)[None, :, None] * feed[:, None, :] + np.sin(ANGLE)[None, :, None] * left[:, None, :]))
             own = _beside_own_way(rim, start, end, gone)
             rim_of[key] = (rim, own)
-        inside = np.minimum(_sampled(stock, int(layer), rim), own) - FILM
-        inside[~looking] = -1.0
+        blank = _sampled(stock, stock.inside[layer], rim)
+        gone_over = np.minimum(_sampled(stock, material.swept[layer], rim), own)
         foot = np.maximum(bottom, tip) - tip
-        edge = cutter.edge_length(foot, foot + thick)
-        _add(inside, _Slice(thick, radius, sine, edge), feed, left, cutter.teeth, rows, into)
-    _take_out(stock, cutter, start, end, layer_middle, within)
+        piece = _Slice(thick, radius, sine, cutter.edge_length(foot, foot + thick))
+        inside = np.minimum(blank, gone_over) - FILM
+        inside[~looking] = -1.0
+        turned = _add(inside, piece, feed, left, cutter.teeth, rows, into)
+        if material.aside:
+            _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, (feed, left), cutter.teeth,
+                       rows, into["moved"])
+    _go_over(material, cutter, start, end, layer_middle, within)
 
 
 def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
@@ -164,10 +194,9 @@ def _distance(points: Array, first: Array, last: Array) -> Array:
     return np.asarray(np.hypot(off[..., 0], off[..., 1]))
 
 
-def _sampled(stock: Stock, layer: int, points: Array) -> Array:
-    """The distance to the material's edge (K, P) [m] at points (K, P, 2), between the grid's points in proportion; outside of
-    the grid there is nothing."""
-    grid = stock.inside[layer]
+def _sampled(stock: Stock, grid: Grid, points: Array) -> Array:
+    """A distance (K, P) [m] at points (K, P, 2), between the points of one layer's grid (ny, nx) in proportion; outside of the
+    grid there is nothing."""
     ny, nx = grid.shape
     x, y = ((points[..., k] - stock.origin[k]) / stock.cell for k in range(2))
     on = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1)
@@ -180,13 +209,11 @@ def _sampled(stock: Stock, layer: int, points: Array) -> Array:
     return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
 
 
-def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
-         into: dict[str, Array]) -> None:
-    """Adds one layer's cut to the steps: inside (K, P) [m] within the material around the half circle."""
+def _arcs(inside: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Which steps (M,) cut, from where to where (M,) [rad], and the integrals (K, 5) over all of a step: inside (K, P) [m]
+    within the material around the half circle."""
     first, last = inside[:, :-1], inside[:, 1:]
     step, piece = np.nonzero((first > 0) | (last > 0))
-    if not len(step):
-        return
     a, b = first[step, piece], last[step, piece]
     share = np.clip(np.where(a > 0, a, b) / np.maximum(np.abs(a - b), 1e-15), 0.0, 1.0)
     low, high = ANGLE[piece], ANGLE[piece + 1]
@@ -195,11 +222,25 @@ def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, 
     stop = np.where(both | (b > 0), high, low + share * (high - low))
     integral = integrals(begin, stop)
     summed = np.column_stack([np.bincount(step, column, minlength=len(inside)).astype(float) for column in integral.T])
-    # Local axes: feed, left, up -> work object.
-    thick = piece_of.thick
-    local = weights(summed, thick, piece_of.sine, piece_of.edge, teeth)
+    return step, begin, stop, summed
+
+
+def _turned(summed: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int) -> Array:
+    """Weights (K, 3, 6) in the work object of integrals (K, 5); local axes are feed, left, up."""
+    local = weights(summed, piece_of.thick, piece_of.sine, piece_of.edge, teeth)
     turned = local.copy()
     turned[:, :2] = np.einsum("kai,kac->kic", np.stack([feed, left], axis=1), local[:, :2])
+    return turned
+
+
+def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
+         into: dict[str, Array]) -> Array | None:
+    """Adds one layer's cut to the steps, and returns its weights; None where nothing is cut."""
+    step, begin, stop, summed = _arcs(inside)
+    if not len(step):
+        return None
+    thick = piece_of.thick
+    turned = _turned(summed, piece_of, feed, left, teeth)
     into["weights"][rows] += turned
     cut = np.flatnonzero(summed[:, 4] > 0)
     at = rows[cut]
@@ -212,11 +253,60 @@ def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, 
     across = piece_of.radius[cut] * summed[cut, 2]
     into["width"][at] += thick[cut] / depth * (across - into["width"][at])
     into["depth"][at] = depth
+    return turned
 
 
-def _take_out(stock: Stock, cutter: Cutter, start: Array, end: Array, layer_middle: Array, within: NDArray[np.intp]) -> None:
-    """Takes the way of the steps out of the layers `within`."""
-    _, ny, nx = stock.inside.shape
+def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Array, gone_over: Array, rim: Array, tip: Array,
+               piece_of: _Slice, looking: Flags, axes: tuple[Array, Array], teeth: int, rows: NDArray[np.intp],
+               moved: Array) -> None:
+    """Adds the cut of one layer with the tool aside along x, y and up, to moved (3, S, 3, 6). turned: its weights where it is
+    on its way; blank, gone_over (K, P) [m]: both distances there."""
+    stock, aside, count = material.stock, material.aside, len(rows)
+
+    def cut(some: NDArray[np.intp], other: Array) -> Array:
+        """Weights (len(some), 3, 6) of steps where the blank is `other`."""
+        inside = np.minimum(other, gone_over[some]) - FILM
+        _, _, _, summed = _arcs(inside)
+        part = _Slice(piece_of.thick[some], piece_of.radius[some], piece_of.sine[some], piece_of.edge[some])
+        return _turned(summed, part, axes[0][some], axes[1][some], teeth)
+
+    as_it_is = np.zeros((count, 3, 6)) if turned is None else turned
+    # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
+    reach = aside + piece_of.radius * (ANGLE[1] - ANGLE[0])
+    feels = ((np.abs(blank) < reach[:, None]) & (blank - aside < gone_over) & (gone_over > -reach[:, None])).any(axis=1)
+    some = np.flatnonzero(looking & feels)
+    for axis in range(2):
+        change = as_it_is.copy()
+        if len(some):
+            shift = np.zeros(2)
+            shift[axis] = aside
+            change[some] = cut(some, _sampled(stock, stock.inside[layer], rim[some] + shift))
+        moved[axis, rows] += change
+    # Up: what stands in this layer is the blank a little higher, and under its floor there is some more of it.
+    height = stock.height
+    bottom, top = height[layer] - (aside if layer == 0 else 0.0), height[layer + 1]
+    from_foot = np.maximum(bottom, tip)
+    last = int(np.searchsorted(height, top + aside, side="left"))
+    share_of_kind: dict[int, Array] = {}
+    for other in range(layer, min(last, len(height) - 1)):
+        thick = np.maximum(np.minimum(top, height[other + 1] - aside) - np.maximum(from_foot, height[other] - aside), 0.0)
+        kind = int(material.kind[other])
+        share_of_kind[kind] = share_of_kind.get(kind, np.zeros(count)) + np.where(
+            looking, thick / np.maximum(piece_of.thick, 1e-12), 0.0)
+    for kind, share in share_of_kind.items():
+        if kind == material.kind[layer]:
+            moved[2, rows] += share[:, None, None] * as_it_is
+            continue
+        some = np.flatnonzero(share > 0)
+        if len(some):
+            grid = stock.inside[int(np.argmax(material.kind == kind))]
+            moved[2, rows[some]] += share[some, None, None] * cut(some, _sampled(stock, grid, rim[some]))
+
+
+def _go_over(material: _Material, cutter: Cutter, start: Array, end: Array, layer_middle: Array,
+             within: NDArray[np.intp]) -> None:
+    """The way of the steps is gone over in the layers `within`."""
+    stock, (_, ny, nx) = material.stock, material.swept.shape
     for first, last in _straight_runs(start, end):
         low, high = np.minimum(start[first], end[last]), np.maximum(start[first], end[last])
         tip = 0.5 * (low[2] + high[2])
@@ -237,7 +327,7 @@ def _take_out(stock: Stock, cutter: Cutter, start: Array, end: Array, layer_midd
         y = stock.origin[1] + stock.cell * np.arange(j0, j1)
         away = _distance(np.stack(np.meshgrid(x, y), axis=-1), start[first, :2], end[last, :2])
         for layer, own in zip(layers, radius[radius > 0], strict=True):
-            box = stock.inside[layer, j0:j1, i0:i1]
+            box = material.swept[layer, j0:j1, i0:i1]
             np.minimum(box, (away - own).astype(np.float32), out=box)
 
 

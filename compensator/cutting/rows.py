@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.cutting.cut import Cut, cut_of
+from compensator.cutting.cut import Cut
 from compensator.cutting.posterior import ForceRows
 from compensator.forces.placement import TargetForces
 from identification.common.arrays import Array
@@ -17,12 +17,10 @@ FEWEST = 30
 
 
 def logged_rows(
-    cut: Cut, forces: TargetForces, aside: Array, step: float, rpm: float | None, coefficients: Array | None = None
+    cut: Cut, forces: TargetForces, coefficients: Array | None = None
 ) -> tuple[ForceRows, NDArray[np.bool_]]:
-    """The rows, and which targets (N,) they are. aside (N, 3) [m], base frame: where the tool stood off its plan, as `cut` has
-    it.
+    """The rows, and which targets (N,) they are; what the forces change by with the tool aside, as `cut_of` was asked.
 
-    step [m]: how far the stock is moved along each axis of the work object for what the forces change by then, 0: not at all.
     coefficients (6,): those the change is worked out with; None: those that fit the log best by themselves.
     """
     weight, path = cut.per_target, cut.path
@@ -30,11 +28,10 @@ def logged_rows(
     chosen = np.flatnonzero(used)
     rows = ForceRows(weight[chosen], forces.wrench[chosen, :3], np.nan_to_num(forces.standard_error[chosen]),
                      np.zeros((len(chosen), 3, 0)), path.length[chosen])
-    if not step or len(chosen) < FEWEST:
+    moved = [cut.mean(one)[chosen] for one in cut.per_step_aside()]
+    if not moved or len(chosen) < FEWEST:
         return rows, used
     known = np.linalg.lstsq(rows.weight.reshape(-1, 6), rows.force.reshape(-1), rcond=None)[0] if coefficients is None else (
         coefficients)
-    axes = path.base_from_object.rotation[0]
-    moved = [cut_of(path, cut.blank, rpm, aside + step * axes[:, k]).per_target[chosen] for k in range(3)]
     change = np.stack(moved, axis=3) - rows.weight[:, :, :, None]
     return replace(rows, aside=np.einsum("nikj,k->nij", change, np.asarray(known))), used

@@ -7,11 +7,13 @@ import io
 import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
+from compensator.cutting.sections import solid_stock
+from compensator.cutting.solid import Solid, read_solid
 from compensator.cutting.stock import Stock, box_stock, check_size, layers_for, relayered
 from identification.common.arrays import Array
 from identification.common.findings import error
@@ -24,6 +26,8 @@ RESOLUTION = 0.2e-3
 THICKNESS = 0.1e-3
 # Where a blank stands that nobody measured, 1 sigma [m]; engineering judgement.
 POSITION_STD = 0.1e-3
+# Of the coordinates in an STL, which says none [m].
+UNITS = {"mm": 1e-3, "inch": 25.4e-3}
 ARRAYS = ("origin_mm", "cell_mm", "height_mm", "inside_mm", "unknown_mm", "position_std_mm")
 
 
@@ -35,9 +39,11 @@ class BoxFile(Strict):
 
 
 class StockFile(Strict):
-    """stock.yaml: a box, or the file that an earlier program left."""
+    """stock.yaml: a box, an STL with its units, or the file that an earlier program left."""
 
     box: BoxFile | None = None
+    stl: str | None = None
+    units: Literal["mm", "inch"] | None = None
     left_by: str | None = None
     resolution_mm: Annotated[float, Field(ge=0.02, le=5)] | None = None
     position_std_mm: Annotated[NotNegative, Field(le=10)] | None = None
@@ -46,16 +52,28 @@ class StockFile(Strict):
 
 @dataclass(frozen=True, eq=False)
 class Blank:
-    """What a program starts from, before its layers are chosen: a box, low and high (3,) [m], or a stock as it was left;
-    unknown (K, 2, 3) [m]; cell [m]; position_std [m], stated: the file says so."""
+    """What a program starts from, before its layers are chosen: a box, low and high (3,) [m], a solid, or a stock as it was
+    left; unknown (K, 2, 3) [m]; cell [m]; position_std [m], stated: the file says so."""
 
     source: Path
     corners: Array | None
+    solid: Solid | None
     left: Stock | None
     unknown: Array
     cell: float
     position_std: float
     stated: bool
+
+    @property
+    def bounds(self) -> Array:
+        """Least and greatest coordinates (2, 3) [m] of what may be material."""
+        if self.left is not None:
+            size = self.left.cell * (np.array(self.left.inside.shape[:0:-1]) - 1)
+            low = np.append(self.left.origin, self.left.height[0])
+            return np.stack([low, np.append(self.left.origin + size, self.left.height[-1])])
+        found = self.corners if self.solid is None else self.solid.bounds
+        assert found is not None
+        return found
 
     def stock(self, tips: Array, corner: float) -> Stock:
         """In layers for a program whose tip comes to the heights `tips` (n,) [m] with a cutter of this corner radius [m]. A new
@@ -66,6 +84,12 @@ class Blank:
             wanted = np.unique(np.concatenate([own, layers_for(low, high, tips, corner, THICKNESS)]))
             close = np.insert(np.diff(wanted) > 1e-7, 0, True)
             made = relayered(self.left, wanted[close])
+        elif self.solid is not None:
+            low3, high3 = self.solid.bounds
+            few = layers_for(float(low3[2]), float(high3[2]), tips, corner, THICKNESS)
+            points = int(np.prod(np.ceil((high3 - low3)[:2] / self.cell) + 5))
+            lowest = float(tips.min()) if len(tips) else float(low3[2])
+            made = solid_stock(self.solid, self.solid.heights(few, lowest, THICKNESS, points), self.cell)
         else:
             assert self.corners is not None
             low3, high3 = self.corners
@@ -76,17 +100,22 @@ class Blank:
 def read_stock(file: str | Path) -> Blank:
     """Reads stock.yaml or a stock as `--leaves` wrote it (.npz).
 
-    Raises CompstiffError: CS0005, CS0101 and CS0102 (content, with line and column), CS4704 too large, CS4705 not such a file.
+    Raises CompstiffError: CS0005, CS0101 and CS0102 (content, with line and column), CS4704 too large, CS4705 not such a file,
+    and what `read_solid` raises.
     """
     file = Path(file)
     if file.suffix.lower() == ".npz":
         left = read_npz(file)
-        return Blank(file, None, left, left.unknown, left.cell, left.position_std, True)
+        return Blank(file, None, None, left, left.unknown, left.cell, left.position_std, True)
     described = read_yaml(file, StockFile)
-    if (described.box is None) == (described.left_by is None):
-        raise error("CS0102", f"names {'both' if described.box else 'neither'} of box and left_by, expected one",
-                    file=str(file),
-                    hint="box: {from_mm: [x, y, z], to_mm: [x, y, z]}, or left_by: what --leaves of the earlier program wrote")
+    named = [key for key in ("box", "stl", "left_by") if getattr(described, key) is not None]
+    if len(named) != 1:
+        raise error("CS0102", f"names {' and '.join(named) or 'none'} of box, stl and left_by, expected one", file=str(file),
+                    hint="box: {from_mm: [x, y, z], to_mm: [x, y, z]}, stl: blank.stl with units: mm, or left_by: what "
+                    "--leaves of the earlier program wrote")
+    if (described.stl is None) != (described.units is None):
+        raise error("CS0102", "an STL says nothing of its units: stl and units go together", file=str(file),
+                    hint="units: mm, or units: inch")
     unknown = _corners(described.unknown, file, "unknown")
     std, stated = described.position_std_mm, described.position_std_mm is not None
     if described.left_by is not None:
@@ -94,13 +123,25 @@ def read_stock(file: str | Path) -> Blank:
             raise error("CS0102", "resolution_mm is stated, and a stock that was left has its own", file=str(file),
                         hint="leave it out")
         left = read_npz(file.parent / described.left_by)
-        return Blank(file, None, left, np.concatenate([left.unknown, unknown]), left.cell,
+        return Blank(file, None, None, left, np.concatenate([left.unknown, unknown]), left.cell,
                      left.position_std if std is None else 1e-3 * std, True)
-    assert described.box is not None
     cell = RESOLUTION if described.resolution_mm is None else 1e-3 * described.resolution_mm
-    corners = _corners((described.box,), file, "box")[0]
+    solid = None if described.stl is None or described.units is None else read_solid(
+        file.parent / described.stl, UNITS[described.units])
+    box = None if described.box is None else _corners((described.box,), file, "box")[0]
+    corners = box if solid is None else solid.bounds
+    assert corners is not None
     check_size(1, *(int(np.ceil(size / cell)) + 5 for size in (corners[1] - corners[0])[1::-1]))
-    return Blank(file, corners, None, unknown, cell, POSITION_STD if std is None else 1e-3 * std, stated)
+    return Blank(file, box, solid, None, unknown, cell, POSITION_STD if std is None else 1e-3 * std, stated)
+
+
+def named_by(file: Path) -> tuple[Path, ...]:
+    """The files that a stock file names beside itself: an STL, or what an earlier program left. Raises what `read_yaml`
+    raises."""
+    if file.suffix.lower() == ".npz":
+        return ()
+    described = read_yaml(file, StockFile)
+    return tuple(file.parent / name for name in (described.stl, described.left_by) if name is not None)
 
 
 def _corners(boxes: tuple[BoxFile, ...], file: Path, key: str) -> Array:

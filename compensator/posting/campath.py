@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.toolpath import StatedCutter
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding
 
@@ -20,7 +21,8 @@ class CamPath:
     position (N, 3) [m]. Either axis (N, 3), unit, from the tip towards the spindle, or quaternion (N, 4) w x y z, unit.
     rapid (N,): reached in the air. feed (N,) [m/s], NaN where rapid. stop (N,): a stop point, as the bottom of a hole.
     confdata (N, 4) and joints (N, 6) [rad]: None where the file has none. remarks: what stood above a target and is worth
-    keeping, one text a line; key N is the end of the file.
+    keeping, one text a line; key N is the end of the file. cutters: that the file states for
+    these moves.
     """
 
     source: str
@@ -37,6 +39,7 @@ class CamPath:
     joints: Array | None
     remarks: Mapping[int, tuple[str, ...]]
     findings: tuple[Finding, ...]
+    cutters: tuple[StatedCutter, ...] = ()
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

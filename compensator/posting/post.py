@@ -98,7 +98,7 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, external, settings)
-    toolpath = replace(program.toolpath, findings=(*findings, *program.toolpath.findings))
+    toolpath = replace(program.toolpath, findings=(*findings, *program.toolpath.findings), cutters=cam_path.cutters)
     return Posted(replace(program, toolpath=toolpath), content, cam_path.rapid, assumed)
 
 

@@ -54,7 +54,8 @@ def read_toolpath(file: str | Path, cell: Cell, settings: PostingSettings = AS_P
         if settings.mark:
             content, findings = with_marks(text, settings.mark)
             text = read_rapid(content, text.source.name)
-            text = replace(text, toolpath=replace(text.toolpath, findings=(*posted.findings, *findings)))
+            text = replace(text, toolpath=replace(text.toolpath, findings=(*posted.findings, *findings),
+                                                  cutters=posted.program.toolpath.cutters))
         return PlannedProgram(text, posted.rapid, file)
     if suffix not in RAPID_SUFFIXES:
         raise error("CS4201", f"toolpath format '{file.suffix}' is not read, expected one of "

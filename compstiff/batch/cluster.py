@@ -131,14 +131,14 @@ def checked(client: Client, shared: Shared, address: str) -> int:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError as reason:
         raise error("CS6043", "has no worker", file=address, hint=START) from reason
-    here = standing(shared.cell, shared.stiffness)
+    here = standing(*shared.files)
     for worker, there in _answers(client, shared, address).items():
         other = [f"{name} {there['has'].get(name)} in place of {mine}" for name, mine in here["has"].items()
                  if there["has"].get(name) != mine]
         if other:
             raise error("CS6044", f"has {', '.join(other)}", file=worker, hint="install the same there, then start it anew")
         if there["files"] != here["files"]:
-            raise error("CS6045", f"does not see {shared.cell} and {shared.stiffness} as they are here", file=worker,
+            raise error("CS6045", f"does not see {' and '.join(map(str, shared.files))} as they are here", file=worker,
                         hint="programs, logs, cell, stiffness and output lie on a disk that all share, under the same path")
     threads: dict[str, int] = client.nthreads()         # asked for now; what the client knows of itself may be old
     for worker, count in threads.items():
@@ -150,15 +150,15 @@ def checked(client: Client, shared: Shared, address: str) -> int:
 def _answers(client: Client, shared: Shared, address: str) -> dict[str, Any]:
     """What each worker has. One that is lost meanwhile comes back under another address: all are asked again."""
     for _ in range(5):
-        answers: dict[str, Any] = client.run(standing, shared.cell, shared.stiffness, on_error="return")
+        answers: dict[str, Any] = client.run(standing, *shared.files, on_error="return")
         if not any(isinstance(answer, OSError) for answer in answers.values()):
             return answers
         time.sleep(PATIENCE / 10)
     raise error("CS6043", "has workers that do not stay", file=address, hint="see what the workers print")
 
 
-def standing(cell: Path, stiffness: Path) -> dict[str, dict[str, Any]]:
-    """What this process computes with, and the two files as it sees them."""
+def standing(*files: Path) -> dict[str, dict[str, Any]]:
+    """What this process computes with, and the files that all programs share as it sees them."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
     for package in ("identification", "compensator", "compstiff"):
@@ -171,7 +171,7 @@ def standing(cell: Path, stiffness: Path) -> dict[str, dict[str, Any]]:
         except PackageNotFoundError:
             has[name] = "none"
     seen = {}
-    for path in (cell, stiffness):
+    for path in files:
         try:
             seen[str(path)] = sha256(path)
         except OSError as reason:
@@ -182,7 +182,7 @@ def standing(cell: Path, stiffness: Path) -> dict[str, dict[str, Any]]:
 def _key(files: ProgramFiles, shared: Shared) -> str:
     """The name of a task: two calls for the same output from the same content are one task."""
     try:
-        content = content_key(files, shared, [sha256(path) for path in (files.program, *files.logs)])
+        content = content_key(files, shared, [sha256(path) for path in files.own])
     except (OSError, CompstiffError):
         content = "unread"          # the worker says what is wrong
     return f"compstiff-{content}-{hashlib.sha256(str(files.outputs.program.absolute()).encode()).hexdigest()[:16]}"
@@ -192,4 +192,4 @@ def _absolute(files: ProgramFiles) -> ProgramFiles:
     """The same under paths that do not depend on where one stands."""
     outputs = replace(files.outputs, **{name: path and path.absolute() for name, path in vars(files.outputs).items()})
     return replace(files, program=files.program.absolute(), logs=tuple(log.absolute() for log in files.logs), outputs=outputs,
-                   rival=files.rival and files.rival.absolute())
+                   rival=files.rival and files.rival.absolute(), stocks=tuple(stock.absolute() for stock in files.stocks))

@@ -1,6 +1,7 @@
-"""Many programs: which belong together with which log, and which files each is to become (docs/formats.md).
+"""Many programs: which belong together with which log and stock, and which files each is to become (docs/formats.md).
 
-A program and its log share their stem: `part.mod`, `part.forces.csv`. Nothing here reads what is inside the files.
+A program, its log and what it starts from share their stem: `part.mod`, `part.forces.csv`, `part.stock.yaml`. Nothing here
+reads what is inside the files.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from identification.common.files import sha256
 from identification.common.findings import Finding, error
 
 LOG_SUFFIXES = (".forces.csv", ".forces.parquet", ".forces.pq")
+STOCK_SUFFIXES = (".stock.yaml", ".stock.yml", ".stock.npz")
 
 
 @dataclass(frozen=True)
@@ -46,23 +48,38 @@ class Folders:
 @dataclass(frozen=True)
 class ProgramFiles:
     """One program of a batch and the files it is to become. logs: its force logs, of which there should be one. rival: another
-    program of the batch that would write one of the same files, or has the same log."""
+    program of the batch that would write one of the same files, or has the same log. stocks: what it starts from, where forces
+    are predicted; one at most."""
 
     program: Path
     logs: tuple[Path, ...]
     outputs: Outputs
     rival: Path | None = None
+    stocks: tuple[Path, ...] = ()
 
     @property
-    def forces(self) -> Path:
-        """Its log. Raises CompstiffError: CS6001 several logs, CS6002 a rival."""
+    def own(self) -> tuple[Path, ...]:
+        """The files that are read for this program alone."""
+        return (self.program, *self.logs, *self.stocks)
+
+    @property
+    def stock(self) -> Path | None:
+        """What it starts from. Raises CompstiffError (CS4736): several files."""
+        if len(self.stocks) > 1:
+            raise error("CS4736", f"has {len(self.stocks)} stock files: {', '.join(stock.name for stock in self.stocks)}",
+                        file=str(self.program), hint="keep the one that says what the program starts from")
+        return self.stocks[0] if self.stocks else None
+
+    @property
+    def forces(self) -> Path | None:
+        """Its log, None where there is none. Raises CompstiffError: CS6001 several logs, CS6002 a rival."""
         if self.rival:
             raise error("CS6002", f"and {self.rival} have the same log or would become the same file", file=str(self.program),
                         hint="programs of one batch need names of their own")
         if len(self.logs) > 1:
             raise error("CS6001", f"has {len(self.logs)} force logs: {', '.join(log.name for log in self.logs)}",
                         file=str(self.program), hint="keep the one that was logged when this program was milled")
-        return self.logs[0]
+        return self.logs[0] if self.logs else None
 
 
 def is_program(file: Path) -> bool:
@@ -86,17 +103,25 @@ def logs_of(program: Path, folder: Path | None = None) -> tuple[Path, ...]:
     return tuple(log for suffix in LOG_SUFFIXES if (log := place / (toolpath_stem(program) + suffix)).is_file())
 
 
-def no_log(program: Path, folder: Path | None, then: str) -> Finding:
+def stocks_of(program: Path) -> tuple[Path, ...]:
+    """The stock files with the program's stem, beside it."""
+    stem = toolpath_stem(program)
+    return tuple(stock for suffix in STOCK_SUFFIXES if (stock := program.parent / (stem + suffix)).is_file())
+
+
+def no_log(program: Path, folder: Path | None, then: str, predicted: bool = False) -> Finding:
     """What is said of a program without a log. folder: of the logs, None where each lies beside its program; then: what becomes
-    of it."""
-    return Finding("CS6000", "warning", f"has no force log {toolpath_stem(program)}{LOG_SUFFIXES[0]} (or .parquet) in "
-                   f"{folder or program.parent}; {then}", file=str(program),
+    of it; predicted: forces are predicted where there is a stock, and there is none."""
+    stem = toolpath_stem(program)
+    stock = f", and no stock {stem}{STOCK_SUFFIXES[0]} (or .npz) beside it" if predicted else ""
+    return Finding("CS6000", "warning", f"has no force log {stem}{LOG_SUFFIXES[0]} (or .parquet) in "
+                   f"{folder or program.parent}{stock}; {then}", file=str(program),
                    hint="log the forces of a first pass, or name the folder of the logs with --forces")
 
 
-def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> list[ProgramFiles]:
+def paired(programs: Iterable[Path], logs: Path | None, folders: Folders, *, predicted: bool = False) -> list[ProgramFiles]:
     """The programs with their logs (beside each, or in the folder `logs`) and the files they are to become. Toolpaths that are
-    not RAPID are written as RAPID.
+    not RAPID are written as RAPID. predicted: with their stocks too, which lie beside them.
 
     >>> from pathlib import Path
     >>> files = compstiff.paired([Path("insert.mod")], None, compstiff.Folders(Path(".")))
@@ -111,7 +136,7 @@ def paired(programs: Iterable[Path], logs: Path | None, folders: Folders) -> lis
         outputs = Outputs(folders.output / (program.name if rapid else f"{stem}.mod"),
                           folders.offsets / f"{stem}.offsets.csv" if folders.offsets else None,
                           folders.report / f"{stem}.html" if folders.report else None)
-        pairs.append(ProgramFiles(program, logs_of(program, logs), outputs))
+        pairs.append(ProgramFiles(program, logs_of(program, logs), outputs, stocks=stocks_of(program) if predicted else ()))
         for path in (*outputs.files(), *pairs[-1].logs):
             other = owner.setdefault(os.path.realpath(path), program)
             if other is not program:

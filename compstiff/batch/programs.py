@@ -11,6 +11,9 @@ from typing import Any
 
 from compensator.correction.files import Inputs, correct_files
 from compensator.correction.settings import DEFAULTS, Settings
+from compensator.cutting.settings import CuttingSettings
+from compensator.cutting.stock_file import named_by
+from compensator.forces.settings import LogSettings
 from compstiff.batch.pairing import ProgramFiles, no_log, programs_in
 from compstiff.outcome import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
 from identification.common.files import sha256
@@ -37,6 +40,23 @@ class Shared:
     session: Session = field(default_factory=lambda: Session("correct"))
     logs: Path | None = None
 
+    @property
+    def predicted(self) -> bool:
+        """Whether forces are predicted where a program has a stock."""
+        return self.settings.cutting.predict_force is not None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """What is read for every program."""
+        return (self.cell, self.stiffness, *(path for _, path in self.settings.files()))
+
+    def of(self, files: ProgramFiles) -> Settings:
+        """The settings of one program: forces are predicted with its own stock, and not where it has none; what is said of logs
+        (the tare) is for those that have one."""
+        cutting = replace(self.settings.cutting, stock=files.stock) if files.stock else CuttingSettings()
+        log = self.settings.log if files.logs else LogSettings(spindle_rpm=self.settings.log.spindle_rpm)
+        return replace(self.settings, cutting=cutting, log=log)
+
 
 @dataclass(frozen=True)
 class ProgramResult:
@@ -52,7 +72,7 @@ class ProgramResult:
     @classmethod
     def of(cls, files: ProgramFiles, shared: Shared, outcome: Outcome, status: str, code: int) -> ProgramResult:
         """A program with what there is to say of it."""
-        session = replace(shared.session, inputs=[shared.cell, files.program, shared.stiffness, *files.logs])
+        session = replace(shared.session, inputs=[shared.cell, files.program, shared.stiffness, *files.own[1:]])
         written = str(files.outputs.program) if status == "ok" else None
         shown = document(session, outcome, status, code) | {"program": str(files.program), "output": written}
         return cls(files, code, status, outcome.findings, shown)
@@ -98,16 +118,24 @@ def correct_as_new(shared: Shared, files: ProgramFiles, own: bool) -> ProgramRes
 
 
 def content_key(files: ProgramFiles, shared: Shared, digests: Sequence[str]) -> str:
-    """What makes a program another one: names and content (digests: of program and logs), cell, robot, stiffness and settings.
+    """What makes a program another one: names and content (digests: of its own files), cell, robot, stiffness and settings.
     Raises OSError."""
     robot = ""
     with contextlib.suppress(CompstiffError):
         robot = read_cell(shared.cell).robot.sha256
     chosen = shared.settings.values()
-    parts = [files.program.name, *digests, str(files.rival), sha256(shared.cell), robot, sha256(shared.stiffness),
+    named = [sha256(path) for stock in files.stocks for path in named_in(stock)]
+    parts = [files.program.name, *digests, *named, str(files.rival), sha256(shared.cell), robot, sha256(shared.stiffness),
              *(f"{name}={value!r}" for name, value in chosen.items()),
              *(sha256(value) for value in chosen.values() if isinstance(value, Path) and value.is_file())]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def named_in(stock: Path) -> list[Path]:
+    """The files that a stock file names and that are there."""
+    with contextlib.suppress(CompstiffError, OSError):
+        return [path for path in named_by(stock) if path.is_file()]
+    return []
 
 
 def correct_program(
@@ -118,14 +146,22 @@ def correct_program(
     overwrite: existing outputs are this call's own. before_writing: called once everything is computed; what it raises stops
     the correction, and nothing is written.
     """
-    if not files.logs:
-        left = Outcome(findings=(no_log(files.program, shared.logs, "it is left alone"),))
+    if not files.logs and not files.stocks:
+        left = Outcome(findings=(no_log(files.program, shared.logs, "it is left alone", shared.predicted),))
         return ProgramResult.of(files, shared, left, "left", DONE)
 
     def body() -> Outcome:
         inputs = Inputs(shared.cell, files.program, shared.stiffness, files.forces)
-        corrected = correct_files(inputs, files.outputs, shared.settings, overwrite=overwrite or shared.session.overwrite,
+        corrected = correct_files(inputs, files.outputs, shared.of(files), overwrite=overwrite or shared.session.overwrite,
                                   before_writing=before_writing)
-        return Outcome(corrected.as_dict(), corrected.findings)
+        return Outcome(corrected.as_dict(), (*corrected.findings, *_alone(files, shared)))
 
     return ProgramResult.of(files, shared, *attempt(replace(shared.session, jobs=False), body))
+
+
+def _alone(files: ProgramFiles, shared: Shared) -> list[Finding]:
+    """A note (CS4737) of a log that was not held against a stock, where that was asked for."""
+    if not shared.predicted or files.stocks:
+        return []
+    return [Finding("CS4737", "note", "has a force log and no stock beside it: it was corrected by its log, which was held "
+                    "against nothing", str(files.program), hint="state what it starts from, as PROGRAM.stock.yaml")]

@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from compensator.cutting.coefficients import read_coefficients
 from compstiff.batch.finished_files import Settled, lacks_its_end
 from compstiff.batch.journal import Journal, sync_folder
 from compstiff.batch.pairing import Folders, ProgramFiles, no_log, paired, programs_in
-from compstiff.batch.programs import ProgramResult, Shared, content_key, correct_program
+from compstiff.batch.programs import ProgramResult, Shared, content_key, correct_program, named_in
 from compstiff.outcome import DONE, INTERRUPTED, Outcome
 from identification.common.files import FileStamp, file_stamp, sha256
 from identification.common.findings import CompstiffError, Finding, error, fold
@@ -38,8 +39,8 @@ def watch_folder(
     """Corrects every finished program that appears in `source`, once, and yields how it went, until `stopped`.
 
     say: called with what else a person wants to know. Raises CompstiffError: CS6006 the folders, CS6005 another watch, CS0004
-    a folder or the journal cannot be written, and what `read_cell` and `read_stiffness` raise: a mistake in what every program
-    needs is no program's failure.
+    a folder or the journal cannot be written, and what `read_cell`, `read_stiffness` and `read_coefficients` raise: a mistake
+    in what every program needs is no program's failure.
 
     >>> from pathlib import Path
     >>> from compstiff.batch.watch import Rhythm
@@ -51,6 +52,8 @@ def watch_folder(
     rhythm = rhythm or Rhythm()
     check_folders(source, folders)
     read_stiffness(shared.stiffness, read_cell(shared.cell))
+    if shared.settings.cutting.predict_force:
+        read_coefficients(shared.settings.cutting.predict_force)
     folders.make()
     with contextlib.closing(Journal(folders.output)) as journal:
         journal.sweep()
@@ -104,11 +107,11 @@ class Watch:
     def look(self) -> Iterator[ProgramResult]:
         """Looks at the folder once: corrects what is finished and new, and says once what waits. Raises CompstiffError: CS0005
         the folder, CS0004 the journal."""
-        shared = self.settled.look([self.shared.cell, self.shared.stiffness])
-        for files in paired(programs_in(self.source), None, self.folders):
+        shared = self.settled.look([*self.shared.files])
+        for files in paired(programs_in(self.source), None, self.folders, predicted=self.shared.predicted):
             if self.handled.get(files.program) == [file_stamp(path) for path in self._read_for(files)]:
                 continue
-            own = self.settled.look([files.program, *files.logs])
+            own = self.settled.look(_own(files))
             if own is None or shared is None:
                 continue
             stamps = [*own, *shared]
@@ -123,11 +126,11 @@ class Watch:
 
     def _read_for(self, files: ProgramFiles) -> list[Path]:
         """Every file that the correction of a program reads."""
-        return [files.program, *files.logs, self.shared.cell, self.shared.stiffness]
+        return [*_own(files), *self.shared.files]
 
     def _waits_for(self, files: ProgramFiles) -> Finding | None:
-        if not files.logs:
-            return no_log(files.program, None, "it waits")
+        if not files.logs and not files.stocks:
+            return no_log(files.program, None, "it waits", self.shared.predicted)
         with contextlib.suppress(OSError):
             if lacks_its_end(files.program):
                 return Finding("CS6009", "warning", "has a MODULE without ENDMODULE: it is taken for half written, and waits",
@@ -139,7 +142,7 @@ class Watch:
         """Corrects a program unless the journal says that this was done; None where nothing new was learnt."""
         name, outputs = files.program.name, files.outputs.files()
         try:
-            digests = [sha256(path) for path in (files.program, *files.logs)]
+            digests = [sha256(path) for path in files.own]
             key = content_key(files, self.shared, digests)
         except OSError:
             return None     # Gone, or no longer readable: the next look sees it.
@@ -153,24 +156,31 @@ class Watch:
 
         def still_the_same() -> None:
             if [file_stamp(path) for path in self._read_for(files)] != stamps:
-                raise error("CS6004", "it, its log, the cell or the stiffness file changed while it was being corrected; it is "
-                            "taken again when they are finished", file=str(files.program))
+                raise error("CS6004", "it, its log or stock, the cell or the stiffness file changed while it was being "
+                            "corrected; it is taken again when they are finished", file=str(files.program))
 
         result = correct_program(files, self.shared, overwrite=own, before_writing=still_the_same)
         if result.code == INTERRUPTED:
             raise KeyboardInterrupt
         if any(finding.code == "CS6004" for finding in result.findings):
             return result
-        if last.get("program_sha256", digests[0]) != digests[0] and last.get("logs_sha256") == digests[1:]:
+        logs = digests[1:1 + len(files.logs)]
+        if logs and last.get("program_sha256", digests[0]) != digests[0] and last.get("logs_sha256") == logs:
             result = result.with_finding(Finding(
                 "CS6012", "warning", "changed since it was last corrected, its force log did not: the forces are taken for "
                 "those of the new program", file=str(files.program), hint="mill the new program once and replace the log"))
         for folder in {path.parent for path in outputs}:
             sync_folder(folder)
-        self.journal.done(name, key, program_sha256=digests[0], logs_sha256=digests[1:], status=result.status,
+        self.journal.done(name, key, program_sha256=digests[0], logs_sha256=logs,
+                          stocks_sha256=digests[1 + len(logs):], status=result.status,
                           exit_code=result.code, findings=[finding.as_dict() for finding in fold(result.findings)])
         self.handled[files.program] = stamps
         return result
+
+
+def _own(files: ProgramFiles) -> list[Path]:
+    """What is read for a program alone, what its stock file names included."""
+    return [*files.own, *(path for stock in files.stocks for path in named_in(stock))]
 
 
 def _from(folder: Path, path: Path) -> str:

@@ -62,6 +62,7 @@ def correct(
     corrected targets change; beside OUTPUT stands OUTPUT.json, the record of what it was made from.
 
     Several programs, or a folder of them: each with its log part.forces.csv beside part.mod or in the folder --forces names.
+    With --predict-force a program has part.stock.yaml beside it, in place of a log or to hold the log against.
     Then OUTPUT, --offsets and --report are folders, and --json prints one line a program. --jobs, --shard and --scheduler
     share them out (docs/cluster.md).
     """
@@ -69,7 +70,8 @@ def correct(
         if settings.log.other_forces or settings.correction.first_forces:
             raise click.UsageError("--other-forces and --first-forces name the log of one program: call it by itself.")
         if settings.cutting.stock:
-            raise click.UsageError("--stock is what one program starts from: call it by itself.")
+            raise click.UsageError("--stock is what one program starts from. Of several, each has its own beside it: "
+                                   "part.stock.yaml (or .npz) beside part.mod.")
         from compstiff.batch.pairing import Folders
         from compstiff.batch.programs import Shared
 

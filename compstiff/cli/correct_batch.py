@@ -43,7 +43,7 @@ def correct_batch(
 
     files = programs_of(programs)
     folders.make()
-    batch = paired(files, shared.logs, folders)
+    batch = paired(files, shared.logs, folders, predicted=shared.predicted)
     if shard:
         batch = share_of(batch, shard)
         session.say(f"part {shard[0]} of {shard[1]}: {len(batch)} of {counted(len(files), 'program')}")

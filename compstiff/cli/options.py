@@ -150,9 +150,11 @@ LEARNED_OPTIONS: tuple[Decorator, ...] = (
                 "warming."),
 )
 # Forces that are predicted from the stock: `predict` and `correct`.
+PREDICT_FORCE: Decorator = _cutting(
+    "--predict-force", type=READABLE, help="What cutting wrote of tool and material: the forces are predicted, and no log of "
+    "this program is needed; beside a log both are compared.")
 FORCE_OPTIONS: tuple[Decorator, ...] = (
-    _cutting("--predict-force", type=READABLE, help="What cutting wrote of tool and material: the forces are predicted, and "
-             "no log of this program is needed; beside a log both are compared."),
+    PREDICT_FORCE,
     _cutting("--stock", type=READABLE, help="What the program starts from: stock.yaml, or what an earlier one left (.npz)."),
 )
 # What a log is held against, for one program: `predict` and `correct`.

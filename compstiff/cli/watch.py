@@ -12,7 +12,7 @@ import click
 
 from compensator.correction.settings import Settings
 from compstiff.cli.console import PATH, READABLE, Named, command
-from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, SPLITTING_OPTIONS, with_settings
+from compstiff.cli.options import CORRECTION_OPTIONS, FEED_OPTIONS, LOG_OPTIONS, PREDICT_FORCE, SPLITTING_OPTIONS, with_settings
 from compstiff.cli.signals import ending_signals
 from compstiff.outcome import DONE, INTERRUPTED, Outcome, Session
 
@@ -28,7 +28,7 @@ WATCHED = Named("folder", exists=True, file_okay=False)
 @click.option("--cell", "cell_file", required=True, type=READABLE, help="cell.yaml.")
 @click.option("--stiffness", "stiffness_file", required=True, type=READABLE, help="What identify wrote.")
 @click.option("--offsets", type=PATH, help="A folder for the offsets of each program (CSV).")
-@with_settings(*LOG_OPTIONS, *CORRECTION_OPTIONS, *FEED_OPTIONS, *SPLITTING_OPTIONS)
+@with_settings(*LOG_OPTIONS, *CORRECTION_OPTIONS, PREDICT_FORCE, *FEED_OPTIONS, *SPLITTING_OPTIONS)
 @click.option("--report", type=PATH, help="A folder for an HTML report of each program.")
 @click.option("--settle", type=click.FloatRange(0, 3600), default=5.0, show_default=True,
               help="A file is finished when it has not changed for so many seconds.")
@@ -41,7 +41,8 @@ def watch(
 ) -> Outcome:
     """Correct every finished program that appears in a folder, once.
 
-    Programs in IN with their logs (part.mod, part.forces.csv) are corrected into OUT, which must lie outside IN. The journal
+    Programs in IN with their logs (part.mod, part.forces.csv), or with --predict-force with what they start from
+    (part.stock.yaml), are corrected into OUT, which must lie outside IN. The journal
     OUT/compstiff-watch.jsonl keeps what was done: a restart goes on where the last run ended. Ctrl-C or SIGTERM ends it after
     the program under way.
     """

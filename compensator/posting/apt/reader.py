@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from compensator.posting.apt import words
 from compensator.posting.apt.arc_words import Announced, along_circle, circle, movarc
+from compensator.posting.apt.cutter_words import Cutters
 from compensator.posting.apt.drilling import ABOVE_REACHED, Drilling, drilling
 from compensator.posting.apt.left_out import LeftOut
 from compensator.posting.apt.measures import Measures
@@ -57,6 +59,7 @@ class _Reader:
         self.setup = Setup(tool)
         self.drilling: Drilling | None = None               # CYCLE in force
         self.holes: list[Drilling] = []                     # the cycle of each hole
+        self.cutters = Cutters()
         self.left_out = LeftOut(file)
         self.moves = Moves()
         self.remarks: dict[int, list[str]] = {}
@@ -148,6 +151,7 @@ class _Reader:
             raise statement.fail("CS2103", f"found a motion while {self.compensated.spelled()} (line {self.compensated.line}) "
                                  "is in force: the tool centre then runs beside the points written here",
                                  hint="let the CAM system write the path of the tool centre, uncompensated")
+        self.cutters.moves(self.measures.scale)
 
     def _begin(self, statement: Statement) -> tuple[bool, float]:
         """What every motion but the drilling of a hole needs: nothing against it, and its speed. Returns rapid and the feed
@@ -316,12 +320,18 @@ class _Reader:
         if elsewhere != self.setup.elsewhere:
             self.here, self.rapid, self.homeless, self.drilling = None, False, None, None
 
+    def cutter(self, statement: Statement) -> None:
+        """Its shape is kept; of the path it says nothing, and that is counted."""
+        self.cutters.take(statement)
+        self.left_out.ignored(statement)
+
     def coordinates(self, statement: Statement) -> None:
         self.setup.coordinates(statement)
 
     def comment(self, statement: Statement) -> None:
         """The name of an operation is kept."""
-        if not self.setup.comment(statement) and statement.text.upper().startswith("OPERATION NAME"):
+        known = self.cutters.comment(statement) or self.setup.comment(statement)
+        if not known and statement.text.upper().startswith("OPERATION NAME"):
             self._remark(statement.text)
 
     def fini(self, statement: Statement) -> None:
@@ -347,8 +357,9 @@ class _Reader:
         if self.arc is not None:
             raise self.arc.fail("no GOTO behind this arc says where it ends")
         self.setup.check_chosen(self.file)
-        return self.moves.cam_path(self.file, self.remarks, [*self.findings, *self.measures.findings(), *self._drilled(),
+        path = self.moves.cam_path(self.file, self.remarks, [*self.findings, *self.measures.findings(), *self._drilled(),
                                                              *self.left_out.findings(self.setup.chosen)])
+        return replace(path, cutters=self.cutters.stated())
 
     def _drilled(self) -> list[Finding]:
         if not self.holes:
@@ -379,5 +390,6 @@ _RULES = {
     "MULTAX": _Reader.multax_on, "TRACUT": _Reader.tracut, "TRNTYP": _Reader.trntyp, "CSYS": _Reader.csys,
     "TLAXIS": _Reader.tlaxis, "CUTCOM": _Reader.cutcom, "CYCLE": _Reader.cycle, "LOADTL": _Reader.tool, "LOAD": _Reader.tool,
     "TOOLNO": _Reader.tool, "TURRET": _Reader.tool, "TOOL PATH": _Reader.tool, "MSYS": _Reader.coordinates,
-    "MCS": _Reader.coordinates, "OFSTNO": _Reader.coordinates, COMMENT: _Reader.comment, "FINI": _Reader.fini,
+    "MCS": _Reader.coordinates, "OFSTNO": _Reader.coordinates, "CUTTER": _Reader.cutter,
+    "TLDATA": _Reader.cutter, COMMENT: _Reader.comment, "FINI": _Reader.fini,
 }

@@ -25,9 +25,9 @@ KEPT = frozenset((
 SAID = frozenset(("PARTNO", "PPRINT", "REMARK", "TOOL PATH", "DISPLY", "OPERATION"))
 """Of these, the ones that only say something; the others would have done something on the machine."""
 
-# Nothing of the path depends on them: display, tolerances that the points keep already, tool shape, file bookkeeping.
+# Nothing of the path depends on them: display, tolerances that the points keep already, file bookkeeping.
 _IGNORED = frozenset((
-    "PAINT", "END-OF-PATH", "TLDATA", "CUTTER", "MACHIN", "INTOL", "OUTTOL", "TOLER", "AUTOPS", "PSIS", "HEADER", "CLPRNT",
+    "PAINT", "END-OF-PATH", "MACHIN", "INTOL", "OUTTOL", "TOLER", "AUTOPS", "PSIS", "HEADER", "CLPRNT",
     "PLABEL", "SEQNO", "OPSKIP", "ISN", "VERIFY", "PROGRM", "PRINT", "NOPOST", "END", "SAFETY", "CUT", "THICK", "AIR", "REWIND",
     "LINTOL", "MCHTOL", "MAXDP", "MAXDPM", "NUMPTS", "CLDIST", "CONTCT", "SET", "LEADTL", "ARCSLP", "ARCDAT",
     "CHANNL", "MODE", "SMOOTH", "SLOWDN",

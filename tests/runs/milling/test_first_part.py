@@ -4,6 +4,7 @@ truth is the virtual cell alone; benchmarks/first_part.py has the figures over r
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from compensator.cutting.stock_file import read_npz
+from tests.compensator.cutting.solids import binary, box_faces, stock_of
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.first_part_job import CUTTING, stock_file
 from tests.runs.milling.milling_job import MillingJob, rms
@@ -38,7 +40,7 @@ class Shop:
 
     def run(self, *words: object) -> dict[str, Any]:
         done = kit.run(*words, "--json")
-        assert done.code == 0, done
+        assert done.code == 0, done.out
         return json.loads(done.out)["result"]
 
     def gone(self, program: Path) -> float:
@@ -142,3 +144,117 @@ def test_clamps_stay_uncorrected_and_are_listed(shop: Shop, fitted: dict[str, An
     slot = (y == 50.0) & (shop.b.part.target_mm[:, 2] < 0)
     assert not moved[slot & (x > -8) & (x < 50)].any()
     assert (moved[slot & (x > -45) & (x < -15)] > 0.05).all()
+
+
+def test_a_blank_from_an_stl_is_predicted_as_its_box(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """The same deviation at every target; away from the program it is refused, and nothing is written."""
+    assert fitted["grades"]
+    low, high = (-62.0, -42.0, -20.0), (62.0, 63.0, 0.0)
+    (tmp_path / "box.yaml").write_text(f"box: {{from_mm: {list(low)}, to_mm: {list(high)}}}\nposition_std_mm: 0.05\n")
+    stock_of(tmp_path, binary(box_faces(low, high)), "units: mm\nposition_std_mm: 0.05\n")
+    words = ("predict", shop.cell, shop.b.program, "--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json")
+    deviation = {}
+    for name in ("box", "stock"):
+        shop.run(*words, "--stock", tmp_path / f"{name}.yaml", "-o", tmp_path / f"{name}.csv")
+        deviation[name] = np.genfromtxt(tmp_path / f"{name}.csv", delimiter=",", names=True)
+    for column in ("dx_um", "dy_um", "dz_um"):
+        most = np.nanmax(np.abs(deviation["box"][column]))
+        assert most > 50
+        assert deviation["stock"][column] == pytest.approx(deviation["box"][column], abs=0.002 * most, nan_ok=True)
+    (tmp_path / "blank.stl").write_bytes(binary(box_faces((900.0, -42.0, -20.0), (1000.0, 63.0, 0.0))))
+    done = kit.run(*words, "--stock", tmp_path / "stock.yaml", "-o", tmp_path / "no.csv", "--json")
+    assert done.code == 1, done
+    assert [finding["code"] for finding in json.loads(done.out)["findings"]][-1] == "CS4715"
+    assert not (tmp_path / "no.csv").exists()
+
+
+def test_the_cutter_of_an_apt_file(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Program B as APT: CUTTER fills what cell.yaml leaves out, to the same deviation; another one is refused at its line."""
+    assert fitted["grades"]
+    position = shop.b.part.target_mm
+    program = tmp_path / "b.apt"
+    moves = "\n".join(f"GOTO/{x:.4f},{y:.4f},{z:.4f}" for x, y, z in position)
+    program.write_text(f"UNITS/MM\nCUTTER/16,0\nFEDRAT/{60 * 36.0},MMPM\n{moves}\nFINI\n")
+    words = ("--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json", "--stock", shop.stocks[1],
+             "--tool-x=-1,0,0")
+    text = "workobject: {position_mm: [1350, -100, 750], quaternion: [0.99619470, 0, 0, 0.08715574]}\n" + shop.cell.read_text()
+    deviation = {}
+    for name, block in (("stated", "tool_diameter_mm: 16, "), ("left out", "")):
+        cell = shop.cell.with_name(f"{name}.yaml")
+        cell.write_text(text.replace("tool_diameter_mm: 16, ", block))
+        done = kit.run("predict", cell, program, *words, "-o", tmp_path / f"{name}.csv", "--json")
+        assert done.code == 0, done.out
+        codes = [finding["code"] for finding in json.loads(done.out)["findings"]]
+        assert ("CS4717" in codes) == (not block)
+        deviation[name] = (tmp_path / f"{name}.csv").read_bytes()
+    assert deviation["stated"] == deviation["left out"]
+    assert np.nanmax(np.genfromtxt(tmp_path / "stated.csv", delimiter=",", names=True)["dx_um"]) > 50
+    program.write_text(program.read_text().replace("CUTTER/16,0", "CUTTER/12,0"))
+    done = kit.run("predict", shop.cell.with_name("stated.yaml"), program, *words, "-o", tmp_path / "no.csv", "--json")
+    assert done.code == 1, done
+    [stop] = [finding for finding in json.loads(done.out)["findings"] if finding["level"] == "error"]
+    assert (stop["code"], stop["line"], Path(stop["file"]).name) == ("CS4716", 2, "b.apt")
+
+
+def in_folder(shop: Shop, folder: Path) -> Path:
+    """Programs with a stock, with a log, with both, and with neither, as b, a, both and none."""
+    folder.mkdir()
+    own = shop.b.log(shop.b.first, shop.b.planned, "b.csv")
+    for name, program, log, stock in (("b", shop.b.program, None, shop.stocks[1]), ("a", shop.a.program, shop.log, None),
+                                      ("both", shop.b.program, own, shop.stocks[1]), ("none", shop.b.program, None, None)):
+        shutil.copy(program, folder / f"{name}.mod")
+        if log:
+            shutil.copy(log, folder / f"{name}.forces.csv")
+        if stock:
+            shutil.copy(stock, folder / f"{name}.blank.npz")
+            (folder / f"{name}.stock.yaml").write_text(f"left_by: {name}.blank.npz\n")
+    return folder
+
+
+def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Each as if alone: predicted, by its log, by its log held against its stock; without either it is left alone."""
+    assert fitted["grades"]
+    folder, out, alone = in_folder(shop, tmp_path / "in"), tmp_path / "out", tmp_path / "alone.mod"
+    words = ("--stiffness", shop.stiffness, "--predict-force", shop.folder / "log.json", "--json")
+    done = kit.run("correct", shop.cell, folder, *words, "--tare", "0:2", "-o", f"{out}/")
+    said = {Path(line["program"]).stem: line for line in map(json.loads, done.out.splitlines())}
+    assert done.code == 0, done
+    assert {name: line["status"] for name, line in said.items()} == {"a": "ok", "b": "ok", "both": "ok", "none": "left"}
+    codes = {name: {finding["code"] for finding in line["findings"]} for name, line in said.items()}
+    assert ["CS4737" in codes[name] for name in ("a", "b", "both")] == [True, False, False]
+    assert "CS4740" in codes["both"]
+    assert "no stock none.stock.yaml" in said["none"]["findings"][0]["message"]
+    assert kit.run("correct", shop.cell, folder / "b.mod", *words, "--stock", folder / "b.stock.yaml", "-o", alone).code == 0
+    assert (out / "b.mod").read_bytes() == alone.read_bytes()
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["stock"]["file"], record["blank"]["file"]) == ("b.stock.yaml", "b.blank.npz")
+
+
+def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
+    """Once for each content of the stock, what its file names included; then by the log that comes."""
+    assert fitted["grades"]
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    shutil.copy(shop.b.program, folder / "b.mod")
+
+    def look(*more: object) -> list[str]:
+        done = kit.run("watch", folder, out, "--cell", shop.cell, "--stiffness", shop.stiffness, "--predict-force",
+                       shop.folder / "log.json", "--tare", "0:2", "--once", "--settle", 0, "--json", *more)
+        return [json.loads(line)["status"] for line in done.out.splitlines() if json.loads(line).get("program")]
+
+    assert look() == ["waiting"]
+    shutil.copy(shop.stocks[1], folder / "blank.npz")
+    (folder / "b.stock.yaml").write_text("left_by: blank.npz\n")
+    assert look() == ["ok"]
+    first = (out / "b.mod").read_bytes()
+    assert look() == []
+    with np.load(shop.stocks[1]) as content:        # a wall that stands 0.4 mm further in
+        np.savez(folder / "blank.npz", **{**content, "inside_mm": (content["inside_mm"] + 0.4).astype(np.float32)})
+    assert look() == ["ok"]
+    assert (out / "b.mod").read_bytes() != first
+    shutil.copy(shop.b.log(shop.b.first, shop.b.planned, "b.csv"), folder / "b.forces.csv")
+    assert look() == ["ok"]
+    record = json.loads((out / "b.mod.json").read_text())
+    assert (record["forces"]["file"], record["stock"]["file"]) == ("b.forces.csv", "b.stock.yaml")
+    journal = [json.loads(line) for line in (out / "compstiff-watch.jsonl").read_text().splitlines()]
+    assert [len(line["stocks_sha256"]) for line in journal if line["event"] == "done"] == [1, 1, 1]

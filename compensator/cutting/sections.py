@@ -1,0 +1,101 @@
+"""An outline of straight edges as the signed distance of a grid of points to it: exact where the grid meets the edge."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from compensator.cutting.solid import Solid
+from compensator.cutting.stock import Grid, Stock, check_size, grid_of
+from identification.common.arrays import Array
+from identification.common.findings import error
+from identification.common.progress import progress
+
+# Distances are exact within so much of an edge [m], and so many cells at least: two points of a cutter's half circle between
+# which an edge passes stand no further apart, up to a diameter of 76 mm. So many points are looked at at once.
+NEAR, CELLS, AT_ONCE = 2e-3, 3, 2_000_000
+
+
+def solid_stock(solid: Solid, height: Array, cell: float) -> Stock:
+    """The solid in layers between height (L + 1,) [m]; each is what its middle cuts.
+
+    Raises CompstiffError: CS4704 too large, CS4713 bodies that overlap, or one inside out.
+    """
+    low, high = solid.bounds
+    origin, x, y = grid_of(low[:2], high[:2], cell)
+    check_size(len(height) - 1, len(y), len(x))
+    inside = np.empty((len(height) - 1, len(y), len(x)), dtype=np.float32)
+    with progress("cutting the blank into layers", len(inside)) as bar:
+        for layer, middle in enumerate(0.5 * (height[1:] + height[:-1])):
+            edge, out = solid.edges_at(float(middle))
+            sense = windings(edge, out, origin, cell, len(y), len(x))
+            if len(edge) and (sense.min() < 0 or sense.max() > 1):
+                raise error("CS4713", f"at z {1e3 * middle:.3g} mm bodies of it overlap, or one is inside out",
+                            file=str(solid.source), hint="unite its bodies in CAM, and export one solid")
+            inside[layer] = signed_distance(edge, sense > 0, origin, cell)
+            bar.add(1)
+    return Stock(origin, cell, height, inside, np.zeros((0, 2, 3)))
+
+
+def windings(edge: Array, out: Array, origin: Array, cell: float, ny: int, nx: int) -> Grid:
+    """How many bodies hold each point (ny, nx): edges (E, 2, 2) [m] counted along the rows, in (+1) where the outward direction
+    (E, 2) is against x, else out (-1)."""
+    first, last = np.sort((edge[:, :, 1] - origin[1]) / cell, axis=1).T
+    begin, end = np.ceil(first).astype(np.intp), np.ceil(last).astype(np.intp)
+    count = np.maximum(end - begin, 0)
+    owner = np.repeat(np.arange(len(edge)), count)
+    row = begin[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    a, b = edge[owner, 0], edge[owner, 1]
+    share = (origin[1] + cell * row - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    column = np.ceil((a[:, 0] + share * (b[:, 0] - a[:, 0]) - origin[0]) / cell).astype(np.intp)
+    change = np.zeros((ny, nx + 1), dtype=np.float32)
+    np.add.at(change, (np.clip(row, 0, ny - 1), np.clip(column, 0, nx)), np.where(out[owner, 0] < 0, 1.0, -1.0))
+    return np.asarray(np.cumsum(change, axis=1)[:, :nx])
+
+
+def signed_distance(edge: Array, within: np.ndarray, origin: Array, cell: float) -> Grid:
+    """Distance (ny, nx) [m] to the nearest of edges (E, 2, 2) [m], positive `within`.
+
+    Points near an edge look at all edges around; further off it is true to half a cell.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    ny, nx = within.shape
+    if not len(edge):
+        return np.full((ny, nx), -cell * float(np.hypot(nx, ny)), dtype=np.float32)
+    best, owner = np.full(ny * nx, np.inf), np.zeros(ny * nx, dtype=np.intp)
+    way = edge[:, 1] - edge[:, 0]
+    # In pieces of that length, each with the points around it.
+    near = int(max(np.ceil(NEAR / cell), CELLS))
+    pieces = np.maximum(np.ceil(np.hypot(*way.T) / (near * cell)), 1).astype(np.intp)
+    of = np.repeat(np.arange(len(edge)), pieces)
+    share = (np.arange(len(of)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[of]
+    middle = np.rint((edge[of, 0] + share[:, None] * way[of] - origin) / cell).astype(np.intp)
+    reach = np.arange(-(near + near // 2 + 2), near + near // 2 + 3)
+    dx, dy = (v.ravel() for v in np.meshgrid(reach, reach))
+    some = max(AT_ONCE // len(dx), 1)
+    for first in range(0, len(of), some):
+        rows = slice(first, first + some)
+        i, j = middle[rows, 0, None] + dx, middle[rows, 1, None] + dy
+        on = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
+        index, which = (j * nx + i)[on], np.broadcast_to(of[rows, None], i.shape)[on]
+        away = _to_edges(index, which, edge, origin, cell, nx)
+        np.minimum.at(best, index, away)
+        mine = away == best[index]
+        owner[index[mine]] = which[mine]
+    # Beyond: the edge that is nearest to the nearest point beside an edge.
+    nearest = distance_transform_edt((best > cell).reshape(ny, nx), return_distances=False, return_indices=True)
+    index = np.ravel_multi_index(tuple(nearest), (ny, nx)).ravel()
+    away = _to_edges(np.arange(ny * nx), owner[index], edge, origin, cell, nx)
+    away = np.where(best <= near * cell, best, away).reshape(ny, nx)
+    return np.where(within, away, -away).astype(np.float32)
+
+
+def _to_edges(index: np.ndarray, which: np.ndarray, edge: Array, origin: Array, cell: float, nx: int) -> Array:
+    """Distance (n,) [m] of the grid's points `index` to one edge each."""
+    j, i = np.divmod(index, nx)
+    a = edge[which, 0]
+    along = edge[which, 1] - a
+    x, y = origin[0] + cell * i - a[:, 0], origin[1] + cell * j - a[:, 1]
+    square = along[:, 0] ** 2 + along[:, 1] ** 2
+    share = np.clip((x * along[:, 0] + y * along[:, 1]) / np.maximum(square, 1e-300), 0.0, 1.0)
+    return np.asarray(np.hypot(x - share * along[:, 0], y - share * along[:, 1]))

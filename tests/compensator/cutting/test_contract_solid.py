@@ -1,0 +1,74 @@
+"""What of an STL is refused, by which code, and that the message says what to do; a blank that is whole is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.cutting.stock_file import read_stock
+from identification.common.findings import CompstiffError
+from tests.compensator.cutting.solids import ascii_stl, binary, box_faces, stock_of
+
+FACES = box_faces((-60.0, -40.0, -20.0), (60.0, 40.0, 0.0))
+TURNED = np.concatenate([FACES[:2, ::-1], FACES[2:]])
+WITHIN = box_faces((-10.0, -10.0, -15.0), (10.0, 10.0, -5.0))
+
+
+def refused(folder: Path, content: bytes, more: str = "units: mm\n") -> tuple[str, str]:
+    with pytest.raises(CompstiffError) as stopped:
+        read_stock(stock_of(folder, content, more)).stock(np.array([-4e-3, -10e-3]), 0.0)
+    return stopped.value.findings[0].code, str(stopped.value)
+
+
+@pytest.mark.parametrize(("content", "code", "words"), [
+    (b"", "CS4712", "no triangles"), (b"solid x\nendsolid x\n", "CS4712", "no triangles"),
+    (b"no STL at all", "CS4712", "no triangles"), (binary(FACES)[:400], "CS4712", "no triangles"),
+    (binary(np.where(FACES == 60.0, np.nan, FACES)), "CS4712", "no numbers"),
+    (ascii_stl(FACES)[:900], "CS471", ""),
+    (binary(FACES[:-1]), "CS4713", "not watertight"), (binary(np.concatenate([FACES, FACES[:1]])), "CS4713", "not watertight"),
+    (binary(TURNED), "CS4713", "face against"), (binary(FACES[:, ::-1]), "CS4713", "inside out"),
+    (binary(np.concatenate([FACES, WITHIN])), "CS4713", "overlap"),
+    (binary(FACES / 1e3), "CS4714", "metres"), (binary(FACES * 1e3), "CS4714", "at most")],
+    ids=["nothing", "no facet", "text", "cut short", "nan", "half a text", "a face is gone", "a face twice", "one face turned",
+         "inside out", "two bodies", "metres", "micrometres"])
+def test_what_is_no_blank_is_refused(tmp_path: Path, content: bytes, code: str, words: str) -> None:
+    found, message = refused(tmp_path, content)
+    assert found.startswith(code)
+    assert words in message
+    assert "blank.stl" in message
+
+
+@pytest.mark.parametrize("more", ["", "units: cm\n", "units: mm\nbox: {from_mm: [0, 0, -5], to_mm: [5, 5, 0]}\n"])
+def test_units_are_stated_and_the_blank_is_one(tmp_path: Path, more: str) -> None:
+    assert refused(tmp_path, binary(FACES), more)[0] == "CS0102"
+
+
+def test_units_without_an_stl_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "stock.yaml"
+    file.write_text("box: {from_mm: [0, 0, -5], to_mm: [5, 5, 0]}\nunits: mm\n")
+    with pytest.raises(CompstiffError, match="CS0102"):
+        read_stock(file)
+
+
+def test_a_gone_stl_is_named(tmp_path: Path) -> None:
+    (tmp_path / "stock.yaml").write_text("stl: gone.stl\nunits: mm\n")
+    with pytest.raises(CompstiffError, match=r"gone\.stl.*CS0005|CS0005.*gone\.stl"):
+        read_stock(tmp_path / "stock.yaml")
+
+
+def test_a_void_is_a_void(tmp_path: Path) -> None:
+    """A body within that is turned inside out is a hollow."""
+    blank = read_stock(stock_of(tmp_path, binary(np.concatenate([FACES, WITHIN[:, ::-1]]))))
+    stock = blank.stock(np.array([-4e-3, -19e-3]), 0.0)
+    assert 1e9 * stock.volume == pytest.approx(120 * 80 * 20 - 20 * 20 * 10, rel=1e-3)
+
+
+def test_flat_faces_are_levels_and_upright_walls_need_no_layers(tmp_path: Path) -> None:
+    """A step at -7 mm is a level; nothing else is."""
+    step = box_faces((-60.0, -40.0, -20.0), (60.0, 40.0, -7.0))
+    tower = box_faces((-20.0, -20.0, -7.0 + 1e-3), (20.0, 20.0, 0.0))
+    stock = read_stock(stock_of(tmp_path, binary(np.concatenate([step, tower])))).stock(np.array([-4e-3]), 0.0)
+    assert 1e3 * stock.height == pytest.approx([-20, -7, -7 + 1e-3, -4, 0], abs=3e-3) or 1e3 * stock.height == pytest.approx(
+        [-20, -7, -4, 0], abs=3e-3)
