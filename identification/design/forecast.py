@@ -18,6 +18,8 @@ from identification.fit.identifiability import RELIABLE_LOG_STD, TRADE_OFF, UNSE
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
+# docs/benchmarks.md, "What a plan promises".
+BORNE_OUT = "Of such promises an independent simulation kept 6 in 10, and narrowed 2 more down to a few causes"
 
 
 def spread(log_std: float) -> str:
@@ -84,7 +86,7 @@ class Forecast:
         counts, alike = self.counts, not_told_apart(self.causes)
         lines = [f"of {len(self.causes)} possible causes at their typical size this plan{before} names "
                  f"{counts['identifiable']}, only notices {counts['detectable']} and misses {counts['invisible']} "
-                 "(sizes: compstiff diagnose --plan)"]
+                 f"(sizes: compstiff diagnose --plan). {BORNE_OUT}"]
         return lines + (["noticed at their typical size but not told apart: " + "; ".join(alike)] if alike else [])
 
     def length_lines(self) -> list[str]:
