@@ -2,13 +2,15 @@
 
 With the stated noise and the prior's stiffnesses, an effect of size a (in typical sizes) gives a noncentrality `a sqrt(G)` once
 the stiffnesses are free. It is found with a probability of 80 % where that is the family-wise critical value plus 0.84, and
-told from another effect where as much is left when that one is free too (with any shape of its own).
+told from another effect where as much is left when that one is free too (with any shape of its own). An effect of several
+parameters may have any direction: G is that of all but the worst fifth of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,7 +29,8 @@ from identification.model.effects_in_force import SPRINGS
 
 Array = NDArray[np.float64]
 ALARM = 0.05
-POWER_80 = 0.8416
+# What is called found or named is so with this probability, over the noise (quantile of the normal law) and over its direction.
+POWER, POWER_QUANTILE = 0.8, 0.8416
 # Places of a step are tried up to so many, evenly over the plan.
 MOST_PLACES = 12
 # So many effects that look alike are listed.
@@ -118,7 +121,7 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
     rows = planned.select(~planned.validate)
     base, dictionary = _linearised(cell, rows, -np.log(cell.prior.stiffness), effects())
     gram, slices = _gram(base, dictionary)
-    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + POWER_80
+    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + POWER_QUANTILE
     outlooks = tuple(_outlook(dictionary, k, gram, slices, needed) for k in range(len(dictionary.entries)))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 
@@ -204,8 +207,20 @@ def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
 
 
 def _weakest(information: Array) -> float:
-    """Root of the typical information of a block: what an effect of unit size in an average direction gives."""
-    return float(np.sqrt(max(np.trace(information) / len(information), 1e-12)))
+    """Root of the information of a block: what an effect of unit size gives in all but the worst fifth of the directions that
+    it may have."""
+    if len(information) == 1:
+        return float(np.sqrt(max(information[0, 0], 1e-12)))
+    directions = _directions(len(information))
+    along = np.einsum("di,ij,dj->d", directions, information, directions)
+    return float(np.sqrt(max(np.quantile(along, 1.0 - POWER), 1e-12)))
+
+
+@cache
+def _directions(width: int) -> Array:
+    """Unit vectors (400, width), evenly at random."""
+    drawn = np.random.default_rng(0).standard_normal((400, width))
+    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
 
 
 def _left(gram: Array, mine: slice, other: slice) -> float:
