@@ -53,11 +53,11 @@ class Judgement:
     [m, RMS] the rivals (or the laws that a cause leaves open) differ in what the robot does under the largest load, None where
     nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
     misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
-    log_odds: ln odds of the named model against the plain one, all parameters and the noise's sizes integrated out, None
-    where no cause is named. lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not among
-    `rows`. thinning: how the rows of machined passes were averaged. share: how many of the rows were looked at, None: all.
-    carried: the extended model with the laws of its effects free within what real ones differ by, None where nothing is named:
-    it is the one to use.
+    log_odds: ln odds, at least, of the named model against the plain one, all parameters and the noise's sizes integrated
+    out, None where no cause is named. lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not
+    among `rows`. thinning: how the rows of machined passes were averaged. share: how many of the rows were looked at, None:
+    all. carried: the extended model with the laws of its effects free within what real ones differ by, None where nothing is
+    named: it is the one to use.
     swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single
     visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose
     explains as well. validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one

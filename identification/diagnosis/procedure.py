@@ -251,7 +251,7 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         odds = log_odds(judgement, len(seen.dictionary.entries))
-        doubt = doubt_of(judgement.detection, self.alarm, odds, only_local(seen, best))
+        doubt = doubt_of(judgement.detection, self.alarm, odds)
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
@@ -261,7 +261,7 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
         given = labels | {f"{law}[{cause.joint}]" for cause in causes for law in cause.open_laws}
         others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
-        return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured, log_odds=odds,
+        return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured, log_odds=odds[0],
                        robot_difference=difference, carried=with_free_laws(extended))
 
     def unknown(
@@ -296,19 +296,22 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     return log_evidence(extended) + log_prior(len(extended.terms), entries)
 
 
-def doubt_of(detection: Detection, alarm: float, odds: float, local: bool) -> str:
-    """Why what is named may still be nothing, in words, "" where it may not. odds: ln, against nothing; local: the name is
-    bound to one place, where the weights of the rows may take it up."""
-    if max(NAMING, detection.resolution) < detection.p_value <= alarm and odds < CERTAINLY:
+def doubt_of(detection: Detection, alarm: float, odds: tuple[float, float]) -> str:
+    """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing, at least and at most."""
+    least, most = odds
+    if max(NAMING, detection.resolution) < detection.p_value <= alarm and least < CERTAINLY:
         return CHANCE_IN_WORDS.format(detection.p_value)
-    return NO_LIKELIER if detection.p_value <= alarm and odds < 0 and not local else ""
+    return NO_LIKELIER if detection.p_value <= alarm and most < 0 else ""
 
 
-def log_odds(judgement: Judgement, entries: int) -> float:
-    """ln odds of the extended model, one set among `entries`, against the plain one: all parameters and the noise's sizes
-    integrated out."""
-    extended = judgement.extended
-    return log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(judgement.plain)
+def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:
+    """ln odds of the extended model, one set among `entries`, against the plain one, all parameters and the noise's sizes
+    integrated out: at least and at most. They are known where the tails are alike; of a model with heavier tails the evidence
+    is too large, because rows that do not fit it count for little."""
+    plain, extended = judgement.plain, judgement.extended
+    odds = log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(plain)
+    before, after = plain.components.degrees, extended.components.degrees
+    return odds if after >= before else -np.inf, odds if after <= before else np.inf
 
 
 def log_prior(terms: int, entries: int) -> float:

@@ -53,8 +53,9 @@ def record(judgement: Judgement) -> dict[str, Any]:
 
 
 def _decades(judgement: Judgement) -> float | None:
-    """log10 of the odds of what is named against nothing."""
-    return None if judgement.log_odds is None else judgement.log_odds / float(np.log(10))
+    """log10 of the odds of what is named against nothing; None where they are not known."""
+    odds = judgement.log_odds
+    return None if odds is None or not np.isfinite(odds) else odds / float(np.log(10))
 
 
 def _visits(judgement: Judgement) -> dict[str, Any] | None:

@@ -107,6 +107,6 @@ def test_what_chance_does_now_and_then_gets_no_name(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
     assert kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer.verdict == "named"
-    monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: 6.0)
+    monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (6.0, 6.0))
     found = kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer
     assert (found.verdict, found.names) == ("unknown", frozenset())
