@@ -66,7 +66,8 @@ def _keys(plan: DesignPlan) -> list[Key]:
     minutes, efficiency = plan.sheet.time[-1] / 60, np.floor(100 * plan.design.certificate.efficiency)
     keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {minutes:.0f} min"),
             Key("least certain afterwards", f"k{worst.joint}", "", spread(worst.after)),
-            Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate"),
+            Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate" if plan.criterion != "C" else
+                "at least, by the stiffnesses alone"),
             Key("causes it can name", f"{counts.get('identifiable', 0)}", "",
                 f"of {len(plan.forecast.causes)}, at their typical size")]
     prediction = plan.prediction_std_um
