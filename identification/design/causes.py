@@ -84,10 +84,9 @@ def design_for_causes(
     # det^(1/m) of the precision before and after: half its log2 is the information in bits.
     nothing, most = everything.criterion.value(everything.prior), max(_bound(everything, told, chosen), value)
     bits, best = (0.5 * len(everything.prior) * float(np.log2(phi / nothing)) for phi in (value, most))
-    return design, ByCauses(
-        bits, bits / best, len(pool),
-        _largest(design.information), judge_plan(rig.cell, _rows(task, plainly, before)).counts["identifiable"],
-        _largest(task.information(plainly)))
+    otherwise = judge_plan(rig.cell, _rows(task, plainly, before)).counts["identifiable"]
+    return design, ByCauses(bits, bits / best, len(pool), _largest(task, design.information), otherwise,
+                            _largest(task, task.information(plainly)))
 
 
 def _bound(task: Task, pool: Pool, chosen: Indices) -> float:
@@ -98,8 +97,10 @@ def _bound(task: Task, pool: Pool, chosen: Indices) -> float:
     return bound_over(task, best.tangent(task), pool)
 
 
-def _largest(information: Array) -> float:
-    return float(np.sqrt(np.diag(np.linalg.inv(information)).max()))
+def _largest(task: Task, information: Array) -> float:
+    """Largest std of the ln k that the loads can show."""
+    seen = ~np.isin(np.arange(1, 7), task.criterion.left_out)
+    return float(np.sqrt(np.diag(np.linalg.inv(information))[seen].max()))
 
 
 def _small(task: Task, pool: Pool, rng: np.random.Generator) -> Pool:
