@@ -29,11 +29,11 @@ from identification.design.request import Request
 from identification.model.cell import read_cell
 from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Outcome, answer, judge, label, truth_names
 from tests.second_cell.cell import Case, drawn, measured, simulate
-from tests.second_cell.effects import DICTIONARY
+from tests.second_cell.effects import DICTIONARY, EFFECTS
 from tests.second_cell.plans import Plan
 
 CRITERIA = ("D", "C")
-# Not in the forecast: they hang on the order of the visits.
+# Not said: what hangs on the order of the visits.
 PROMISES = ("named", "noticed", "missed", "not said")
 SEEDS_A_ROBOT = 1000
 
@@ -68,7 +68,7 @@ def promise(plan: DesignPlan, name: str, factor: float) -> str:
 
 def one(robot: Case, criterion: str, plan: DesignPlan, rows: Plan, seed: int) -> Result:
     """The load test of a seed."""
-    hidden, _ = drawn(seed, "cycles", [name for name in DICTIONARY if robot.robot.rod or name != "parallelogram"])
+    hidden, _ = drawn(seed, "cycles", [name for name in DICTIONARY if robot.robot.rod or not EFFECTS[name].rod])
     case = measured(seed, robot.robot, robot.tool, robot.stiffness, rows, hidden=hidden, weight="known")
     truth = truth_names([part.truth for part in hidden])
     words = f"{hidden[0].effect}{[hidden[0].joint] if hidden[0].joint else ''} x{hidden[0].factor:.2f}, {robot.robot.name}"

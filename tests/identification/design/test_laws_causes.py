@@ -15,9 +15,10 @@ from identification.design import causes
 from identification.design.criteria import d_criterion
 from identification.design.domain import Domain, random_pool
 from identification.design.exchange import exchange
+from identification.design.information import instrument
 from identification.design.posture import reaching_back
 from identification.design.search import Effort
-from identification.design.task import Task, free_demand
+from identification.design.task import Demand, Task, free_demand
 from identification.diagnosis.plan import judge_plan, visit_information
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -63,6 +64,14 @@ def test_of_a_plan_s_causes_it_is_what_the_forecast_finds(visits, task, cell):
               if label in outlook and told.labels.count(label) == 1 and "[" not in label and outlook[label] < 50]
     # Creep and its like have several shapes, of which the forecast takes its own.
     assert np.sum(np.isclose(needed, np.median(needed), rtol=1e-4)) >= 6
+    # One of several parameters is found from there on in four fifths of the directions that it may have.
+    rng = np.random.default_rng(5)
+    for label in ("deflection_sensor_rotation", "deflection_sensor_gain", "tool_point"):
+        mine = [k for k, other in enumerate(told.labels) if other == label]
+        along = rng.standard_normal((4000, len(mine)))
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        shown = np.sqrt(np.einsum("di,ij,dj->d", along, left[np.ix_(mine, mine)], along))
+        assert np.mean(shown * outlook[label] >= np.median(needed)) == pytest.approx(0.8, abs=0.05), label
 
 
 def test_no_plan_out_of_the_pool_beats_the_bound(visits, task):
@@ -86,8 +95,23 @@ def test_more_causes_are_told_apart_and_the_price_is_said(found, task, cell):
     assert worth.largest == pytest.approx(float(np.sqrt(np.diag(plan.covariance).max())))
     assert 0.5 < worth.share <= 1
     assert plan.certificate.efficiency < 0.95       # by the stiffnesses alone it is not the best
-    assert not reaching_back(task.domain, plan.runs.theta).any()
     assert task.domain.excess(plan.runs).max() <= 1e-6
+
+
+def test_the_pool_is_of_ordinary_postures_with_runs_of_every_group(domain, prior, tmp_path):
+    """An arm without a rod reaches over its back too; a group that is only reached so is kept."""
+    serial = read_cell(write_cell(tmp_path, "robot: irb6700-200-2.60\ntool: {position_mm: [110, -20, 260]}\n"))
+    beside = Domain(instrument(serial), domain.slots[:2], np.array([[1.6, 0.0, 0.9]]))
+    task = Task(beside, d_criterion(), prior, Demand(np.arange(2), np.array([0, 1])))
+    pool = random_pool(beside, 3000, np.random.default_rng(4))
+    back = reaching_back(beside, pool.theta)
+    assert back.any()
+    small = causes._small(task, pool, np.random.default_rng(0))
+    assert not reaching_back(beside, small.theta).any()
+    only = pool.take(back | (pool.slot == 0))
+    kept = causes._small(task, only, np.random.default_rng(0))
+    assert set(np.unique(kept.slot)) == {0, 1}
+    assert reaching_back(beside, kept.theta)[kept.slot == 1].all()
 
 
 def test_rows_measured_before_count(task, found, cell):

@@ -96,17 +96,21 @@ def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.Mon
     assert all(mutated(monkeypatch, goodness_of_fit=blind, beyond_stated=lambda *_: {}))
 
 
-def test_what_chance_does_now_and_then_gets_no_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An effect that is there, with a misfit that one in fifty data sets of nothing would show: a name only where the odds
-    against nothing are beyond doubt."""
+@pytest.mark.parametrize(("p_value", "odds", "verdict"), [
+    (0.02, None, "named"), (0.02, 6.0, "unknown"), (0.2, None, "named"), (0.2, 6.0, "adequate"), (0.4, None, "adequate")])
+def test_what_chance_does_now_and_then_gets_no_name(
+    monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float | None, verdict: str
+) -> None:
+    """An effect that is there, with a misfit that so many data sets of nothing would show: a name only where the odds against
+    nothing (ln; None: as they are) are beyond doubt."""
     real = procedure.goodness_of_fit
 
     def by_chance(fitted: Any, *arguments: Any) -> Any:
         found = real(fitted, *arguments)
-        return found if fitted.terms else replace(found, p_value=0.02)
+        return found if fitted.terms else replace(found, p_value=p_value)
 
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
-    assert kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer.verdict == "named"
-    monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (6.0, 6.0))
+    if odds is not None:
+        monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (odds, odds))
     found = kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer
-    assert (found.verdict, found.names) == ("unknown", frozenset())
+    assert (found.verdict, bool(found.names)) == (verdict, verdict == "named")
