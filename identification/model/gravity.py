@@ -32,11 +32,12 @@ def gravity_torque(
     """
     if robot.link_mass is None or robot.link_centre is None:
         return np.zeros((len(theta), 6))
-    frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T))
+    planes = np.empty((6, 3, len(theta)), dtype=np.complex128)
+    frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta).T), planes)
     mass = robot.link_mass.copy()
+    x, y, z = robot.link_centre.T[:, :, None, None]
     # First moments of mass (6, 3, n): each body's, then of all that an axis carries.
-    moment = np.stack([mass[i] * (frames.origins[i] + (rotation @ robot.link_centre[i]).T)
-                       for i, rotation in enumerate(link_rotations(robot, theta))])
+    moment = mass[:, None, None] * (frames.origins + x * planes.real + y * planes.imag + z * frames.axes)
     if tool_mass:
         centre = np.zeros(3) if tool_centre is None else tool_centre
         moment[5] += tool_mass * (frames.origins[5] + np.einsum("cjn,j->cn", frames.rotation, centre))
@@ -60,22 +61,6 @@ def sagged_angles(
         torque = gravity_torque(robot, sagged, fall, tool_mass, tool_centre)
         sagged = loaded_angles(robot, theta, compliance * torque)
     return sagged
-
-
-def link_rotations(robot: RobotModel, theta: Array) -> list[Array]:
-    """base_from_link rotations (N, 3, 3) of the six joint frames (paper eq. 1), theta (N, 6) controller angles [rad]."""
-    serial = robot.serial_angles(theta)
-    rotation = np.broadcast_to(np.eye(3), (len(theta), 3, 3))
-    found = []
-    for i in range(6):
-        ca, sa = np.cos(robot.alpha[i]), np.sin(robot.alpha[i])
-        c, s = np.cos(serial[:, i]), np.sin(serial[:, i])
-        zero = np.zeros_like(c)
-        step = np.stack([np.stack([c, -s, zero], axis=1), np.stack([ca * s, ca * c, zero - sa], axis=1),
-                         np.stack([sa * s, sa * c, zero + ca], axis=1)], axis=1)
-        rotation = rotation @ step
-        found.append(rotation)
-    return found
 
 
 def fall_in_base(world_from_base: Frame) -> Array:

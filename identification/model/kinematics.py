@@ -76,8 +76,8 @@ def turned_back(angles: Array, turns: NDArray[np.complex128] | None = None) -> N
     return turns
 
 
-def chain(robot: RobotModel, serial: Array) -> Chain:
-    """Frames at serial angles `serial` (6, n) [rad] (paper eq. 1)."""
+def chain(robot: RobotModel, serial: Array, planes: NDArray[np.complex128] | None = None) -> Chain:
+    """Frames at serial angles `serial` (6, n) [rad] (paper eq. 1); into planes (6, 3, n), where given, x + i y of each."""
     n = serial.shape[1]
     turns = turned_back(serial)
     axes, origins = np.empty((6, 3, n)), np.empty((6, 3, n))
@@ -103,6 +103,8 @@ def chain(robot: RobotModel, serial: Array) -> Chain:
         if robot.d[i]:
             origin += np.multiply(robot.d[i], z, out=spare)
         axes[i], origins[i] = z, origin
+        if planes is not None:
+            planes[i] = plane
     return Chain(axes, origins, np.stack([plane.real, plane.imag, z], axis=1))
 
 

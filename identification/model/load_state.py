@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.model.compliance import equilibrium, loaded_angles
-from identification.model.gravity import DOWN, gravity_torque, link_rotations, sagged_angles
+from identification.model.gravity import DOWN, gravity_torque, sagged_angles
 from identification.model.kinematics import Chain, chain
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
@@ -106,7 +106,9 @@ class LoadState:
     @cached_property
     def link_x(self) -> Array:
         """x axes of the joint frames (n, 6, 3)."""
-        return np.stack([rotation[:, :, 0] for rotation in link_rotations(self.robot, self.loaded)], axis=1)
+        planes = np.empty((6, 3, len(self.loaded)), dtype=np.complex128)
+        chain(self.robot, np.ascontiguousarray(self.robot.serial_angles(self.loaded).T), planes)
+        return np.asarray(planes.real.transpose(2, 0, 1))
 
     @cached_property
     def serial_jacobian(self) -> Array:
