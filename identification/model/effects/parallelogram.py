@@ -31,26 +31,33 @@ class Parallelogram(Effect):
         return "" if rows.robot.rod is not None else "the robot has no parallel rod"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        driven, driver = rows.robot.rod or (2, 1)
-        torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
-
-        def moved(ratio: float) -> Array:
-            column = rows.serial_jacobian[:, :, driver] - ratio * rows.serial_jacobian[:, :, driven]
-            return np.asarray(column * (torque[:, driver] - ratio * torque[:, driven])[:, None])
-
-        return np.asarray(rows.compliance[driver] * (moved(float(values[0])) - moved(_assumed(rows))))
+        yielding = rows.compliance[(rows.robot.rod or (2, 1))[1]]
+        return np.asarray(yielding * (_moved(rows, float(values[0])) - _moved(rows, _assumed(rows))))
 
     def neutral(self, rows: LoadState) -> Array:
         return np.array([_assumed(rows)])
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        assumed = _assumed(rows)
-        other = 1.0 - assumed
+        """With the gear as soft as the rows' springs have it, and as the prior of the robot has it: where the load path is not
+        the assumed one, springs fitted without this effect can make the gear all but rigid."""
+        driver = (rows.robot.rod or (2, 1))[1]
+        assumed, yielding = _assumed(rows), rows.compliance[driver]
+        other, now = 1.0 - assumed, yielding * _moved(rows, assumed)
         signatures = []
-        for share in (1.0, 0.3):
-            there = self.contribution(rows, joint, np.array([assumed + share * (other - assumed)]))[:, :3, None]
-            signatures.append(Signature(there / share, np.ones(1), True, lambda x: assumed + x * (other - assumed), self))
+        for softness in (yielding, 1.0 / rows.robot.prior.stiffness[driver]):
+            for share in (1.0, 0.3):
+                there = softness * _moved(rows, assumed + share * (other - assumed)) - now
+                signatures.append(Signature(there[:, :3, None] / share, np.ones(1), True,
+                                            lambda x: assumed + x * (other - assumed), self))
         return signatures
+
+
+def _moved(rows: LoadState, ratio: float) -> Array:
+    """Deviation (n, 6) by gear 2 of unit compliance."""
+    driven, driver = rows.robot.rod or (2, 1)
+    torque = np.einsum("nri,nr->ni", rows.serial_jacobian, rows.wrench)
+    column = rows.serial_jacobian[:, :, driver] - ratio * rows.serial_jacobian[:, :, driven]
+    return np.asarray(column * (torque[:, driver] - ratio * torque[:, driven])[:, None])
 
 
 def _assumed(rows: LoadState) -> float:

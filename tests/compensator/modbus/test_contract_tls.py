@@ -46,7 +46,7 @@ def test_a_client_refuses_a_cell_it_cannot_trust(certificates):
     device = kit.offset_device()
     with Loopback(device, tls=certificates["client"]) as server:
         trusting = certificates["client"].context("client")
-        ending = kit.push(server.port, kit.random_table(1), timeout_s=0.5, retries=0, tls=trusting)
+        ending = kit.push(server.port, kit.random_table(1), timeout_s=10.0, retries=0, tls=trusting)
     assert (ending.code, device.active) == (4, None)
     assert "certificate verify failed" in ending.text.lower()
 

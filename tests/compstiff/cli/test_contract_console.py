@@ -116,7 +116,6 @@ def test_ctrl_c_exits_130(tmp_path) -> None:
     with started(sys.executable, "-c", code, stdout=subprocess.PIPE, text=True, stderr=subprocess.PIPE) as process:
         assert process.stdout
         process.stdout.readline()
-        time.sleep(0.2)
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130

@@ -73,6 +73,22 @@ def test_the_other_load_path_is_the_parallelogram() -> None:
     assert np.abs(matrix).max() > 0
 
 
+def test_the_other_load_path_is_seen_beside_a_gear_that_a_wrong_fit_made_rigid() -> None:
+    """From springs with a rigid gear 2 to those of the serial reading with the gear as the maker's robots have it: one of the
+    signatures is all of that, not a multiple of what another path makes of a rigid gear."""
+    theta = random_poses(robot(), 40, np.random.default_rng(5))
+    wrench = np.random.default_rng(6).normal(0, 300, (40, 6))
+    rigid, usual = COMPLIANCE.copy(), COMPLIANCE.copy()
+    rigid[1] /= 50
+    usual[1] = 1 / robot().prior.stiffness[1]
+    serial = compliance_matrix(replace(robot(), load_path="serial"), theta, TOOL, usual)
+    moved = np.einsum("nij,nj->ni", serial - compliance_matrix(robot(), theta, TOOL, rigid), wrench)[:, :3]
+    rows = load_state(robot(), TOOL, theta, wrench, rigid, at_load=True)
+    off = [np.abs(shape.rows[:, :, 0] - moved).max() for shape in effects()["parallelogram"].signatures(rows, None)
+           if shape.values(np.ones(1)) == 0.0]
+    assert min(off) < 1e-9 * np.abs(moved).max()
+
+
 @pytest.mark.parametrize("effect", [effect for effect in effects().values() if effect.of_robot], ids=lambda effect: effect.name)
 def test_no_load_no_contribution_of_the_robot(effect: Effect) -> None:
     theta = random_poses(robot(), 10, np.random.default_rng(4))
