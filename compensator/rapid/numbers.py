@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from compensator.rapid.targets import POSE, WIDTH
 from compensator.rapid.text import Offsets
+from identification.common.arrow import floats_of
 
 Array = NDArray[np.float64]
 
 _CHUNK = 1 << 14        # targets converted at a time: bounds the memory their texts take
 _NOISE = b"[] \t\r\n\f\v"
+_LINES = bytes.maketrans(b",", b"\n")
+_LONG = 1 << 15         # bytes of text from which on Arrow is worth its start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +86,26 @@ def _rows(texts: list[bytes], end: bytes, columns: int) -> tuple[Array, list[int
 
 
 def _floats(text: bytes, columns: int) -> Array:
-    """Numbers (R, columns) of a text in which each is followed by a comma."""
-    words = text.translate(None, _NOISE).decode("ascii").split(",")
-    words.pop()
-    return np.fromiter(map(float, words), np.float64, len(words)).reshape(-1, columns)
+    """Numbers (R, columns) of a text in which each is followed by a comma. Raises ValueError where one is none."""
+    values = _by_arrow(text) if len(text) > _LONG else None
+    if values is None:
+        words = text.translate(None, _NOISE).decode("ascii").split(",")
+        words.pop()
+        values = np.fromiter(map(float, words), np.float64, len(words))
+    return values.reshape(-1, columns)
+
+
+def _by_arrow(text: bytes) -> Array | None:
+    """The same numbers, to the last bit, in less than half the time; None where Arrow does not take all for numbers."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    try:
+        table = csv.read_csv(
+            pa.BufferReader(text.translate(_LINES, _NOISE)),
+            csv.ReadOptions(use_threads=False, column_names=["number"], block_size=len(text)),
+            csv.ParseOptions(quote_char=False, ignore_empty_lines=False),
+            csv.ConvertOptions(check_utf8=False, column_types={"number": pa.float64()}, null_values=[]))
+    except pa.ArrowInvalid:
+        return None
+    return floats_of(table["number"])

@@ -29,28 +29,32 @@ def scan(source: Source) -> Scan:
     routine that does not end)."""
     scanned = Scan(source)
     statements = Statements(scanned)
-    tails: dict[bytes, int] = {}
+    stands: dict[bytes, int] = {}       # where the spelling of a tail stands first
+    tails: dict[int, int] = {}          # the number of the tail there
     move, start, rest, end = scanned.move.append, scanned.start.append, scanned.rest.append, scanned.end.append
     name, tail = scanned.name.append, scanned.tail.append
 
-    def tail_number(text: bytes, at: int) -> int:
-        words = tokens(source, at, at + len(text) + 1)
-        number = tails[text] = scanned.add_tail(parse_tail(Cursor(source, words)))
-        return number
+    def read_tails(known: int) -> None:
+        for text in list(stands)[known:]:
+            at = stands[text]
+            tails[at] = scanned.add_tail(parse_tail(Cursor(source, tokens(source, at, at + len(text) + 1))))
 
     for match in UNIT.finditer(source.data, source.start):
         kind = match.lastgroup
         if kind == "u_inline":
             found = inline_moves(source.data, *match.span(kind))
-            for at, stop in zip(found.tail.tolist(), found.stop.tolist(), strict=True):
-                text = source.data[at:stop]
-                number = tails.get(text)
-                tail(tail_number(text, at) if number is None else number)
+            known, data = len(stands), source.data
+            first = [stands.setdefault(data[at:stop], at)
+                     for at, stop in zip(found.tail.tolist(), found.stop.tolist(), strict=True)]
+            read_tails(known)
+            scanned.tail.extend(map(tails.__getitem__, first))
             scanned.add_inline(found)
         elif kind == "u_named":
-            text = match["tail2"]
-            number = tails.get(text)
-            tail(tail_number(text, match.start("tail2")) if number is None else number)
+            known = len(stands)
+            at = stands.setdefault(match["tail2"], match.start("tail2"))
+            if len(stands) > known:
+                read_tails(known)
+            tail(tails[at])
             move(_WAY[match["way2"]])
             start(match.start("target"))
             rest(-1)
