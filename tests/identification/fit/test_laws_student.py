@@ -1,0 +1,61 @@
+"""Heavy tails: degrees of freedom and scale against SciPy's multivariate Student, and what each row weighs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.stats import multivariate_normal, multivariate_t
+
+from identification.fit.student import DEGREES, tails
+
+THREE = np.eye(3)
+
+
+def drawn(rng: np.random.Generator, rows: int, degrees: float, scale: float = 1.0) -> np.ndarray:
+    """Readings (n, 3) of a Student noise of unit shape."""
+    heavier = 1.0 if np.isinf(degrees) else rng.chisquare(degrees, rows)[:, None] / degrees
+    return np.asarray(np.sqrt(scale / heavier) * rng.standard_normal((rows, 3)))
+
+
+def log_likelihood(readings: np.ndarray, degrees: float, scale: float) -> float:
+    if np.isinf(degrees):
+        return float(multivariate_normal(np.zeros(3), scale * THREE).logpdf(readings).sum())
+    return float(multivariate_t(np.zeros(3), scale * THREE, df=degrees).logpdf(readings).sum())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_degrees_and_the_scale_are_the_likeliest(seed: int) -> None:
+    """Every number of degrees with its own best scale, searched here; each doubling of heaviness from 100 on costs one unit."""
+    rng = np.random.default_rng(7000 + seed)
+    readings = drawn(rng, int(rng.integers(20, 120)), rng.choice([3.0, 5.0, 15.0, np.inf]), rng.uniform(0.3, 4.0))
+    tried = {}
+    for degrees in DEGREES:
+        best = minimize_scalar(lambda log, nu=degrees: -log_likelihood(readings, nu, float(np.exp(log))), bounds=(-4, 4),
+                               method="bounded", options={"xatol": 1e-6})
+        tried[-best.fun - np.log2(100 / min(degrees, 100))] = degrees, float(np.exp(best.x))
+    values = sorted(tried)
+    assert values[-1] - values[-2] > 1e-4, "no clear answer: another seed"
+    degrees, scale = tails(np.sum(readings**2, axis=1), np.full(len(readings), 3))
+    assert degrees == tried[values[-1]][0]
+    assert scale == pytest.approx(tried[values[-1]][1], rel=1e-3)
+
+
+@pytest.mark.parametrize("degrees", DEGREES)
+def test_many_rows_tell_the_truth(degrees: float) -> None:
+    """Of the grid, the number of degrees that the rows were drawn with; 20 and 50 may be told apart from the normal only by
+    more rows than these."""
+    readings = drawn(np.random.default_rng(71), 6000, degrees, 2.5)
+    found, scale = tails(np.sum(readings**2, axis=1), np.full(len(readings), 3))
+    near = {20.0: (10.0, 20.0, 50.0), 50.0: (20.0, 50.0, np.inf)}.get(degrees, (degrees,))
+    assert found in near
+    assert scale == pytest.approx(2.5, rel=0.06)
+
+
+def test_a_reading_of_one_component_counts_as_one() -> None:
+    """Rows of which one component was measured have the likelihood of one component."""
+    rng = np.random.default_rng(72)
+    readings = drawn(rng, 4000, 4.0, 1.7)[:, :1]
+    found, scale = tails(np.sum(readings**2, axis=1), np.ones(len(readings), dtype=int))
+    assert found == 4.0
+    assert scale == pytest.approx(1.7, rel=0.08)
