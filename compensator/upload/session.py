@@ -14,6 +14,7 @@ from urllib.parse import urlencode
 
 from compensator.upload.address import Controller
 from compensator.upload.answers import Answered, Lost, State, refusal
+from compensator.upload.deadline import Deadline
 from compensator.upload.dialects import RWS_1, RWS_2, Dialect
 from identification.common.findings import Finding, Refused
 
@@ -28,6 +29,7 @@ LEAST_INTERVAL_S = 0.06
 # A file has this rate at least, beside the time for an answer [bytes/s].
 LEAST_RATE = 64 << 10
 PASSING = (500, 502, 503, 504)
+NO_END = "an answer that does not come to its end"
 
 
 @dataclass(frozen=True)
@@ -157,26 +159,29 @@ class Session:
 
         time.sleep(max(self._last + LEAST_INTERVAL_S - time.monotonic(), 0.0))
         self._last = time.monotonic()
-        begun, patience = self._last, self.controller.timeout_s
         if self._cookies:
             headers = {**headers, "Cookie": "; ".join(f"{name}={value}" for name, value in self._cookies.items())}
+        deadline = Deadline(self.controller.timeout_s + len(content) / LEAST_RATE)
         try:
-            with self._client.stream(method, path, headers=headers, content=content if content or method != "GET" else None,
-                                     auth=self._auth) as response:
+            with deadline, self._client.stream(
+                method, path, headers=headers, content=content if content or method != "GET" else None, auth=self._auth,
+                extensions={"trace": deadline.trace},
+            ) as response:
                 self._keep(response)
                 if response.headers.get("Content-Encoding", "identity").lower() != "identity":
                     raise Lost("an answer in an encoding that was not asked for")
                 body = bytearray()
-                for chunk in response.iter_raw(1 << 16):
-                    body += chunk
+                for part in response.iter_raw():
+                    body += part
+                    deadline.later(len(part) / LEAST_RATE)
                     if len(body) > most:
                         raise Lost(f"an answer of over {most} bytes")
-                    if time.monotonic() > begun + patience + (len(content) + len(body)) / LEAST_RATE:
-                        raise Lost("an answer that does not come to its end")
+            if deadline.over:
+                raise Lost(NO_END)
         except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError, OSError, ValueError) as reason:
             if self.controller.tls and _about_certificate(reason):
                 raise _not_trusted(self.controller, reason) from reason
-            raise Lost(_why(reason)) from reason
+            raise Lost(NO_END if deadline.over else _why(reason)) from reason
         finally:
             self._client.cookies.clear()
         if response.status_code >= 300:
