@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import re
 from html.parser import HTMLParser
 
 State = dict[str, str]
+# A tag is far shorter; one without an end is looked through again and again by the parser.
+LONGEST_TAG = 2 << 10
 
 
 class Lost(Exception):
@@ -51,10 +55,11 @@ def refusal(status: int, body: bytes) -> Answered:
         status_block = document.get("status") or document["_embedded"]["status"]
         found = {"code": _text(status_block.get("code")), "msg": _text(status_block.get("msg", ""))}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        found = _page(body).status
+        with contextlib.suppress(Lost):
+            found = _page(body).status
     message = found.get("msg", "").rpartition("] ")[2].partition(" code:")[0].strip()
     code = found.get("code", "").strip()
-    return Answered(status, int(code) if code.lstrip("-").isdecimal() else None, message[:200])
+    return Answered(status, int(code) if re.fullmatch(r"-?[0-9]{1,12}", code) else None, message[:200])
 
 
 class _Page(HTMLParser):
@@ -95,8 +100,12 @@ class _Page(HTMLParser):
 
 
 def _page(body: bytes) -> _Page:
-    page = _Page()
-    page.feed(body.decode("utf-8", errors="replace"))
+    """Raises Lost where a tag has no end."""
+    page, text = _Page(), body.decode("utf-8", errors="replace")
+    for start in range(0, len(text), LONGEST_TAG):
+        page.feed(text[start:start + LONGEST_TAG])
+        if len(page.rawdata) > LONGEST_TAG:
+            raise Lost("an answer with a tag that does not end")
     page.close()
     return page
 

@@ -29,6 +29,8 @@ LEAST_INTERVAL_S = 0.06
 # A file has this rate at least, beside the time for an answer [bytes/s].
 LEAST_RATE = 64 << 10
 PASSING = (500, 502, 503, 504)
+# What HTTPX raises at a digest challenge that it does not know: another algorithm, another quality of protection.
+NO_DIGEST = (KeyError, NotImplementedError)
 NO_END = "an answer that does not come to its end"
 
 
@@ -178,7 +180,7 @@ class Session:
                         raise Lost(f"an answer of over {most} bytes")
             if deadline.over:
                 raise Lost(NO_END)
-        except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError, OSError, ValueError) as reason:
+        except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError, OSError, ValueError, *NO_DIGEST) as reason:
             if self.controller.tls and _about_certificate(reason):
                 raise _not_trusted(self.controller, reason) from reason
             raise Lost(NO_END if deadline.over else _why(reason)) from reason
@@ -214,6 +216,8 @@ def _why(reason: Exception) -> str:
 
     if isinstance(reason, httpx.TimeoutException):
         return "timed out"
+    if isinstance(reason, NO_DIGEST):
+        return "it asks for a digest that is not known here"
     return str(reason).strip() or type(reason).__name__
 
 

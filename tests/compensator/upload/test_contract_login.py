@@ -4,13 +4,16 @@ import hashlib
 import socket
 import ssl
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 import trustme
 
 from compensator.upload import session
-from compensator.upload.answers import Answered
+from compensator.upload.address import Controller
+from compensator.upload.answers import Answered, Lost, refusal, xhtml_states
+from compensator.upload.session import Session
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import Emulator, RobotController
 
@@ -151,3 +154,41 @@ def test_a_refusal_is_the_controller_s_own(status, code, meant):
     """A client's error with the controller's own code; what stands between, or a server that fails, says nothing of what was
     done."""
     assert Answered(status, code).meant is meant
+
+
+@pytest.mark.parametrize(("code", "number"), [
+    ("-1073445865", -1073445865), ("12", 12), ("--5", None), ("5" * 5000, None), ("", None), ("x", None), ("\u0665", None)])
+def test_a_code_that_is_no_number_is_none(code, number):
+    """Nor is one that is longer than any."""
+    found = refusal(403, f'{{"status": {{"code": "{code}", "msg": "no"}}}}'.encode())
+    assert (found.status, found.code) == (403, number)
+
+
+@pytest.mark.parametrize("piece", ["<a b=", "<a ", "<!--", "<![CDATA[", "<!", "<?", "&", "<a b='"])
+def test_a_page_that_opens_and_opens_is_over_soon(piece):
+    """As large as an answer may be, the parser would look through the rest of it at every piece."""
+    body = (piece * (session.MOST_ANSWER // len(piece))).encode()
+    before = time.process_time()
+    assert refusal(403, body).status == 403
+    with pytest.raises(Lost):
+        xhtml_states(body)
+    assert time.process_time() - before < 3
+
+
+@pytest.mark.parametrize("asked", ['algorithm=FOO', 'qop="auth-int"'])
+def test_a_digest_that_is_not_known_is_said(asked):
+    class Odd(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(401)
+            self.send_header("WWW-Authenticate", f'Digest realm="r", nonce="n", {asked}')
+            self.end_headers()
+
+        def log_message(self, *_):
+            return
+
+    with HTTPServer(("127.0.0.1", 0), Odd) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        controller = Controller("127.0.0.1", "user", "secret", tls=False, port=server.server_address[1], retries=0)
+        with pytest.raises(Lost, match="digest that is not known"), Session(controller) as opened:
+            opened.states("/rw/system")
+        server.shutdown()

@@ -7,7 +7,8 @@ import pytest
 
 from identification.fit.held_out import left_out, pose_names, poses
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import posterior
+from identification.fit.posterior import Posterior, posterior
+from identification.model.compliance import equilibrium
 from tests.identification.fit.test_laws_posterior import NOISY, simulate
 
 NARROW = NOISY + "prior: {relative_std: [0.2, 0.2, 0.2, 0.2, 0.2, 0.2]}\n"
@@ -32,9 +33,7 @@ def test_a_pose_left_out_is_predicted_as_by_a_fit_without_it(tmp_path, text: str
         assert np.sqrt(np.mean((held[out] - refitted) ** 2)) < 0.3 * moved, number
 
 
-def predicted(data: LoadTest, model) -> np.ndarray:
+def predicted(data: LoadTest, model: Posterior) -> np.ndarray:
     """Readings (n, 3) [m] of the plain springs of a fit, by the finite equilibrium."""
-    from identification.model.compliance import equilibrium
-
     cell, rows = data.cell, data.rows
     return np.asarray(equilibrium(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench, np.exp(model.map[:6])).position)
