@@ -94,7 +94,8 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     learned = planned.loaded.learned
     loaded = LoadedPath(path, replace(placed, standard_error=noise_of(placed), unknown=None), planned.model, points, learned)
     # What is left of the covariance is the mean force's.
-    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0)
+    exact = replace(planned.model, covariance=np.zeros_like(planned.model.covariance), unknown_weight=0.0,
+                    differs=0.0)
     prediction = predict_path(replace(loaded, model=exact, learned=learned.exactly() if learned else None))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
     own[grid.kept[planned.targets]] = planned.prediction.position

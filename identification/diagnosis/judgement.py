@@ -47,21 +47,22 @@ class Cause(EffectInForce):
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was found).
-    detection: of the plain model, adequacy: of the extended one. causes, alternatives: see docs/formats.md#diagnose. scatter:
-    parts of the noise that outgrow what was stated. patterns: what is seen of an unknown cause. robot_difference: by how much
-    [m, RMS] the rivals (or the laws that a cause leaves open) differ in what the robot does under the largest load, None where
-    nothing is open. left_out: effects these rows cannot show, and why. law_differs: the causes explain nearly all of the
-    misfit, and what is left is still more than noise. withdrawn: names that were all but given, and what spoke against each.
-    log_odds: ln odds, at least, of the named model against the plain one, all parameters and the noise's sizes integrated
-    out, None where no cause is named. lost: sets of causes whose fit did not converge, which are no candidates. bad_rows: not
-    among `rows`. thinning: how the rows of machined passes were averaged. share: how many of the rows were looked at, None:
-    all. carried: the extended model with the laws of its effects free within what real ones differ by, None where nothing is
-    named: it is the one to use.
-    swing: of weights that hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single
-    visits fit the others; bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose
-    explains as well. validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one
-    where the verdict is one, else rivals of the alternatives."""
+    """What is wrong. plain: the fit without effects; extended: with the likeliest ones (the plain fit where none was
+    found). detection: of the plain model, adequacy: of the extended one. causes, alternatives: see
+    docs/formats.md#diagnose. companions: what the extended model has beside the causes without a name: small, yet of use on
+    rows that were not fitted. scatter: parts of the noise that outgrow what was stated. patterns: what is seen of an
+    unknown cause. robot_difference: by how much [m, RMS] the rivals (or the laws that a cause leaves open) differ in what
+    the robot does under the largest load, None where nothing is open. left_out: effects these rows cannot show, and why.
+    law_differs: the causes explain nearly all of the misfit, and what is left is still more than noise. withdrawn: names
+    that were all but given, and what spoke against each. log_odds: ln odds, at least, of the named model against the plain
+    one, all parameters and the noise's sizes integrated out, None where no cause is named. lost: sets of causes whose fit
+    did not converge, which are no candidates. bad_rows: not among `rows`. thinning: how the rows of machined passes were
+    averaged. share: how many of the rows were looked at, None: all. carried: the extended model with the laws of its
+    effects free within what real ones differ by, None where nothing is named: it is the one to use. swing: of weights that
+    hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others;
+    bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose explains as well.
+    validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one where the
+    verdict is one, else rivals of the alternatives."""
 
     verdict: Verdict
     plain: Posterior
@@ -69,6 +70,7 @@ class Judgement:
     detection: Detection
     adequacy: Detection | None = None
     causes: tuple[Cause, ...] = ()
+    companions: tuple[Cause, ...] = ()
     alternatives: tuple[Cause, ...] = ()
     gain: Gain | None = None
     next_loads: tuple[NextLoad, ...] = ()
@@ -103,7 +105,8 @@ class Judgement:
             "unknown": bool(self.causes or self.mistakes) or self.extended is not self.plain,
             "mistake": bool(self.causes or self.alternatives or self.withdrawn) or not self.mistakes,
         }[self.verdict]
-        given = [cause.label for cause in self.causes]
+        given = [cause.label for cause in (*self.causes, *self.companions)]
+        contradicts |= bool(self.companions) and not self.causes
         doubled = len(set(given)) < len(given) or set(given) & {cause.label for cause in self.alternatives}
         if contradicts or doubled:
             others = [cause.label for cause in self.alternatives]

@@ -21,7 +21,7 @@ from identification.model.law_of import uncertain
 
 # A name is given when this much probability is on it; the set of names holds as much.
 CERTAIN = 0.95
-# An effect under this share of its typical size is no cause beside others.
+# An effect under this share of its typical size is no name beside others: what it explains something else may do as well.
 SLIGHT = 0.4
 # A law of the same gear that is less likely is not said to do as well.
 OPEN_LAW = 0.01
@@ -29,7 +29,8 @@ OPEN_LAW = 0.01
 NOTHING = 2.0
 # Nor is one of this share of the signal of an effect whose law is uncertain by more.
 BESIDE = 0.15
-# ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn.
+# ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn; by as much with a term for it
+# to be of use.
 AGAINST = -3.0
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
@@ -71,12 +72,18 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
         fits[best.key] = fitted
 
 
-def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> Posterior:
+def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:
     """The extended model without terms of nothing, and without those that stand for what the others' laws do not give exactly;
-    data: all rows."""
+    and the labels of those that stay in it without being a name: small against their typical size, yet of use on rows that were
+    not fitted. data: all rows."""
     extended = _without(extended, of_nothing(extended))
-    slight = _slight_terms(data, extended, rng)
-    return _without(extended, slight)
+    small = {term.label for term, values in zip(extended.terms, extended.term_values, strict=True)
+             if _typical_sizes(term, values) < SLIGHT}
+    if len(small) == len(extended.terms):
+        small = set()
+    useless = {label for label in small if _of_no_use(data, extended, label, rng)}
+    extended = _without(extended, useless | _slight_beside(data, extended, rng))
+    return extended, frozenset(small & {term.label for term in extended.terms})
 
 
 def _without(extended: Posterior, slight: set[str]) -> Posterior:
@@ -87,13 +94,11 @@ def _without(extended: Posterior, slight: set[str]) -> Posterior:
     return attempt(extended.data, kept, extended) or extended
 
 
-def _slight_terms(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> set[str]:
-    """Labels of terms that are small against their typical size, or small beside an effect whose law is uncertain, in the rows
-    they touch, and of no use on rows that were not fitted."""
+def _slight_beside(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> set[str]:
+    """Labels of terms that are small beside an effect whose law is uncertain, in the rows they touch, and of no use on rows
+    that were not fitted."""
     slight, added = set(), {}
     for term, values in zip(extended.terms, extended.term_values, strict=True):
-        if _typical_sizes(term, values) < SLIGHT:
-            slight.add(term.label)
         added[term.label] = extended.at_map.noise.whitening @ term.contribution(extended.load_state, values)[:, :3, None]
 
     def strength(label: str, at: np.ndarray) -> float:

@@ -133,9 +133,10 @@ def _mistakes(judgement: Judgement) -> ReportTable | None:
 
 
 def _causes(content: dict[str, Any]) -> ReportTable | None:
+    small = [cause | {"sentence": f"{cause['sentence']} (small beside the cause: no name)"} for cause in content["companions"]]
     rows = [[cause["effect"] + (f" of joint {cause['joint']}" if cause["joint"] else ""), cause["sentence"], name, value(item),
              "corrected along the path" if cause["of_robot"] else "taken out of the data, not carried into the correction"]
-            for cause in content["causes"] for name, item in cause["parameters"].items()]
+            for cause in [*content["causes"], *small] for name, item in cause["parameters"].items()]
     return ReportTable("The cause", ["effect", "in words", "parameter", "estimate", "what is done"], rows) if rows else None
 
 

@@ -209,7 +209,9 @@ class Procedure:
                 found, adequacy = alone, enough_alone
         seen, best, extended = found.seen, found.best, found.fitted
         scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
-        extended = extended if best is None else without_slight(self.data, extended, self.rng)
+        slight: frozenset[str] = frozenset()
+        if best is not None:
+            extended, slight = without_slight(self.data, extended, self.rng)
         physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries)) if mistakes.possible else 0.0
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
@@ -224,14 +226,17 @@ class Procedure:
         if best is None or not supported or not (to_the_noise or nearly):
             judgement = self.unknown(judgement, seen, adequacy if supported else judgement.detection)
         else:
-            judgement = self.with_names(judgement, seen, best)
+            judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
 
-    def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
-        """Names where they are certain and of use on rows that were not fitted, else the set of them."""
+    def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis, slight: frozenset[str]) -> Judgement:
+        """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the
+        extended model that are none."""
         extended, names = judgement.extended, inclusion(seen)
-        together = sum(hypothesis.probability for hypothesis in seen.hypotheses if hypothesis.key == best.key)
-        labels = {term.label for term in extended.terms}
+        labels = {term.label for term in extended.terms} - slight
+        named = {k for k in best.key if seen.dictionary.entries[k].label not in slight}
+        together = sum(hypothesis.probability for hypothesis in seen.hypotheses
+                       if hypothesis.key == best.key or (slight and named < hypothesis.key))
         causes = tuple(cause for cause in names if cause.label in labels)
         difference = None
         if not certain(together, causes):
@@ -259,10 +264,11 @@ class Procedure:
             against = (f"it makes readings that were not fitted ({measured.held_out}) less likely, by a factor "
                        f"{np.exp(min(-measured.support, MOST_LOG)):.2g}")
             return self.unknown(judgement, seen, judgement.detection, {cause.label: against for cause in causes})
-        given = labels | {f"{law}[{cause.joint}]" for cause in causes for law in cause.open_laws}
+        companions = with_open_laws(seen, tuple(cause for cause in names if cause.label in slight))
+        given = labels | slight | {f"{law}[{cause.joint}]" for cause in (*causes, *companions) for law in cause.open_laws}
         others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
-        return replace(judgement, verdict="named", causes=causes, alternatives=others, gain=measured, log_odds=odds[0],
-                       robot_difference=difference, carried=with_free_laws(extended))
+        return replace(judgement, verdict="named", causes=causes, companions=companions, alternatives=others, gain=measured,
+                       log_odds=odds[0], robot_difference=difference, carried=with_free_laws(extended))
 
     def unknown(
         self, judgement: Judgement, seen: Survey, left: Detection, withdrawn: dict[str, str] | None = None,
@@ -327,5 +333,5 @@ def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgemen
     if not rivals or len(rivals) + len(causes) < 2:
         return judgement
     likelier = len(rivals) > 1 and max(each.candidate.log_posterior for each in rivals) > physics + RIVAL
-    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), gain=None, carried=None, withdrawn={},
-                   alternatives=() if likelier else causes)
+    return replace(judgement, verdict="ambiguous", mistakes=rivals, causes=(), companions=(), gain=None, carried=None,
+                   withdrawn={}, alternatives=() if likelier else causes)

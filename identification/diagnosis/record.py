@@ -10,7 +10,7 @@ from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
-from identification.diagnosis.procedure import NAMING
+from identification.diagnosis.procedure import ALARM, NAMING
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
@@ -36,6 +36,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "causes": [*(_cause(judgement, cause) for cause in judgement.causes), *map(_bad_visit, judgement.bad_visits),
                    *(bad.as_dict() for bad in judgement.bad_rows),
                    *([judgement.swing.as_dict()] if judgement.swing and judgement.verdict == "named" else [])],
+        "companions": [_cause(judgement, cause) for cause in judgement.companions],
         "alternatives": [_named(cause) for cause in judgement.alternatives],
         "mistakes": [mistake.as_dict() for mistake in judgement.mistakes],
         "gain": None if judgement.gain is None else judgement.gain.as_dict(),
@@ -149,9 +150,7 @@ def answer(judgement: Judgement) -> list[str]:
     lines = [*_verdict(judgement),
              f"the plain model leaves {before:.2f} um RMS{others}, the noise allows {allowed:.2f} um "
              f"(p = {judgement.detection.p_value:.3g}, resolution {judgement.detection.resolution:.2g})"]
-    if judgement.law_differs:
-        lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
-                     "dictionary's")
+    lines += _beside_the_names(judgement)
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:
         lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
@@ -192,6 +191,24 @@ def _verdict(judgement: Judgement) -> list[str]:
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
                      "loads")
+    return lines
+
+
+def _beside_the_names(judgement: Judgement) -> list[str]:
+    """What is at work beside the causes named, or may be."""
+    lines = []
+    for cause in judgement.companions:
+        content = _cause(judgement, cause)
+        values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
+        lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} ({values})"
+                     " is in the model, too small against its typical size to be a name")
+    if judgement.law_differs:
+        lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
+                     "dictionary's, or something smaller is at work beside it")
+    elif judgement.verdict == "named" and judgement.causes and judgement.adequacy and judgement.adequacy.p_value <= ALARM:
+        further = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:4])
+        lines.append(f"  what is left then is more than {1 - judgement.adequacy.p_value:.1%} of data sets show without a "
+                     f"further cause: something more may be at work{f' ({further})' if further else ''}")
     return lines
 
 

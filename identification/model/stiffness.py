@@ -51,7 +51,8 @@ class IdentifiedModel:
     fall (3,) acceleration of free fall in the base frame [m/s^2], tool_mass [kg] and tool_centre (3,) [m] in the flange frame:
     for effects that gravity torques enter. unknown_weight: 1 sigma, as a share of the deviation, of what the robot's own weight
     adds where its file has no `links`; unknown_law: of how far a named effect's real law is off, as a share of what the effect
-    adds. source: the file it was read from, None: none.
+    adds; differs: of how the compliance differed from one pose to the next beyond all that was found: forces set up anew, or a
+    cause without a name, which the load tests cannot tell apart. source: the file it was read from, None: none.
     """
 
     robot: RobotModel
@@ -67,6 +68,7 @@ class IdentifiedModel:
     interval: Array | None = None
     unknown_weight: float = UNKNOWN_WEIGHT
     unknown_law: float = UNKNOWN_LAW
+    differs: float = 0.0
     source: Path | None = None
 
     @property
@@ -230,6 +232,10 @@ class IdentifiedModel:
         covariance = symmetric(of_rows, spread)
         axes = np.arange(len(covariance))
         covariance[axes, axes] += np.repeat(unknown / 3, 3, axis=0)[rows]
+        if self.differs:
+            # G of a force: what a change of it by a share of its size, in any direction, does.
+            moved = np.einsum("i,irn,isn->srn", self.compliance, columns[:, rows], columns[:, :3])
+            covariance += self.differs**2 * np.sum(wrench[:, :3] ** 2, axis=1) * symmetric(moved, moved)
         return covariance
 
     def deviation_slopes(

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 DISAGREEMENT = 0.01
 # Of ln k: the prior of a stiffness that is known to a factor of e^10.
 LARGEST_LN_VARIANCE = 100.0
+# Of the load, of how forces differ from one set-up to the next.
+LARGEST_SHARE = 10.0
 # Tools whose TCP differs by less are the same tool, calibrated again [m], [rad].
 SAME_TOOL_POSITION, SAME_TOOL_ROTATION = 5e-4, np.radians(0.1)
 
@@ -99,7 +101,17 @@ def read_stiffness(file: str | Path, cell: Cell) -> IdentifiedModel:
     return IdentifiedModel(
         cell.robot, cell.flange_from_tcp, mean, covariance, tuple(parameter.grade for parameter in content.parameters[SPRINGS]),
         content.fit, in_force, fall_in_base(cell.world_from_base), cell.tool_mass, cell.tool_centre,
-        source=Path(file))
+        differs=_differs(content, name), source=Path(file))
+
+
+def _differs(file: StiffnessFile, name: str) -> float:
+    """How the compliance differed from pose to pose, as a share; 0 where the file says nothing of it (CS1203: no share)."""
+    noise = file.fit.get("noise")
+    share = noise.get("setup_relative", 0.0) if isinstance(noise, dict) else 0.0
+    if isinstance(share, bool) or not isinstance(share, int | float) or not 0 <= share < LARGEST_SHARE:
+        raise error("CS1203", f"fit.noise.setup_relative is {share!r}, a share from 0 to {LARGEST_SHARE:g} is expected",
+                    file=name, hint="edit no stiffness file by hand")
+    return float(share)
 
 
 def same_tool(tool: Frame, other: Frame) -> bool:

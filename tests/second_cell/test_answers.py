@@ -48,6 +48,23 @@ def test_a_gear_that_stiffens_under_the_arm_s_weight_is_no_compensator(seed: int
     assert [cause.label for cause in found.causes] == ["soft_zone[2]"]
 
 
+@pytest.mark.parametrize(("main", "small"), [
+    (Hidden("deflection_sensor_rotation", 0, 1.5), Hidden("base_shift", 0, 0.3)),
+    (Hidden("base_shift", 0, 1.5), Hidden("deflection_sensor_rotation", 0, 0.25))])
+def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model(main: Hidden, small: Hidden) -> None:
+    """It is too small for a name, and poses that were not fitted show it: without it the model is off by several of its sigmas
+    at fresh poses."""
+    case = simulate(98001, "cycles", "near", (main, small), weight="known")
+    found = diagnosed(case)
+    content, fresh = found.as_dict(), at_fresh_poses(case, found)
+    assert [cause.label for cause in found.causes] == [main.effect]
+    assert [one["effect"] for one in content["companions"]] == [small.effect]
+    assert any(f"something smaller is at work, up to {content['companions'][0]['largest_um']:.0f} um: {small.effect}" in line
+               for line in found.lines())
+    assert fresh.named < 1.5 * fresh.told
+    assert min(fresh.components[1], fresh.points[1]) > 0.85
+
+
 @pytest.mark.parametrize(("name", "joint"), [("force_axis_gain", 0), ("encoder_zero", 2)])
 def test_faults_of_sensors_and_zeros_are_named(name: str, joint: int) -> None:
     """A sensor that stands in the cell or turns with the flange, as the seed draws it."""

@@ -142,6 +142,8 @@ def put(path: str, value: Any) -> Callable[[dict[str, Any]], None]:
     (lambda content: content["covariance"].pop(), "CS1203.*covariance has 9 rows of .10. values, expected 10 of 10"),
     (put("log_compliance/covariance", np.eye(6).tolist()), "CS1203.*log_compliance.covariance has 6 rows .*expected 10 of 10"),
     (lambda content: content["log_compliance"]["mean"].pop(), "CS1203.*log_compliance.mean has 9 values, expected 10"),
+    (put("fit/noise", {"setup_relative": -0.1}), r"CS1203.*fit.noise.setup_relative is -0.1, a share from 0 to 10"),
+    (put("fit/noise", {"setup_relative": "0.1"}), "CS1203.*setup_relative is '0.1', a share"),
     (put("covariance/9/9", -1.0), "CS1203.*covariance is not positive semidefinite"),
 ])
 def test_files_that_are_refused(
@@ -223,6 +225,13 @@ def test_the_robots_own_weight_is_in_the_prediction(tmp_path: Path) -> None:
     assert np.mean((np.abs(without) < 1.96 * sigma)[loaded]) > 0.75
     assert np.sqrt(np.mean(sigma**2)) < 8 * np.sqrt(np.mean(without**2))
     assert not replace(model, covariance=np.zeros((6, 6))).predict(case.theta, case.wrench)[2].any()
+
+
+def test_what_differs_from_pose_to_pose_is_read(tmp_path: Path, cell: Cell, model: IdentifiedModel) -> None:
+    plain = replace(model, effects=(), mean=model.mean[:6], covariance=model.covariance[:6, :6])
+    assert read_stiffness(written(tmp_path, plain.as_dict()), cell).differs == 0.0
+    content = replace(plain, fit={"noise": {"setup_relative": 0.004}}).as_dict()
+    assert read_stiffness(written(tmp_path, content), cell).differs == 0.004
 
 
 def test_the_covariance_is_that_of_predictions_by_drawn_models(model: IdentifiedModel) -> None:

@@ -13,7 +13,7 @@ from identification.model.effects import effects
 from identification.model.effects_in_force import EffectInForce
 from identification.model.law_of import known
 from identification.model.load_state import LoadState, load_state
-from identification.model.rotations import Frame
+from identification.model.rotations import Frame, rotation_vector
 from identification.model.stiffness import IdentifiedModel
 from tests.support import random_poses, robot
 
@@ -111,6 +111,23 @@ def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
     expected = 0.05**2 * np.repeat((alone**2).reshape(5, 2, 3).sum(axis=2) / 3, 3, axis=1)
     assert_allclose(np.diagonal(covariance, axis1=1, axis2=2), expected, rtol=1e-9)
     assert not replace(model, unknown_law=0.0).predict(theta, wrench)[2].any()
+
+
+def test_what_differs_from_pose_to_pose_moves_the_tool_as_other_forces_would() -> None:
+    """The scatter of the equilibrium under forces that are off by a share of their size, in any direction, drawn."""
+    arm, rng = robot(), np.random.default_rng(8)
+    mean = np.log(np.array([6e-7, 3e-7, 5e-7, 2e-6, 3e-6, 5e-6]))
+    model = IdentifiedModel(arm, TOOL, mean, np.zeros((6, 6)), unknown_weight=0.0, differs=0.01)
+    theta, force = random_poses(arm, 1, rng, 0.6), rng.uniform(-300, 300, 3)
+    drawn = force + 0.01 * np.linalg.norm(force) * rng.standard_normal((20000, 3))
+    wrench = np.concatenate([drawn, np.zeros_like(drawn)], axis=1)
+    place = model.loaded_pose(np.repeat(theta, len(wrench), axis=0), wrench, TOOL)
+    turned = rotation_vector(place.rotation @ place.rotation[0].T)
+    expected = np.cov(np.concatenate([place.position, turned], axis=1).T)
+    _, _, covariance = model.predict(theta, np.concatenate([force, np.zeros(3)])[None])
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert_allclose(covariance[0] / scale, expected / scale, atol=0.04)
+    assert not replace(model, differs=0.0).predict(theta, wrench[:1])[2].any()
 
 
 def test_a_column_s_bearing_turns_the_tool_about_where_it_is() -> None:
