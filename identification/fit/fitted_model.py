@@ -5,7 +5,7 @@ x = (ln c (6,), parameters of each term). With no terms it is the plain model of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,11 +14,21 @@ from numpy.typing import NDArray
 from identification.fit.load_test import LoadTest
 from identification.fit.priors import PriorModel
 from identification.model.compliance import equilibrium, sensitivity
-from identification.model.effects_in_force import EFFECTS, SPRINGS, STEP, EffectInForce, added, slopes_by_springs
+from identification.model.effects_in_force import (
+    EFFECTS,
+    SPRINGS,
+    STEP,
+    EffectInForce,
+    added,
+    slopes_by_springs,
+    split,
+)
 
 Array = NDArray[np.float64]
 # The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
 WIDE = 5.0
+# Differences ahead and behind that differ by such a factor may reach over a jump; then a step so much shorter is tried.
+UNLIKE, SHORTER = 10.0, 0.125
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +63,34 @@ def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Arra
     by_springs = slopes_by_springs(state, terms, values, base)[:, :3]
     # All terms together: one of the force's measurement changes what the others feel.
     by_parameter = np.empty((len(state), 3, len(values)))
+    felt = np.concatenate([np.full(len(own), term.effect.true_wrench(state, term.joint, own) is not None)
+                           for term, own in zip(terms, split(values, terms), strict=True)])
     for k, size in enumerate(np.concatenate([term.scale for term in terms])):
-        step = np.zeros_like(values)
-        step[k] = STEP * size
-        ahead, behind = added(state, terms, values + step), added(state, terms, values - step)
-        by_parameter[:, :, k] = (ahead - behind)[:, :3] / (2 * STEP * size)
+        def moved(share: float, k: int = k, size: float = size) -> Array:
+            step = np.zeros_like(values)
+            step[k] = share * STEP * size
+            return np.asarray((added(state, terms, values + step) - base)[:, :3] / step[k])
+
+        sides = np.array([moved(1.0), moved(-1.0)])
+        # A force that is felt otherwise can set teeth on their other side: what jumps has no slope there.
+        by_parameter[:, :, k] = _beside_jumps(sides, moved) if felt[k] and len(terms) > 1 else sides.mean(axis=0)
     return position + base[:, :3], np.concatenate([slope + by_springs, by_parameter], axis=2)
+
+
+def _beside_jumps(sides: Array, moved: Callable[[float], Array]) -> Array:
+    """Slope (n, 3) by differences that may reach over a jump. sides (2, n, 3): ahead and behind; moved: slope by a share of the
+    step."""
+    def size(slopes: Array) -> Array:
+        return np.asarray(np.linalg.norm(slopes, axis=2, keepdims=True))
+
+    sizes = size(sides)
+    if not np.any(sizes.max(axis=0) > UNLIKE * sizes.min(axis=0)):
+        return np.asarray(sides.mean(axis=0))
+    nearer = np.array([moved(SHORTER), moved(-SHORTER)])
+    # A jump is as large for a shorter step, its slope the larger; beyond the shorter step it is not seen.
+    inside = size(nearer) > 0.5 / SHORTER * sizes
+    taken = np.where(size(nearer) < 0.5 * sizes, nearer, sides) * ~inside
+    return np.asarray(taken.sum(axis=0) / np.maximum((~inside).sum(axis=0), 1))
 
 
 def with_terms(prior: PriorModel, terms: Sequence[Term]) -> PriorModel:

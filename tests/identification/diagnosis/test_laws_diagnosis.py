@@ -25,6 +25,7 @@ from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
+from identification.model.law_of import known
 from tests.support import compstiff
 from tests.virtual_cell.cell import Case, Hidden, simulate
 from tests.virtual_cell.designs import Design
@@ -176,6 +177,32 @@ def test_derivatives_with_effects_in_force(tmp_path: Path) -> None:
         difference /= 2 * step
         scale = np.abs(difference).max()
         np.testing.assert_allclose(slope[:, :, k], difference, atol=0.01 * scale)
+
+
+def test_teeth_that_change_sides_within_a_step_give_no_slope(tmp_path: Path) -> None:
+    """A force that is felt a little otherwise may set held teeth on their other side: the readings jump there, and a difference
+    over the jump was millions of times the slope. A row just beyond the jump has the slope of a row further away from it."""
+    cell, rows = read(simulate(2, "ladder12"), tmp_path)
+    held = known("backlash.held")
+    assert held is not None
+    compliance = 1 / cell.prior.stiffness
+    torque = LoadTest.of(cell, rows).load_state(compliance).torque[:, 0]
+    row = int(np.argmax(np.abs(torque)))
+    slopes = []
+    for nm in (2.000002, 2.00001, 1.999998, 1.99999, 2.02, 1.98):
+        data = LoadTest.of(cell, rows)
+        for _ in range(3):
+            wrench = data.rows.wrench.copy()
+            wrench[row] *= nm / abs(data.load_state(compliance).torque[row, 0])
+            data = LoadTest.of(cell, replace(rows, wrench=wrench))
+        assert abs(data.load_state(compliance).torque[row, 0]) == pytest.approx(nm, abs=1e-7)
+        misaligned = term("force_misalignment", None, [0.01, 0.0, 0.02], data)
+        play = Term(held, 1, np.array([5e-5, 0.3]), np.array([4.6e-5, 0.7]), np.zeros(2))
+        x = np.concatenate([-np.log(cell.prior.stiffness), play.start, np.zeros(3)])
+        slopes.append(response(data, x, (play, misaligned))[1][row, :, 8:])
+    *near, beyond, under = slopes
+    for slope, further in zip(near, (beyond, beyond, under, under), strict=True):
+        np.testing.assert_allclose(slope, further, atol=0.05 * np.abs(further).max())
 
 
 def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
