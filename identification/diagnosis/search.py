@@ -6,7 +6,9 @@ set, so each level takes one scan of the dictionary for each set of the beam. Th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -111,22 +113,47 @@ def searched(base: Base, dictionary: Dictionary, state: LoadState, sight: Sight,
     """All single effects of a dictionary beside a model, the pairs and triples that the beam reaches; state: the arm in the
     rows that `sight` sees."""
     scan = _Scan(base, dictionary, state, sight)
+    grown_from: Callable[[Hypothesis], list[Hypothesis]] = cache(scan.grown)
     every: dict[frozenset[int], Hypothesis] = {}
     beam = [Hypothesis((), (), 0.0)]
     alone: dict[int, float] = {}
     for _ in range(levels):
         grown: dict[frozenset[int], Hypothesis] = {}
         for hypothesis in beam:
-            for larger in scan.grown(hypothesis):
+            for larger in grown_from(hypothesis):
                 # The further effect of a set is the one that has least by itself: taken first, it would find what the other
                 # does by a law a little different, and be a second cause of it.
                 other = grown.get(larger.key)
                 if other is None or alone[larger.entries[-1]] < alone[other.entries[-1]]:
                     grown[larger.key] = larger
+        grown |= _exchanged(grown, every, grown_from)
         alone = alone or {hypothesis.entries[0]: hypothesis.log_evidence for hypothesis in grown.values()}
         every |= grown
         beam = sorted(grown.values(), key=lambda hypothesis: -hypothesis.log_evidence)[:BEAM]
     return Survey(state, dictionary, base, _weighed(list(every.values()), len(dictionary.entries)))
+
+
+def _exchanged(
+    grown: dict[frozenset[int], Hypothesis], smaller: dict[frozenset[int], Hypothesis],
+    grown_from: Callable[[Hypothesis], list[Hypothesis]],
+) -> dict[frozenset[int], Hypothesis]:
+    """Sets that have one effect of the best set exchanged for another, where they are likelier than they were taken for: how
+    much likelier than the best is told beside the effects that both have. Taken in another order each would be told beside
+    another effect, whose law may take up more or less of it."""
+    likelier: dict[frozenset[int], Hypothesis] = {}
+    if not grown:
+        return likelier
+    best = max(grown.values(), key=lambda hypothesis: hypothesis.log_evidence)
+    for entry in best.entries:
+        rest = smaller.get(best.key - {entry})
+        others = {larger.key: larger for larger in grown_from(rest)} if rest else {}
+        if best.key not in others:
+            continue
+        for key, other in others.items():
+            value = best.log_evidence + other.log_evidence - others[best.key].log_evidence
+            if all(value > each[key].log_evidence for each in (grown, likelier) if key in each):
+                likelier[key] = replace(other, log_evidence=value)
+    return likelier
 
 
 @dataclass(frozen=True, eq=False)

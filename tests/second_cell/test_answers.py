@@ -10,9 +10,15 @@ import numpy as np
 import pytest
 
 from benchmarks.independent_twin import at_fresh_poses, diagnosed
+from identification.diagnosis.attempt import attempt
 from identification.diagnosis.diagnose import Diagnosis, diagnose
+from identification.diagnosis.naming import converged
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.posterior import posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
+from identification.model.effects import effects
 from identification.model.stiffness_file import read_stiffness
 from tests.runs.hidden_effects.judge import answer, judge, truth_names
 from tests.second_cell.cell import Case, Hidden, simulate
@@ -63,6 +69,25 @@ def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model(main: H
                for line in found.lines())
     assert fresh.named < 1.5 * fresh.told
     assert min(fresh.components[1], fresh.points[1]) > 0.85
+
+
+def test_two_sets_are_told_apart_beside_what_they_have_in_common(tmp_path: Path) -> None:
+    """A base that slides and a stand that gives way move the reading alike; told beside a base that stiffens, a bearing counts
+    for less than beside a stand. The odds of the search are those of complete fits of both sets."""
+    pair = (Hidden("base_shift", 0, 1.96), Hidden("bearing_tilt", 3, 1.14))
+    cell_file, table = simulate(164000, "cycles", "near", pair, weight="known").write(tmp_path)
+    cell = read_cell(cell_file)
+    found = converged(posterior(LoadTest.of(cell, read_measurements(table, cell.robot))), effects(), 2)
+    sets = {found.seen.name(hypothesis): hypothesis for hypothesis in found.seen.hypotheses}
+    assert found.best is not None
+    names = {frozenset(name.split(" + ")): name for name in sets}
+    right, wrong = (names[frozenset({"bearing_tilt[3]", other})] for other in ("base_shift", "stand_compliance"))
+    assert found.seen.name(found.best) == right
+    odds = sets[right].log_evidence - sets[wrong].log_evidence
+    fits = [attempt(found.fitted.data, found.seen.terms(sets[name]), found.fitted) for name in (right, wrong)]
+    complete = [log_evidence(fit) for fit in fits if fit]
+    assert complete[0] > complete[1] + 3
+    assert odds == pytest.approx(complete[0] - complete[1], abs=3)
 
 
 @pytest.mark.parametrize(("name", "joint"), [("force_axis_gain", 0), ("encoder_zero", 2)])
