@@ -74,16 +74,23 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
 
 def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:
     """The extended model without terms of nothing, and without those that stand for what the others' laws do not give exactly;
-    and the labels of those that stay in it without being a name: small against their typical size, yet of use on rows that were
-    not fitted. data: all rows."""
+    and the labels of those that stay in it without being a name: small against their typical size, or brought along by another,
+    yet of use on rows that were not fitted. data: all rows."""
     extended = _without(extended, of_nothing(extended))
     small = {term.label for term, values in zip(extended.terms, extended.term_values, strict=True)
-             if _typical_sizes(term, values) < SLIGHT}
+             if _typical_sizes(term, values) < SLIGHT} | set(brought_along(extended))
     if len(small) == len(extended.terms):
         small = set()
     useless = {label for label in small if _of_no_use(data, extended, label, rng)}
     extended = _without(extended, useless | _slight_beside(data, extended, rng))
     return extended, frozenset(small & {term.label for term in extended.terms})
+
+
+def brought_along(extended: Posterior) -> dict[str, str]:
+    """Labels of terms that another term brings along in their size, with that one's label."""
+    pairs = list(zip(extended.terms, extended.term_values, strict=True))
+    return {term.label: other.label for term, values in pairs for other, of_other in pairs
+            if np.linalg.norm(values - term.neutral) < other.effect.brings(of_other).get(term.effect.name, 0.0)}
 
 
 def _without(extended: Posterior, slight: set[str]) -> Posterior:

@@ -10,6 +10,7 @@ from identification.common.arrays import rms
 from identification.common.findings import Finding
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
+from identification.diagnosis.naming import brought_along
 from identification.diagnosis.procedure import ALARM, NAMING
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
@@ -196,12 +197,14 @@ def _verdict(judgement: Judgement) -> list[str]:
 
 def _beside_the_names(judgement: Judgement) -> list[str]:
     """What is at work beside the causes named, or may be."""
-    lines = []
+    lines, brought = [], brought_along(judgement.extended)
     for cause in judgement.companions:
         content = _cause(judgement, cause)
         values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
+        why = f"{brought[cause.label]} brings so much of it along" if cause.label in brought else (
+            "too small against its typical size to be a name")
         lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} ({values})"
-                     " is in the model, too small against its typical size to be a name")
+                     f" is in the model; {why}")
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's, or something smaller is at work beside it")

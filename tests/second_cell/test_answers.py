@@ -71,6 +71,15 @@ def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model(main: H
     assert min(fresh.components[1], fresh.points[1]) > 0.85
 
 
+def test_a_spot_beside_the_pole_of_a_curved_target_is_no_cause_of_its_own() -> None:
+    """The second cell's sensors meet their balls a little beside the pole, where these lean: that is no sensor out of square."""
+    pair = (Hidden("target_curvature", 0, 0.77), Hidden("bearing_tilt", 3, 0.85))
+    found = diagnosed(simulate(164024, "cycles", "near", pair, weight="known"))
+    assert {cause.label for cause in found.causes} == {"target_curvature", "bearing_tilt[3]"}
+    assert {cause.label for cause in found.judgement.companions} <= {"deflection_sensor_crosstalk", "deflection_sensor_rotation"}
+    assert all("target_curvature brings so much of it along" in " ".join(found.lines()) for _ in found.judgement.companions)
+
+
 def test_two_sets_are_told_apart_beside_what_they_have_in_common(tmp_path: Path) -> None:
     """A base that slides and a stand that gives way move the reading alike; told beside a base that stiffens, a bearing counts
     for less than beside a stand. The odds of the search are those of complete fits of both sets."""

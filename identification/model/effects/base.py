@@ -125,6 +125,11 @@ class Effect(ABC):
         """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it."""
         return np.zeros(len(rows), dtype=bool)
 
+    def brings(self, values: Array) -> dict[str, float]:
+        """Other effects' names, each with the size of its parameters up to which this one, with parameters (P,), brings it
+        along: so much of it beside this one is no cause of its own."""
+        return {}
+
     @abstractmethod
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         """What it adds to the deviation, or to the reading: (n, 6), position [m] and rotation [rad]; values (P,)."""

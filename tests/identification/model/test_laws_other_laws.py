@@ -113,6 +113,16 @@ def test_what_real_laws_may_add_is_a_share_of_what_the_effects_add() -> None:
     assert not replace(model, unknown_law=0.0).predict(theta, wrench)[2].any()
 
 
+def test_a_ball_met_beside_its_pole_leans_as_a_turned_sensor() -> None:
+    """By the circle itself: how fast its depth changes 0.2 mm beside the pole, of a ball of 8 mm."""
+    radius, step = 0.008, 1e-9
+    depth = radius - np.sqrt(radius**2 - (2e-4 + np.array([-step, step])) ** 2)
+    brought = effects()["target_curvature"].brings(np.array([20.0, -1 / radius, 50.0]))
+    assert set(brought) == {"deflection_sensor_rotation", "deflection_sensor_crosstalk"}
+    assert_allclose(list(brought.values()), np.diff(depth) / (2 * step), rtol=1e-3)
+    assert not effects()["deflection_sensor_rotation"].brings(np.ones(3))
+
+
 def test_what_differs_from_pose_to_pose_moves_the_tool_as_other_forces_would() -> None:
     """The scatter of the equilibrium under forces that are off by a share of their size, in any direction, drawn."""
     arm, rng = robot(), np.random.default_rng(8)
