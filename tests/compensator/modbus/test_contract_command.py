@@ -257,7 +257,8 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
         with started(sys.executable, "-m", "compstiff", "push", described, file, "--apply", "--patience", "60",
                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             until = time.monotonic() + 60
-            while device.result != 7 and time.monotonic() < until:
+            while device.result != 7:
+                assert time.monotonic() < until, "the push never asked for the busy cell"
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             _, stderr = process.communicate(timeout=60)
