@@ -15,7 +15,7 @@ COUNT = 4000
 def test_a_run_over_the_borders_of_blocks_has_its_first_line_and_its_length(seed: int) -> None:
     """Readings in steps, which repeat by chance now and then, and one channel held: its first line, how long, by hand."""
     rng = np.random.default_rng(seed)
-    load = np.round(rng.normal(0, 30.0, (COUNT, 3))) + [400.0, -700.0, 200.0]
+    load = np.round(rng.normal(0, 30.0, (COUNT, 3))) + np.array([400.0, -700.0, 200.0])
     first, length, axis = int(rng.integers(500, 3000)), int(rng.integers(150, 600)), int(rng.integers(3))
     load[first:first + length, axis] = load[first, axis]
     load[first - 1, axis], load[first + length, axis] = load[first, axis] + [1.0, -1.0]
