@@ -1,4 +1,4 @@
-"""What is said of fitted coefficients and of the cut that would tell more: grades at their stated shares, shares that are shares."""
+"""What is said of fitted coefficients and of the cut that would tell more: grades at their shares, and shares that are shares."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_what_a_cut_would_tell_is_a_share(factor: float) -> None:
 
 
 def test_what_is_known_before_is_how_far_forces_scatter() -> None:
-    """Of coefficients drawn from what is known: the force of the cut that is chosen scatters no more, as a share, than is said."""
+    """Of coefficients drawn from what is known: the force of the chosen cut scatters no more, as a share, than is said."""
     mean, covariance = coefficients_of("aluminium", 1e-4)
     found = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0)
     drawn = np.random.default_rng(6).multivariate_normal(mean, covariance, 40_000)
