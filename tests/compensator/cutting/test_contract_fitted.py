@@ -1,4 +1,4 @@
-"""What is said of fitted coefficients and of the cut that would tell more: grades at their shares, and shares that are shares."""
+"""What is said of fitted coefficients and of the cut that would tell more: grades at their shares, shares that are such."""
 
 from __future__ import annotations
 
