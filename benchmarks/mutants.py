@@ -65,6 +65,15 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ("identification/design/domain.py", "inside = self.rig.cell.robot.limits + self.margins.joint * np.array([1.0, -1.0])",
      "* -> /", "by plus and minus one"),
     ("identification/design/discrimination.py", "if self.after > DOUBTFUL:", "> -> >=", "a share that is met by none"),
+    ("identification/fit/variance_components.py", "weight = np.exp(value - proposal - np.max(value - proposal))", "- -> +",
+     "one constant for all trials, which dividing by the sum takes away"),
+    ("identification/model/effects/backlash.py",
+     "return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))",
+     "< -> <=", "a threshold above nothing, met exactly by no torque"),
+    ("compensator/correction/engagement.py", "size = growth[chosen & (stiffness > 0)]", "0 -> 1",
+     "no cut is as soft as a thousandth of a newton per millimetre"),
+    ("compensator/toolpath.py", "ABSOLUTE = 4        # MoveAbsJ: joint angles, no pose", "4 -> (4 * 2)",
+     "a name for a kind of move: any number that is none of the others"),
 )
 
 

@@ -59,11 +59,14 @@ class Session:
     def _opened(self) -> httpx.Client:
         import httpx
 
+        from compensator.upload.bounded import Bounded
+
         controller = self.controller
+        transport = httpx.HTTPTransport(verify=controller.context() if controller.tls else True, trust_env=False,
+                                        limits=httpx.Limits(max_connections=1, max_keepalive_connections=0))
         return httpx.Client(
-            base_url=controller.url, verify=controller.context() if controller.tls else True, trust_env=False,
+            base_url=controller.url, transport=Bounded(transport), trust_env=False,
             follow_redirects=False, timeout=controller.timeout_s,
-            limits=httpx.Limits(max_connections=1, max_keepalive_connections=0),
             headers={"User-Agent": "compstiff", "Accept-Encoding": "identity"})
 
     def __enter__(self) -> Session:
@@ -159,6 +162,8 @@ class Session:
     def _once(self, method: str, path: str, headers: dict[str, str], content: bytes, most: int) -> Reply:
         import httpx
 
+        from compensator.upload.bounded import MOST
+
         time.sleep(max(self._last + LEAST_INTERVAL_S - time.monotonic(), 0.0))
         self._last = time.monotonic()
         if self._cookies:
@@ -167,17 +172,13 @@ class Session:
         try:
             with deadline, self._client.stream(
                 method, path, headers=headers, content=content if content or method != "GET" else None, auth=self._auth,
-                extensions={"trace": deadline.trace},
+                extensions={"trace": deadline.trace, MOST: most},
             ) as response:
                 self._keep(response)
-                if response.headers.get("Content-Encoding", "identity").lower() != "identity":
-                    raise Lost("an answer in an encoding that was not asked for")
                 body = bytearray()
                 for part in response.iter_raw():
                     body += part
                     deadline.later(len(part) / LEAST_RATE)
-                    if len(body) > most:
-                        raise Lost(f"an answer of over {most} bytes")
             if deadline.over:
                 raise Lost(NO_END)
         except (httpx.HTTPError, httpx.InvalidURL, httpx.StreamError, OSError, ValueError, *NO_DIGEST) as reason:

@@ -58,8 +58,9 @@ def test_dry_run_then_apply_then_again(tmp_path):
         shown = CliRunner().invoke(push, [str(described), str(file)])
         assert shown.exit_code == 0
         largest = np.linalg.norm(np.array(kit.offsets_of(table)), axis=1)
-        for text in (f"127.0.0.1:{server.port}", "90", f"{largest.max() / 1000:.4f} mm at target {largest.argmax()}",
-                     "limit 2 mm", "active table: none", "dry run"):
+        for text in (f"127.0.0.1:{server.port}", "rows: 90, targets 0 to 89, ",
+                     f"{largest.max() / 1000:.4f} mm at target {largest.argmax()}", "limit 2 mm", "active table: none",
+                     "dry run"):
             assert text in shown.stdout
         assert (device.active, list((tmp_path / "state").iterdir())) == (None, [])
         assert not (tmp_path / "push-log.jsonl").exists()
@@ -257,7 +258,8 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
         with started(sys.executable, "-m", "compstiff", "push", described, file, "--apply", "--patience", "60",
                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             until = time.monotonic() + 60
-            while device.result != 7 and time.monotonic() < until:
+            while device.result != 7:
+                assert time.monotonic() < until, "the push never asked for the busy cell"
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             _, stderr = process.communicate(timeout=60)

@@ -35,8 +35,9 @@ class SimulatedRobot(threading.Thread):
     def run(self) -> None:
         with Link(Address("127.0.0.1", self.port, 1, 5.0)) as link:
             for number, identity in enumerate(self.expected, 1):
-                answer = link.read(at.ANSWER, at.ANSWER_REGISTERS)
+                answer, until = link.read(at.ANSWER, at.ANSWER_REGISTERS), time.monotonic() + 60
                 while [*answer[:2], answer[9]] != [*identity, number]:
+                    assert time.monotonic() < until, f"window {number} never came"
                     time.sleep(0.01)
                     answer = link.read(at.ANSWER, at.ANSWER_REGISTERS)
                 link.write(at.ROBOT + 3, identity)
@@ -75,6 +76,7 @@ def test_the_robot_gets_every_offset_of_all_windows_in_order():
         robot.start()
         assert walk(server.port, tables) == ["committed"] * 3
         robot.join(20)
+        assert not robot.is_alive()
     assert robot.offsets == offsets.micrometres.tolist()
 
 

@@ -1,0 +1,45 @@
+"""What is said of fitted coefficients and of the cut that would tell more: grades at their shares, shares that are such."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compensator.coefficients.fitted import FittedCoefficients
+from compensator.coefficients.next_cut import next_cut
+from compensator.cutting.coefficients import Coefficients
+from compensator.cutting.materials import coefficients_of
+from tests.compensator.cutting.milled import FLAT, TRUE
+
+
+@pytest.mark.parametrize(("share", "left", "grade"), [
+    (0.11, 0.89, "reliable"), (0.13, 0.89, "usable"), (0.29, 0.89, "usable"), (0.31, 0.89, "weak"),
+    (0.11, 0.91, "not identifiable"), (0.31, 0.91, "not identifiable"), (0.31, 1.0, "not identifiable")])
+def test_grades_are_those_of_the_stated_shares(share: float, left: float, grade: str) -> None:
+    """share: 1 sigma of the largest of its kind; left: of what was assumed before."""
+    std = share * np.repeat([TRUE[:3].max(), TRUE[3:].max()], 3)
+    found = Coefficients(TRUE, np.diag(std**2), 0.05, FLAT, None, None, {})
+    assert FittedCoefficients(found, std / left, None, None, None, ()).grades == [grade] * 6
+
+
+@pytest.mark.parametrize("factor", [1e-3, 50.0])
+def test_what_a_cut_would_tell_is_a_share(factor: float) -> None:
+    """A material so many times as hard, known as well, in noise so many times as large: the same cut, to the same shares."""
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    one = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0)
+    other = next_cut(factor * mean, factor**2 * covariance, FLAT, 4e-3, 1e-4, factor * 5.0)
+    assert replace(other, before=one.before, after=one.after) == one
+    assert (other.before, other.after) == pytest.approx((one.before, one.after), rel=1e-9)
+
+
+def test_what_is_known_before_is_how_far_forces_scatter() -> None:
+    """Of coefficients drawn from what is known: the force of the chosen cut scatters no more, as a share, than is said."""
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    found = next_cut(mean, covariance, FLAT, 4e-3, 1e-4, 5.0)
+    drawn = np.random.default_rng(6).multivariate_normal(mean, covariance, 40_000)
+    matrix = found.weight(FLAT, 4e-3)
+    scatter = np.sqrt(np.sum(np.var(drawn @ matrix.T, axis=0))) / np.linalg.norm(matrix @ mean)
+    assert found.after < found.before
+    assert scatter < 1.03 * found.before
