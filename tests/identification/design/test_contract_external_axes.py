@@ -34,7 +34,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, d
     for name, units in UNITS.items():
         folder = tmp_path_factory.mktemp(name)
         cell = write_cell(folder, CELL + units)
-        found[name] = folder, run(cell, "-o", folder / "plan.csv", "--measurements", 2, "--quick",
+        found[name] = folder, run(cell, "-o", folder / "plan.csv", "--measurements", 2, "--axes", "z", "--quick",
                                   "--rapid", folder / "plan.mod")
     return found
 
@@ -83,6 +83,6 @@ def test_poses_of_a_carried_program_are_where_the_units_put_them(tmp_path: Path,
     assert len(poses.tcp) > 3
     away = np.linalg.norm(poses.tcp[:, None] - place[None], axis=2).min(axis=1)
     assert away.max() < 1e-6
-    document = run(tmp_path / "cell.yaml", "-o", tmp_path / "plan.csv", "--measurements", 2, "--quick",
+    document = run(tmp_path / "cell.yaml", "-o", tmp_path / "plan.csv", "--measurements", 2, "--axes", "z", "--quick",
                    "--toolpath", tmp_path / "part.mod", "--forces", tmp_path / "forces.csv")
     assert document["result"]["certificate"]["efficiency"] > 0.5

@@ -65,7 +65,7 @@ def test_poses_in_front_cost_little(tmp_path):
 def test_the_cell_s_windows_hold(tmp_path):
     windows = "design: {joint_window_deg: {q1: [-60, 60], q4: [-100, 120], q6: [-90, 90]}, reach_mm: [1300, 1500]}\n"
     cell = read_cell(write_cell(tmp_path, f"robot: {SERIAL}\ntool: {{position_mm: [110, -20, 260]}}\n{windows}"))
-    plan = design_plan(cell, Request(measurements=4, box_mm=(900, -500, 600, 1900, 500, 1200)), seed=33, quick=True)
+    plan = design_plan(cell, Request(measurements=4, axes="z", box_mm=(900, -500, 600, 1900, 500, 1200)), seed=33, quick=True)
     theta = np.degrees(plan.design.runs.theta)
     assert (np.abs(theta[:, 0]) <= 60 + 1e-6).all()
     assert (theta[:, 3] >= -100 - 1e-6).all()

@@ -137,7 +137,8 @@ def test_a_table_is_predicted_for_another_makers_robot(name: str, tmp_path: Path
 def test_a_plan_is_made_for_another_makers_robot(tmp_path: Path) -> None:
     name = "kr210-r2700-extra"
     cell_and_files(tmp_path, name)
-    plan = compstiff("design", "cell.yaml", "-o", "plan.csv", "--measurements", "2", "--quick", "--json", cwd=tmp_path)
+    plan = compstiff("design", "cell.yaml", "-o", "plan.csv", "--measurements", "2", "--axes", "z", "--quick", "--json",
+                      cwd=tmp_path)
     assert plan.returncode == 0, plan.stdout
     rows = [line for line in (tmp_path / "plan.csv").read_text().splitlines() if not line.startswith("#")]
     angles = np.array([[float(x) for x in row.split(",")[:6]] for row in rows[1:]])
