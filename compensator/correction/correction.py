@@ -10,7 +10,7 @@ taken on trust: `correct_path` loads the commanded pose with the iterated forwar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,7 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
             share = share.copy()
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
             commanded = _held_back(loaded, commanded, held, share[held], offset[held])
-            residual = off_goal(loaded, commanded.theta)
+            residual = _residual(loaded, commanded.theta, held, residual)
     theta = commanded.theta
     position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
     refuse_outside(path, targets, theta, "after correction")
@@ -103,6 +103,16 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     confdata[:, :3] += (configuration(loaded.model.robot, theta) - configuration(loaded.model.robot, planned))[:, :3]
     read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
     return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+
+
+def _residual(loaded: LoadedPath, theta: Array, held: Indices, residual: Array) -> Array:
+    """Distance (M,) [m] of the loaded tool from the plan at commanded angles theta (M, 6) [rad], of which those at the places
+    `held` (H,) are others than `residual` (M,) [m] is of. Effects remember: a change is felt at the targets behind it too."""
+    if not loaded.model.of_springs_alone:
+        return off_goal(loaded, theta)
+    residual = residual.copy()
+    residual[held] = off_goal(replace(loaded, targets=loaded.targets[held]), theta[held])
+    return residual
 
 
 def _in_objects(loaded: LoadedPath, base_from_tcp: Frame) -> tuple[Array, Array, Array, Array]:

@@ -79,6 +79,11 @@ class RobotPath:
         return self.base_from_tcp @ self.flange_from_tcp.inverse()
 
     @property
+    def to_flange(self) -> Array:
+        """Way (N, 3) [m] from the TCP to the flange, base frame."""
+        return self.base_from_tcp.turn(self.flange_from_tcp.inverse().position)
+
+    @property
     def steps(self) -> Array:
         """Way (N, 3) [m] over the work object from the target before to each target, base frame; zero at the first."""
         position = self.rest_from_tcp.position
@@ -101,6 +106,8 @@ class RobotPath:
     def each_tool(self, targets: Indices) -> list[tuple[Frame, Indices]]:
         """The targets (M,) by tool: flange_from_tcp, and the places among the M that use it."""
         tools = self.toolpath.tool[targets]
+        if len(tools) and (tools == tools[0]).all():        # mostly
+            return [(self.flange_from_tcp[int(targets[0])], np.arange(len(tools)))]
         groups = [np.flatnonzero(tools == tool) for tool in np.unique(tools)]
         return [(self.flange_from_tcp[int(targets[places[0]])], places) for places in groups]
 

@@ -102,7 +102,8 @@ def _commanded(
     toolpath, count = program.toolpath, len(targets)
     place = np.asarray(position, dtype=np.float64).reshape(-1, 3)
     turn = np.asarray(quaternion, dtype=np.float64).reshape(-1, 4)
-    if len(place) != count or len(turn) != count or len(np.unique(targets)) != count:
+    once = bool((np.diff(targets) > 0).all()) or len(np.unique(targets)) == count
+    if len(place) != count or len(turn) != count or not once:
         raise ValueError(f"{count} targets, each once, need as many positions and quaternions; "
                          f"received {len(place)} and {len(turn)}")
     if not (np.isfinite(place).all() and np.isfinite(turn).all()):
