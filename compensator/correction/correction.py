@@ -92,7 +92,7 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
         if len(held):
             share = share.copy()
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
-            commanded = _held_back(loaded, commanded, held, share[held], offset[held])
+            _hold_back(loaded, commanded, held, share[held], offset[held])
             residual = _residual(loaded, commanded.theta, held, residual)
     theta = commanded.theta
     position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
@@ -157,17 +157,15 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
     return Poses(Frame(rotation, position), theta), residual
 
 
-def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, offset: Array) -> Poses:
-    """The commanded poses with only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places `held`
-    (H,) among the targets."""
-    plan, tcp = loaded.path.base_from_tcp[loaded.targets[held]], full.base_from_tcp
+def _hold_back(loaded: LoadedPath, commanded: Poses, held: Indices, share: Array, offset: Array) -> None:
+    """Leaves the full commanded poses only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places
+    `held` (H,) among the targets."""
+    plan, tcp, theta = loaded.path.base_from_tcp[loaded.targets[held]], commanded.base_from_tcp, commanded.theta
     turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(plan.rotation, 1, 2))
     reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ plan.rotation, plan.position + offset)
-    rotation, position, theta = tcp.rotation.copy(), tcp.position.copy(), full.theta.copy()
-    rotation[held], position[held] = reduced.rotation, reduced.position
+    tcp.rotation[held], tcp.position[held] = reduced.rotation, reduced.position
     flange = reduced @ loaded.path.flange_from_tcp[loaded.targets[held]].inverse()
     theta[held] = nearest_angles(loaded.model.robot, flange, theta[held])
-    return Poses(Frame(rotation, position), theta)
 
 
 def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:

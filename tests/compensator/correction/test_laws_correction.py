@@ -189,7 +189,7 @@ def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:
     path, targets = sample.predicted.path, sample.correction.targets
     again = read_rapid(sample.content, "program.mod").toolpath
     loaded = replace(sample.predicted.loaded, targets=targets)
-    read_back(loaded, sample.correction, sample.content)
+    read_back(loaded, sample.correction, sample.content, np.arange(0))
     spoiled = 0
     for target in targets[[40, 2000]]:
         number = int(again.line[target]) - 1
@@ -203,7 +203,7 @@ def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:
             assert text != line
             spoiled += 1
             with pytest.raises(CompstiffError, match=r"CS4203|CS2005"):
-                read_back(loaded, sample.correction, b"\r\n".join([*lines[:number], text, *lines[number + 1:]]))
+                read_back(loaded, sample.correction, b"\r\n".join([*lines[:number], text, *lines[number + 1:]]), np.arange(0))
     assert spoiled > 100
     assert len(path.toolpath) == len(again)
 
