@@ -155,6 +155,7 @@ def correct(planned: Predicted) -> Corrected:
     wanted = np.arange(len(predicted.path.toolpath)) if of_feed else beside
     commanded, residual = read_back(cut.loaded, correction, content, wanted)
     between = (left_between(looked_at, commanded.base_from_tcp[np.searchsorted(wanted, beside)], logged) if looked_at else None)
+    del looked_at, cornered
     feed = None
     if of_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),

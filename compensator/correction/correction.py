@@ -80,7 +80,7 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
     CompstiffError: CS4108 the forward model does not confirm the full correction.
     """
-    path, targets, planned = loaded.path, loaded.targets, loaded.path.theta[loaded.targets]
+    path, targets = loaded.path, loaded.targets
     commanded, residual = _full(loaded)
     share, harm = np.broadcast_to(1.0, len(targets)), np.broadcast_to(np.nan, len(targets))
     findings: list[Finding] = []
@@ -96,11 +96,14 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
             residual = _residual(loaded, commanded.theta, held, residual)
     theta = commanded.theta
     position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
+    del commanded
     refuse_outside(path, targets, theta, "after correction")
-    findings += _singularity(path, targets, planned, theta)
+    findings += _singularity(path, targets, theta)
     _check_size(path, targets, offset, turn)
     confdata = path.toolpath.confdata[targets]
-    confdata[:, :3] += (configuration(loaded.model.robot, theta) - configuration(loaded.model.robot, planned))[:, :3]
+    for part in chunks(len(targets), CHUNK):
+        now, then = (configuration(loaded.model.robot, angles) for angles in (theta[part], path.theta[targets[part]]))
+        confdata[part, :3] += (now - then)[:, :3]
     read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
     return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
 
@@ -229,11 +232,14 @@ def _check_size(path: RobotPath, targets: Indices, offset: Array, turn: Array) -
         raise Refused(*findings)
 
 
-def _singularity(path: RobotPath, targets: Indices, planned: Array, theta: Array) -> list[Finding]:
+def _singularity(path: RobotPath, targets: Indices, theta: Array) -> list[Finding]:
     """Refused (CS4106) at the wrist singularity or where a correction would cross it; a warning (CS4110) near it."""
     robot = path.cell.robot
-    distance = wrist_distance(robot, theta)
-    crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
+    distance, crossed = np.empty(len(targets)), np.empty(len(targets), dtype=bool)
+    for part in chunks(len(targets), CHUNK):
+        distance[part] = wrist_distance(robot, theta[part])
+        now, then = (np.sin(robot.serial_angles(angles)[:, 4]) for angles in (theta[part], path.theta[targets[part]]))
+        crossed[part] = np.sign(now) != np.sign(then)
     bad = np.flatnonzero((distance < SINGULAR) | crossed)
     if len(bad):
         raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from "

@@ -227,10 +227,14 @@ def _note(job: _Job, written: Written, target: int) -> None:
 
 
 def apply(data: bytes, edits: list[Edit]) -> bytes:
-    """The text with all edits made; those at one place in the order they were entered."""
+    """The text with all edits made; those at one place in the order they were entered. Takes the edits out of their list: what
+    is written need not be held twice."""
     stream = io.BytesIO()
     at = 0
-    for start, end, text in sorted(edits, key=lambda edit: edit[:2]):
+    edits.sort(key=lambda edit: edit[:2])
+    edits.reverse()
+    while edits:
+        start, end, text = edits.pop()
         stream.write(data[at:start])
         stream.write(text)
         at = end
