@@ -218,9 +218,12 @@ def _follow(
         of_branch, reachable = branches[branch]
         run = of_branch[start:stop].copy()
         run[0] = angles
-        run = np.unwrap(run, axis=0)
+        steps = np.abs(np.diff(run, axis=0))
+        if not steps.max(initial=0.0) < np.pi:          # mostly no axis comes round
+            run = np.unwrap(run, axis=0)
+            steps = np.abs(np.diff(run, axis=0))
         good = reachable[start:stop] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
-        good[1:] &= (np.abs(np.diff(run, axis=0)) < LARGEST_STEP).all(axis=1)
+        good[1:] &= (steps < LARGEST_STEP).all(axis=1)
         length = stop - start if good.all() else max(int(np.argmin(good)), 1)
         result[start:start + length] = run[:length]
         previous = run[length - 1]
