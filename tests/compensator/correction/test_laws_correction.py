@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from compensator.correction import offsets
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.correction import correct_path
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.offsets import offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.correction.read_back import read_back
 from compensator.correction.settings import Settings
@@ -181,6 +183,26 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
         monkeypatch.setattr(pipeline, "rewrite", lambda *_, content=spoiled: Rewritten(content, (), 0, 0))
         with pytest.raises(CompstiffError, match="CS4203.*does not read back"):
             correct(sample.predicted)
+
+
+def test_what_is_left_where_a_correction_is_held_back_is_what_the_written_program_leaves(sample: Corrected) -> None:
+    """To the rounding of the written numbers, which are read and loaded again."""
+    settings = sample.planned.settings
+    steep = replace(sample.planned, settings=replace(settings, correction=replace(settings.correction, slope=2e-5)))
+    corrected = correct(steep)
+    held = corrected.correction.share < 0.9
+    assert held.sum() > 20
+    assert corrected.correction.residual[held].min() > 1e-7
+    assert_allclose(corrected.correction.residual, corrected.residual, rtol=0, atol=2e-7)
+
+
+def test_the_offsets_do_not_depend_on_how_many_are_written_at_a_time(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [offsets_csv(sample).decode().splitlines()]
+    for many in (500, len(sample.kept)):
+        monkeypatch.setattr(offsets, "CHUNK", many)
+        rows.append(offsets_csv(sample).decode().splitlines())
+    assert rows[0] == rows[1] == rows[2]
+    assert [row.split(",")[0] for row in rows[1]] == ["target", *map(str, range(len(sample.kept)))]
 
 
 def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:

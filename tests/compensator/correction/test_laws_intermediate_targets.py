@@ -298,7 +298,7 @@ def test_a_few_moves_of_a_program_are_looked_at_like_all_of_it(tmp_path: Path, m
     via = points.index([204 + RADIUS, RADIUS, 0])
     moves = [kit.move(text) for text in path.text]
     moves[via:via + 2] = [f"    MoveC {path.text[via]},{path.text[via + 1]},v50,z1,tMill\\WObj:=wPart;"]
-    rows = [f"{k},100,{250 + 40 * np.sin(k):.3f},-100" for k in range(count)]
+    rows = [f"{k},100,{250 + 40 * np.sin(k):.3f},-100" for k in range(count) for _ in range(1 + k % 3)]
     job = Job(tmp_path, program=kit.module(moves), forces="\n".join(["target,fx_n,fy_n,fz_n", *rows, ""])).write()
     offsets = "\n".join(["target,x_mm,y_mm,z_mm,ox_mm,oy_mm,oz_mm", *(
         f"{k},{','.join(f'{x:.6f}' for x in 1e3 * frame.p)},{0.01 * np.sin(k):.6f},0.02,{0.001 * k:.6f}"
@@ -317,6 +317,7 @@ def test_a_few_moves_of_a_program_are_looked_at_like_all_of_it(tmp_path: Path, m
     assert len(part.predicted.path.toolpath) > count + 4
     assert set(part.between.owner) == {12, via, via + 1, via + 14}
     assert part.content == whole.content
+    np.testing.assert_array_equal(part.predicted.forces.samples, whole.predicted.forces.samples)
     np.testing.assert_array_equal(part.between.owner, whole.between.owner)
     np.testing.assert_allclose(part.between.left, whole.between.left, rtol=1e-6, atol=1e-13)
     np.testing.assert_allclose(part.left.std, whole.left.std, rtol=1e-9)
