@@ -196,7 +196,7 @@ def test_what_is_left_where_a_correction_is_held_back_is_what_the_written_progra
     assert_allclose(corrected.correction.residual, corrected.residual, rtol=0, atol=2e-7)
 
 
-def test_the_offsets_do_not_depend_on_how_many_are_written_at_a_time(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_offsets_do_not_depend_on_how_many_are_written_at_once(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [offsets_csv(sample).decode().splitlines()]
     for many in (500, len(sample.kept)):
         monkeypatch.setattr(offsets, "CHUNK", many)

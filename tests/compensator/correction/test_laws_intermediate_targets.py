@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ import pytest
 from compensator.correction import intermediate_targets
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.fine_grid import fine_grid
 from compensator.correction.force_changes import noise_of_one
+from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import beyond_noise, window_means, windows
 from compensator.correction.settings import Estimate, Settings
 from tests.runs.command_line import user_files as kit
@@ -322,3 +325,31 @@ def test_a_few_moves_of_a_program_are_looked_at_like_all_of_it(tmp_path: Path, m
     np.testing.assert_allclose(part.between.left, whole.between.left, rtol=1e-6, atol=1e-13)
     np.testing.assert_allclose(part.left.std, whole.left.std, rtol=1e-9)
     assert [finding.message for finding in part.findings] == [finding.message for finding in whole.findings]
+
+
+def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) -> None:
+    """Frames and angles against the independent arm; a point outside the joints' limits is not reached."""
+    short = [[2.0 * k, 0, 0] for k in range(20)]
+    path = Path3(np.array([*short, [238, 40, 0], *([x + 240, 40, 0] for x, _, _ in short)], dtype=float))
+    forces = "".join(f"{k},100,250,-100\n" for k in range(41))
+    Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n" + forces).write()
+    inputs = Inputs(*(tmp_path / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv")))
+    planned = predict_files(inputs)
+    pieces = np.where(np.arange(41) == 20, 0.02, np.inf)
+    grid = fine_grid(planned.program.text, planned.path, pieces, 1e-5, keep=False, whole=asks_for_all(planned, pieces))
+    assert grid is not None
+    assert grid.targets.tolist() == list(range(16, 24))
+    assert grid.further.sum() == 9
+    fine = grid_path(planned.path, grid)
+    assert fine.reached.all()
+    for k, point in enumerate(np.flatnonzero(grid.further)):
+        here = kit.work_object() @ between(path.frames[19], path.frames[20], (k + 1) / 10)
+        rest = kit.tcp_pose(IRB6660, fine.theta[point], TOOL)
+        pose = fine.base_from_tcp[int(point)]
+        for frame in (Frame(pose.position, Rotation.from_matrix(pose.rotation)), rest):
+            np.testing.assert_allclose(frame.p, here.p, atol=1e-7)
+            assert (frame.r * here.r.inv()).magnitude() < 1e-7
+    robot = planned.cell.robot
+    narrow = replace(robot, limits=np.column_stack([robot.limits[:, 0], np.r_[robot.limits[:5, 1], robot.limits[5, 0] + 0.01]]))
+    fine = grid_path(replace(planned.path, cell=replace(planned.cell, robot=narrow)), grid)
+    np.testing.assert_array_equal(fine.reached, ~grid.further)
