@@ -11,6 +11,8 @@ def run() -> None:
     # Matrices of six by six: further threads of the linear algebra wait for work and take CPU time for it.
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Arrow's own allocator keeps what it was given back.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     try:
         from compstiff.cli.main import main
 

@@ -19,7 +19,6 @@ from compensator.correction.intermediate_targets import LookedAt
 from compensator.correction.needed_targets import ENOUGH, SIGMAS, beyond_noise
 from compensator.correction.prediction import Prediction
 from compensator.path.arc_length import circle, turned_angle
-from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, Level, counted
@@ -58,13 +57,14 @@ class BetweenTargets:
                 f"({counted(figures['moves'], 'move')} looked at; {beside})")
 
 
-def left_between(looked_at: LookedAt, commanded: Poses, logged: LoggedPass) -> BetweenTargets:
-    """The points between the targets of a program that commands these poses (N). logged: the pass the forces are of; with a
-    cutting stiffness they are those of the corrected pass."""
+def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> BetweenTargets:
+    """The points between the targets of a program that commands the poses base_from_tcp (n) at the points `at`. logged: the
+    pass the forces are of; with a cutting stiffness they are those of the corrected pass."""
     grid, fine, path = looked_at.grid, looked_at.fine, looked_at.fine.path
     points = fine.targets[grid.further[fine.targets]]
-    under = following_the_cut(fine, grid.kept, logged)
-    target = path.axes.to_rest(commanded.base_from_tcp, looked_at.at)
+    offsets = None if logged.offsets is None else logged.offsets[grid.targets]
+    under = following_the_cut(fine, grid.kept, replace(logged, offsets=offsets))
+    target = path.axes.to_rest(commanded, looked_at.at)
     pose = path.axes.to_base(_commanded(looked_at, target, points), points)
     theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
     reached = ~np.isnan(theta).any(axis=1)

@@ -150,10 +150,14 @@ def correct(planned: Predicted) -> Corrected:
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)
-    commanded, residual = read_back(cut.loaded, correction, content)
-    between = left_between(looked_at, commanded, logged) if looked_at else None
+    of_feed = feed_settings.check_feed or feed_settings.strict_feed
+    beside = looked_at.number if looked_at else np.empty(0, dtype=np.intp)
+    wanted = np.arange(len(predicted.path.toolpath)) if of_feed else beside
+    commanded, residual = read_back(cut.loaded, correction, content, wanted)
+    between = (left_between(looked_at, commanded.base_from_tcp[np.searchsorted(wanted, beside)], logged) if looked_at else None)
+    del looked_at, cornered
     feed = None
-    if feed_settings.check_feed or feed_settings.strict_feed:
+    if of_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),
                           judge(predicted.path, predicted.forces.forced, commanded), strict=feed_settings.strict_feed)
     findings = (*predicted.findings, *logged.findings, *of_corners, *cut.findings, *correction.findings, *written.findings,

@@ -10,7 +10,7 @@ taken on trust: `correct_path` loads the commanded pose with the iterated forwar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     Raises Refused: CS4105 outside the joint limits, CS4106 singular, CS4107 offset or tilt over the cell's limits;
     CompstiffError: CS4108 the forward model does not confirm the full correction.
     """
-    path, targets, planned = loaded.path, loaded.targets, loaded.path.theta[loaded.targets]
+    path, targets = loaded.path, loaded.targets
     commanded, residual = _full(loaded)
     share, harm = np.broadcast_to(1.0, len(targets)), np.broadcast_to(np.nan, len(targets))
     findings: list[Finding] = []
@@ -92,17 +92,30 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
         if len(held):
             share = share.copy()
             share[held] = np.linalg.norm(offset[held], axis=1) / np.maximum(np.linalg.norm(full[held], axis=1), HELD)
-            commanded = _held_back(loaded, commanded, held, share[held], offset[held])
-            residual = off_goal(loaded, commanded.theta)
+            _hold_back(loaded, commanded, held, share[held], offset[held])
+            residual = _residual(loaded, commanded.theta, held, residual)
     theta = commanded.theta
     position, quaternion, offset, turn = _in_objects(loaded, commanded.base_from_tcp)
+    del commanded
     refuse_outside(path, targets, theta, "after correction")
-    findings += _singularity(path, targets, planned, theta)
+    findings += _singularity(path, targets, theta)
     _check_size(path, targets, offset, turn)
     confdata = path.toolpath.confdata[targets]
-    confdata[:, :3] += (configuration(loaded.model.robot, theta) - configuration(loaded.model.robot, planned))[:, :3]
+    for part in chunks(len(targets), CHUNK):
+        now, then = (configuration(loaded.model.robot, angles) for angles in (theta[part], path.theta[targets[part]]))
+        confdata[part, :3] += (now - then)[:, :3]
     read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
     return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
+
+
+def _residual(loaded: LoadedPath, theta: Array, held: Indices, residual: Array) -> Array:
+    """Distance (M,) [m] of the loaded tool from the plan at commanded angles theta (M, 6) [rad], of which those at the places
+    `held` (H,) are others than `residual` (M,) [m] is of. Effects remember: a change is felt at the targets behind it too."""
+    if not loaded.model.of_springs_alone:
+        return off_goal(loaded, theta)
+    residual = residual.copy()
+    residual[held] = off_goal(replace(loaded, targets=loaded.targets[held]), theta[held])
+    return residual
 
 
 def _in_objects(loaded: LoadedPath, base_from_tcp: Frame) -> tuple[Array, Array, Array, Array]:
@@ -147,17 +160,15 @@ def _full(loaded: LoadedPath) -> tuple[Poses, Array]:
     return Poses(Frame(rotation, position), theta), residual
 
 
-def _held_back(loaded: LoadedPath, full: Poses, held: Indices, share: Array, offset: Array) -> Poses:
-    """The commanded poses with only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places `held`
-    (H,) among the targets."""
-    plan, tcp = loaded.path.base_from_tcp[loaded.targets[held]], full.base_from_tcp
+def _hold_back(loaded: LoadedPath, commanded: Poses, held: Indices, share: Array, offset: Array) -> None:
+    """Leaves the full commanded poses only this share (H,) of the turn and this offset (H, 3) [m], base frame, at the places
+    `held` (H,) among the targets."""
+    plan, tcp, theta = loaded.path.base_from_tcp[loaded.targets[held]], commanded.base_from_tcp, commanded.theta
     turn = rotation_vector(tcp.rotation[held] @ np.swapaxes(plan.rotation, 1, 2))
     reduced = Frame(rotation_matrix(np.minimum(share, 1.0)[:, None] * turn) @ plan.rotation, plan.position + offset)
-    rotation, position, theta = tcp.rotation.copy(), tcp.position.copy(), full.theta.copy()
-    rotation[held], position[held] = reduced.rotation, reduced.position
+    tcp.rotation[held], tcp.position[held] = reduced.rotation, reduced.position
     flange = reduced @ loaded.path.flange_from_tcp[loaded.targets[held]].inverse()
     theta[held] = nearest_angles(loaded.model.robot, flange, theta[held])
-    return Poses(Frame(rotation, position), theta)
 
 
 def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
@@ -221,11 +232,14 @@ def _check_size(path: RobotPath, targets: Indices, offset: Array, turn: Array) -
         raise Refused(*findings)
 
 
-def _singularity(path: RobotPath, targets: Indices, planned: Array, theta: Array) -> list[Finding]:
+def _singularity(path: RobotPath, targets: Indices, theta: Array) -> list[Finding]:
     """Refused (CS4106) at the wrist singularity or where a correction would cross it; a warning (CS4110) near it."""
     robot = path.cell.robot
-    distance = wrist_distance(robot, theta)
-    crossed = np.sign(np.sin(robot.serial_angles(theta)[:, 4])) != np.sign(np.sin(robot.serial_angles(planned)[:, 4]))
+    distance, crossed = np.empty(len(targets)), np.empty(len(targets), dtype=bool)
+    for part in chunks(len(targets), CHUNK):
+        distance[part] = wrist_distance(robot, theta[part])
+        now, then = (np.sin(robot.serial_angles(angles)[:, 4]) for angles in (theta[part], path.theta[targets[part]]))
+        crossed[part] = np.sign(now) != np.sign(then)
     bad = np.flatnonzero((distance < SINGULAR) | crossed)
     if len(bad):
         raise Refused(*(path.finding(int(targets[i]), "CS4106", "error", f"axis 5 is {np.degrees(distance[i]):.3f} deg from "

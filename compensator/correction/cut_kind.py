@@ -51,8 +51,7 @@ def _against_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
         along[known] = np.gradient(path.base_from_tcp.position[known], axis=0)
     # Towards the spindle, whichever way the tool's z points.
     axis = path.base_from_tcp.rotation[:, :, 2]
-    to_flange = path.base_from_flange.position - path.base_from_tcp.position
-    up = axis * np.where(np.einsum("ni,ni->n", axis, to_flange) < 0, -1.0, 1.0)[:, None]
+    up = axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None]
     along -= up * np.einsum("ni,ni->n", along, up)[:, None]
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     forwards, left = np.einsum("ni,ni->n", force, along), np.einsum("ni,ni->n", force, np.cross(up, along))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,30 +29,37 @@ MOST_PIECES, MOST_POINTS, FEWEST_PIECES = 2000, 200_000, 8
 ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
 # Pieces of half an arc are a power of two, so that arcs can be halved; so many are looked at though it is not.
 MOST_HALVINGS, LOOKED_AT = 9, 4
+# So many targets on either side of a move are on a grid with it: what is said of a point is said of its neighbours' neighbours.
+AROUND = 4
 # Decimals of the external axes of further targets [mm or deg]: a RAPID number has seven digits.
 VALUE_DECIMALS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Some moves of a program in pieces. toolpath: the program with them (G), arcs among them as chords. kept (N,): the
-    program's own targets in it. owner (G,): the target whose move a further point belongs to, -1 at the program's own.
-    arcs (A, 2): the MoveC, by their first point and the points to their circle point.
+    """Some moves of a program in pieces. toolpath: these with targets of the program around them, or all of it with them (G),
+    arcs among them as chords. owner (G,): the program's target that a point is, or, where it is a further one (G,), that whose
+    move it belongs to. arcs (A, 2): the MoveC, by their first point and the points to their circle point.
     may (G,): points of lines that can be written as targets; divisible (G,): points of arcs that can be halved; beside_zone
     (G,): points that may not, because they would make the zone of a corner smaller."""
 
     toolpath: Toolpath
-    kept: Indices
     owner: Indices
+    further: Mask
     arcs: Indices
     may: Mask
     divisible: Mask
     beside_zone: Mask
 
+    @cached_property
+    def kept(self) -> Indices:
+        """The points (K,) that are targets of the program."""
+        return np.flatnonzero(~self.further)
+
     @property
-    def further(self) -> Mask:
-        """The points (G,) that are not the program's own targets."""
-        return np.asarray(self.owner >= 0)
+    def targets(self) -> Indices:
+        """Which of the program's these are (K,)."""
+        return self.owner[self.kept]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +83,11 @@ def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
 
 
 def fine_grid(
-    program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool
+    program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool, whole: bool
 ) -> Grid | None:
     """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from
-    corners with a zone, so that these are driven as planned, but for the tolerance [m]. keep: none may be written."""
+    corners with a zone, so that these are driven as planned, but for the tolerance [m]. keep: none may be written. whole: all
+    targets of the program stand on the grid, not only those around these moves."""
     toolpath, count = path.toolpath, len(path.toolpath)
     usable = np.insert(_usable(path), 0, False)
     arc = (toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END)
@@ -87,27 +96,37 @@ def fine_grid(
     zone = _zones_at_corners(path, tolerance)
     straight = usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR)
     lines = _on_lines(program, toolpath, straight, spacing, zone, keep=keep)
-    as_written = _circle_points_as_written(path)
-    arcs = [(int(via), half) for via in vias
-            if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep or not as_written[via]))]
+    as_written = _circle_points_as_written(path, vias)
+    arcs = [(int(via), half) for via, right in zip(vias, as_written, strict=True)
+            if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep or not right))]
     parts = [lines, *(half for _, halves in arcs for half in halves)]
     points = _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__annotations__))
     if not len(points.before):
         return None
     order = np.argsort(points.before, kind="stable")
-    at = points.before[order]
-    kept = np.arange(count) + np.searchsorted(at, np.arange(count), side="right")
+    points = _Points(*(getattr(points, name)[order] for name in _Points.__annotations__))
+    targets = np.arange(count) if whole else _around(points.before, count)
+    slots = np.searchsorted(targets, points.before)
 
-    def placed(values: Mask) -> Mask:
-        return np.insert(np.zeros(count, dtype=bool), at, values[order])
+    def placed(own: NDArray[Any], further: NDArray[Any]) -> NDArray[Any]:
+        return np.insert(own, slots, further)
 
-    first = np.array([[kept[via - 1], kept[via] - kept[via - 1]] for via, _ in arcs], dtype=np.intp).reshape(-1, 2)
-    chords = np.array([[via, via + 1] for via, _ in arcs], dtype=np.intp).ravel()
-    grid = _with_points(path, at, _Points(*(getattr(points, name)[order] for name in _Points.__annotations__)), chords, kept)
-    divisible = placed(points.divisible)
-    divisible[first.sum(axis=1)] = divisible[first[:, 0] + 1]
-    return Grid(grid, kept, np.insert(np.full(count, -1), at, at), first, placed(points.may), divisible,
-                placed(points.beside_zone))
+    no, via = np.zeros(len(targets), dtype=bool), np.array([via for via, _ in arcs], dtype=np.intp)
+    owner, further = placed(targets, points.before), placed(no, np.ones(len(slots), dtype=bool))
+    kept = np.flatnonzero(~further)[np.searchsorted(targets, via[:, None] + [-1, 0, 1])]
+    first = np.column_stack([kept[:, 0], kept[:, 1] - kept[:, 0]])
+    divisible = placed(no, points.divisible)
+    divisible[kept[:, 1]] = divisible[kept[:, 0] + 1]
+    return Grid(_with_points(path, points, owner, further, kept[:, 1:].ravel()), owner, further, first,
+                placed(no, points.may), divisible, placed(no, points.beside_zone))
+
+
+def _around(moves: Indices, count: int) -> Indices:
+    """The targets, of `count`, that stand AROUND these moves or nearer."""
+    near = np.zeros(count, dtype=bool)
+    for beside in range(-AROUND, AROUND):
+        near[np.clip(moves + beside, 0, count - 1)] = True
+    return np.flatnonzero(near)
 
 
 def _usable(path: RobotPath) -> Mask:
@@ -120,11 +139,11 @@ def _usable(path: RobotPath) -> Mask:
                       & (path.axes.problem[1:] == "") & posed[:-1] & posed[1:])
 
 
-def _circle_points_as_written(path: RobotPath) -> Mask:
-    """Targets (N,) whose external axes stand where they are written; at a circle point the controller does not use what is
-    written, so that one that says otherwise cannot become a target of its own."""
+def _circle_points_as_written(path: RobotPath, vias: Indices) -> Mask:
+    """Which circle points (n,) have external axes that stand where they are written; the controller does not use what is
+    written there, so that one that says otherwise cannot become a target of its own."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(~(np.abs(path.toolpath.external - path.axes.values) > SAME_VALUE).any(axis=1))
+        return np.asarray(~(np.abs(path.toolpath.external[vias] - path.axes.values[vias]) > SAME_VALUE).any(axis=1))
 
 
 def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
@@ -180,36 +199,28 @@ def _on_arc(
     return points
 
 
-def _with_points(path: RobotPath, at: Indices, points: _Points, chords: Indices, kept: Indices) -> Toolpath:
-    """The toolpath with linear targets before the targets `at`, its own at the places `kept` (N,); the moves of `chords` are
-    linear too. External axes are in proportion to the way."""
-    toolpath = path.toolpath
-    def more(values: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
-        return np.insert(values, at, own, axis=0)
-
-    move = toolpath.move.copy()
-    move[chords] = Move.LINEAR
-    like: dict[str, Any] = {name: more(getattr(toolpath, name), getattr(toolpath, name)[at]) for name in (
-        "line", "column", "confdata", "has_confdata", "tool", "workobject", "feed", "zone")}
-    nothing = np.full((len(at), 6), np.nan)
-    external, standing = toolpath.external, path.axes.values
-    if not np.isnan(external).all():
-        external = external.copy()
-        external[chords] = np.where(np.isnan(external[chords]), np.nan, standing[chords])
-        between = standing[at - 1] + points.share[:, None] * (standing[at] - standing[at - 1])
-        external = more(external, np.where(np.isnan(toolpath.external[at]), np.nan, np.round(between, VALUE_DECIMALS)))
-    else:
-        external = nothing_or(more(external, nothing))
-    switched = tuple((int(kept[first - 1]) + 1 if first else 0, name, on) for first, name, on in toolpath.switched)
-    together = None if toolpath.together is None else more(toolpath.together, toolpath.together[at])
-    return replace(
-        toolpath, external=external, switched=switched, together=together,
-        move=more(move, np.full(len(at), Move.LINEAR, dtype=np.uint8)),
-        position=more(toolpath.position, points.position),
-        quaternion=more(toolpath.quaternion, points.quaternion),
-        joints=nothing_or(more(toolpath.joints, nothing)),
-        block=more(toolpath.block, np.full(len(at), "", dtype=object)), given=more(toolpath.number, toolpath.number[at]),
-        **like)
+def _with_points(path: RobotPath, points: _Points, owner: Indices, further: Mask, chords: Indices) -> Toolpath:
+    """The toolpath of the targets `owner` (G,), of which the `further` (G,) become linear targets at these points; the moves to
+    the points `chords` of it are linear too. External axes are in proportion to the way."""
+    toolpath, at = path.toolpath, points.before
+    like: dict[str, Any] = {name: getattr(toolpath, name)[owner] for name in (
+        "line", "column", "confdata", "has_confdata", "tool", "workobject", "feed", "zone", "move", "position", "quaternion",
+        "external", "joints", "block")}
+    like["move"][further] = like["move"][chords] = Move.LINEAR
+    like["position"][further], like["quaternion"][further], like["block"][further] = points.position, points.quaternion, ""
+    like["joints"][further] = np.nan
+    external, standing = like["external"], path.axes.values
+    external[chords] = np.where(np.isnan(external[chords]), np.nan, standing[owner[chords]])
+    between = standing[at - 1] + points.share[:, None] * (standing[at] - standing[at - 1])
+    external[further] = np.where(np.isnan(external[further]), np.nan, np.round(between, VALUE_DECIMALS))
+    like["external"], like["joints"] = nothing_or(external), nothing_or(like["joints"])
+    # A unit is switched right behind the target before.
+    own = np.flatnonzero(~further)
+    behind = [int(np.searchsorted(owner[own], first)) for first, _, _ in toolpath.switched]
+    switched = tuple((int(own[count - 1]) + 1 if count else 0, name, on)
+                     for count, (_, name, on) in zip(behind, toolpath.switched, strict=True))
+    together = None if toolpath.together is None else toolpath.together[owner]
+    return replace(toolpath, switched=switched, together=together, given=toolpath.number[owner], **like)
 
 
 def _turned(start: Array, end: Array, share: Array) -> Array:

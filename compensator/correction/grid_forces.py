@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def forces_on(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForces:
-    """The log on the grid, whose points `kept` (N,) are the program's own. Where it names targets, the points between two with
-    force get forces in between."""
-    forces, log = planned.forces, planned.forces.log
+def forces_on(planned: Predicted, fine: RobotPath, grid: Grid) -> TargetForces:
+    """The log on the points of a grid. Where it names targets, the points between two with force get forces in between; else
+    all of the program must stand on the grid."""
+    forces, log, kept = planned.forces, planned.forces.log, grid.kept
     if not forces.named:
         given = planned.path.length
         known = ~np.isnan(given)
@@ -32,18 +33,17 @@ def forces_on(planned: Predicted, fine: RobotPath, kept: Indices) -> TargetForce
         # The tare was judged on the program itself.
         placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
         return _centred(placed, fine)
-    own = np.zeros(len(fine.toolpath), dtype=bool)
-    own[kept] = True
+    own = ~grid.further
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
-    low = np.floor(number).astype(np.intp)
-    high = np.minimum(low + 1, len(kept) - 1)
-    share = (number - low)[:, None]
+    before = np.floor(number).astype(np.intp)
+    share = (number - before)[:, None]
+    low, high = grid.targets[before], grid.targets[np.minimum(before + 1, len(kept) - 1)]
 
     def between(values: Array) -> Array:
         return (1 - share) * values[low] + share * values[high]
 
     samples = np.zeros(len(own), dtype=np.intp)
-    samples[kept] = forces.samples
+    samples[kept] = forces.samples[grid.targets]
     forced = forces.forced[low] & (own | forces.forced[high])
     return replace(forces, wrench=np.where(forced[:, None], between(forces.wrench), 0.0), samples=samples,
                    standard_error=between(forces.standard_error), forced=forced)
@@ -88,7 +88,7 @@ def noise_of(placed: TargetForces) -> Array:
 
 
 def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Array, at: Indices) -> TargetForces:
-    """The forces of the points `at` (N,) of a grid as a program's targets, out of those placed on all of it, path lengths place
+    """The forces of the points `at` (n,) of a grid as a program's targets, out of those placed on all of it, path lengths place
     (G,) [m]; one of the program's own without a new neighbour keeps what was planned."""
     weight = weight_of(placed)
     first, last = windows(place, at)
@@ -103,8 +103,24 @@ def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Arr
     standard_error = np.where(wide, np.sqrt(squares[last] - squares[first]) / size, own_error)
     count = samples[last] - samples[first]
     alone = untouched(~grid.further, at)
-    own = np.searchsorted(grid.kept, at[alone])
+    own = grid.owner[at[alone]]
     wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
     count[alone], forced[alone] = planned.samples[own], planned.forced[own]
     unknown = None if placed.unknown is None else placed.unknown[at]
     return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced, unknown=unknown)
+
+
+def among_others(planned: TargetForces, kept: Indices, some: TargetForces, number: Indices) -> TargetForces:
+    """The forces of all targets of a program: those planned (N), which stand at `kept` (N,) now, but for `some` (n), which are
+    of its targets `number` (n,)."""
+    count = int(kept[-1]) + 1
+
+    def both(name: str) -> NDArray[Any]:
+        before, now = getattr(planned, name), getattr(some, name)
+        values = np.empty((count, *before.shape[1:]), dtype=before.dtype)
+        values[kept] = before
+        values[number] = now
+        return values
+
+    return replace(some, wrench=both("wrench"), samples=both("samples"), standard_error=both("standard_error"),
+                   forced=both("forced"), unknown=None if some.unknown is None else both("unknown"))

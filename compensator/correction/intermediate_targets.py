@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
 from compensator.correction.force_changes import pieces_to_look_at, shortest_piece
-from compensator.correction.grid_forces import averaged, forces_on, noise_of, place_of, weight_of
+from compensator.correction.grid_forces import among_others, averaged, forces_on, noise_of, place_of, weight_of
+from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.needed_targets import Wanted, needed_points
 from compensator.correction.predict import Predicted
@@ -37,7 +38,7 @@ AIM = 0.8
 @dataclass(frozen=True, eq=False)
 class LookedAt:
     """The moves that were looked at between their targets. fine: the program with the points (G,) of the grid, its targets the
-    points of known force. noise (G,) [m]: 1 sigma of the deviation there, from the scatter of the force; at (N,): the points
+    points of known force. noise (G,) [m]: 1 sigma of the deviation there, from the scatter of the force; at (n,): the points
     that are targets of the program now; arcs (P, 2): its arcs among them, by their first point and the points to the circle
     point."""
 
@@ -46,6 +47,12 @@ class LookedAt:
     noise: Array
     at: Indices
     arcs: Indices
+
+    @property
+    def number(self) -> Indices:
+        """Which targets (n,) of the program now the points `at` are."""
+        further = self.grid.further[self.at]
+        return np.asarray(self.grid.owner[self.at] + np.cumsum(further) - further)
 
 
 def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, LookedAt | None]:
@@ -65,16 +72,18 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
         spacing = spacing_of(path.toolpath, least.length, max(least.time, shortest))
         pieces = pieces_to_look_at(planned, spacing)
         pieces = np.where(np.diff(path.length, prepend=np.nan) < settings.long_move, np.inf, pieces)
-        grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets)
+        grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets,
+                         whole=asks_for_all(planned, pieces))
         if grid is None:
             return planned, as_given, None
-        looked_at, placed = _needed(planned, grid, robot_path(grid.toolpath, path.cell))
-        if len(looked_at.at) == len(as_given):
+        looked_at, placed = _needed(planned, grid, grid_path(path, grid))
+        if len(looked_at.at) == len(grid.kept):
             return planned, as_given, looked_at
         text, added = _rewritten(planned.program.text, path, looked_at)
         with_more = robot_path(text.toolpath, path.cell)
     kept = as_given + np.cumsum(added)
-    forces = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
+    of_part = averaged(planned.forces, placed, grid, place_of(looked_at.fine.path), looked_at.at)
+    forces = among_others(planned.forces, kept, of_part, looked_at.number)
     targets, _ = targets_to_correct(with_more, forces)
     loaded = LoadedPath(with_more, forces, planned.model, targets, planned.loaded.learned)
     air = np.zeros(len(text.toolpath), dtype=bool)
@@ -86,7 +95,7 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
 
 def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, TargetForces]:
     """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid."""
-    placed = forces_on(planned, path, grid.kept)
+    placed = forces_on(planned, path, grid)
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
@@ -98,7 +107,10 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
                     differs=0.0)
     prediction = predict_path(replace(loaded, model=exact, learned=learned.exactly() if learned else None))
     deviation, noise, own = (np.zeros((len(grid.toolpath), *shape)) for shape in ((3,), (), (3,)))
-    own[grid.kept[planned.targets]] = planned.prediction.position
+    place = np.full(len(planned.path.toolpath), -1)
+    place[planned.targets] = np.arange(len(planned.targets))
+    looked_for = place[grid.targets]
+    own[grid.kept[looked_for >= 0]] = planned.prediction.position[looked_for[looked_for >= 0]]
     deviation[:] = own
     deviation[points] = prediction.position
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,10 @@ from numpy.typing import NDArray
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from identification.common.arrow import number_column, text_column
+from identification.model.kinematics import chunks
 
 Array = NDArray[np.float64]
+CHUNK = 8192        # targets written at a time: bounds the memory their columns take
 
 
 def offsets_csv(corrected: Corrected) -> bytes:
@@ -33,10 +36,11 @@ def offsets_csv(corrected: Corrected) -> bytes:
     offset, turn = np.zeros((count, 3)), np.zeros((count, 3))
     offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
     kept = corrected.kept
-    columns = {**_columns(offset[kept], "ox_mm oy_mm oz_mm", 6), **_columns(turn[kept], "orx_deg ory_deg orz_deg", 8)}
     left = np.zeros((count, 2))
     left[targets] = 1e6 * np.column_stack([corrected.left.std, corrected.left.cut])
-    return _csv(corrected.planned, columns, _columns(left[kept], "left_um cut_um", 4))
+    return _csv(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", offset[kept], 6),
+                                    _Columns("orx_deg ory_deg orz_deg", turn[kept], 8)],
+                [_Columns("left_um cut_um", left[kept], 4)])
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -49,10 +53,25 @@ def deviation_csv(predicted: Predicted) -> bytes:
     >>> compstiff.deviation_csv(predicted).split(b",")[:3]
     [b'target', b'line', b'x_mm']
     """
-    return _csv(predicted, {}, {})
+    return _csv(predicted, [], [])
 
 
-def _csv(predicted: Predicted, columns: dict[str, Array], last: dict[str, Array]) -> bytes:
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Numbers (N, n) of the targets, by the names of their columns, and to how many decimals they are written."""
+
+    names: str
+    values: Array
+    decimals: int
+
+    def rounded(self, rows: slice) -> dict[str, Array]:
+        with np.errstate(over="ignore", invalid="ignore"):
+            rounded = np.round(self.values[rows], self.decimals) + 0.0      # + 0.0: no -0
+        rounded[~np.isfinite(rounded)] = np.nan                             # JSON and CSV hold no infinity
+        return dict(zip(self.names.split(), rounded.T, strict=True))
+
+
+def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> bytes:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -64,31 +83,24 @@ def _csv(predicted: Predicted, columns: dict[str, Array], last: dict[str, Array]
     left = predicted.forces.forced.copy()
     left[targets] = False
     deviation[left] = sigma[left] = np.nan
-    table = pa.table({
-        "target": number_column(np.arange(len(toolpath))),
-        "line": number_column(toolpath.line),
-        **{name: number_column(values) for name, values in (
-            *_columns(1e3 * toolpath.position, "x_mm y_mm z_mm", 6).items(),
-            *columns.items(),
-            *_columns(deviation, "dx_um dy_um dz_um", 4).items(),
-            *_columns(sigma, "sx_um sy_um sz_um", 4).items(),
-            ("time_s", np.round(time, 6)),
-        )},
-        "samples": number_column(predicted.forces.samples),
-        "note": text_column(_notes(predicted, left).tolist()),
-        **{name: number_column(values) for name, values in last.items()},
-    })
+    columns = [_Columns("x_mm y_mm z_mm", 1e3 * toolpath.position, 6), *more, _Columns("dx_um dy_um dz_um", deviation, 4),
+               _Columns("sx_um sy_um sz_um", sigma, 4)]
+    notes = _notes(predicted, left)
     stream = io.BytesIO()
-    stream.write((",".join(table.column_names) + "\n").encode())
-    csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
+    for rows in chunks(max(len(toolpath), 1), CHUNK):
+        table = pa.table({
+            "target": number_column(np.arange(len(toolpath))[rows]),
+            "line": number_column(toolpath.line[rows]),
+            **{name: number_column(values) for some in columns for name, values in some.rounded(rows).items()},
+            "time_s": number_column(np.round(time[rows], 6)),
+            "samples": number_column(predicted.forces.samples[rows]),
+            "note": text_column(notes[rows].tolist()),
+            **{name: number_column(values) for some in last for name, values in some.rounded(rows).items()},
+        })
+        if not rows.start:
+            stream.write((",".join(table.column_names) + "\n").encode())
+        csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
     return stream.getvalue()
-
-
-def _columns(values: Array, names: str, decimals: int) -> dict[str, Array]:
-    with np.errstate(over="ignore", invalid="ignore"):
-        rounded = np.round(values, decimals) + 0.0      # + 0.0: no -0
-    rounded[~np.isfinite(rounded)] = np.nan             # JSON and CSV hold no infinity
-    return dict(zip(names.split(), rounded.T, strict=True))
 
 
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:

@@ -18,15 +18,16 @@ from identification.model.kinematics import chunks
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 # Half a step of the last decimal that is written of x y z [mm] and q1 q2 q3 q4, and a ten-thousandth of it for the arithmetic:
 # a digit that is off by one is off by more.
 HALF_STEPS = 0.50005 * np.repeat([10.0**-POSITION_DECIMALS, 10.0**-QUATERNION_DECIMALS], [3, 4])
 
 
-def read_back(loaded: LoadedPath, correction: Correction, content: bytes) -> tuple[Poses, Array]:
-    """The poses (N) that the written program commands, and the distance (M,) [m] of the loaded tool from the plan with the
-    numbers as written.
+def read_back(loaded: LoadedPath, correction: Correction, content: bytes, wanted: Indices) -> tuple[Poses, Array]:
+    """The poses that the written program commands at the targets `wanted` (n,), ascending, and the distance (M,) [m] of the
+    loaded tool from the plan with the numbers as written.
 
     Raises CompstiffError (CS4203) where the text does not say what was meant.
     """
@@ -35,16 +36,20 @@ def read_back(loaded: LoadedPath, correction: Correction, content: bytes) -> tup
     if not _as_meant(path.toolpath, again, correction):
         raise error("CS4203", "the corrected program does not read back as it was meant; nothing was written",
                     file=path.toolpath.source, hint="a defect in compstiff: please report it with this program")
-    after = again.toolpath
+    position, quaternion = again.toolpath.position, again.toolpath.quaternion
     del again
-    rotation, position, joints = path.base_from_tcp.rotation.copy(), path.base_from_tcp.position.copy(), path.theta.copy()
+    theta = np.empty((len(targets), 6))
     for part in chunks(len(targets), CHUNK):
         few = targets[part]
-        base_from_tcp = path.base_from_object[few] @ Frame.from_quaternion(after.position[few], after.quaternion[few])
+        base_from_tcp = path.base_from_object[few] @ Frame.from_quaternion(position[few], quaternion[few])
         base_from_flange = base_from_tcp @ path.flange_from_tcp[few].inverse()
-        joints[few] = nearest_angles(path.cell.robot, base_from_flange, correction.theta[part])
-        rotation[few], position[few] = base_from_tcp.rotation, base_from_tcp.position
-    return Poses(Frame(rotation, position), joints), off_goal(loaded, joints[targets])
+        theta[part] = nearest_angles(path.cell.robot, base_from_flange, correction.theta[part])
+    there, joints, moved = path.base_from_tcp[wanted], path.theta[wanted], np.isin(wanted, targets)
+    few = wanted[moved]
+    written = path.base_from_object[few] @ Frame.from_quaternion(position[few], quaternion[few])
+    there.rotation[moved], there.position[moved] = written.rotation, written.position
+    joints[moved] = theta[np.searchsorted(targets, few)]
+    return Poses(there, joints), off_goal(loaded, theta)
 
 
 def _as_meant(before: Toolpath, again: RapidProgram, correction: Correction) -> bool:
@@ -60,7 +65,13 @@ def _as_meant(before: Toolpath, again: RapidProgram, correction: Correction) -> 
     intact &= all([one.name for one in now] == [one.name for one in then] for now, then in (
         (after.tools, before.tools), (after.workobjects, before.workobjects)))
     intact &= bool(np.array_equal(after.confdata[targets], correction.confdata))
-    written = again.rows.numbers.pose[again.rows.row[targets]]
-    sign = np.where(np.einsum("ni,ni->n", written[:, 3:], correction.quaternion) < 0, -1.0, 1.0)
-    off = np.abs(written - np.concatenate([1e3 * correction.position, sign[:, None] * correction.quaternion], axis=1))
-    return intact and bool(np.all(off <= HALF_STEPS))
+    return intact and all(_figures_as_meant(again, correction, part) for part in chunks(len(targets), CHUNK))
+
+
+def _figures_as_meant(again: RapidProgram, correction: Correction, part: slice) -> bool:
+    """Whether the numbers of some of the targets are those that were to be written, to half a step of their last decimal."""
+    written = again.rows.numbers.pose[again.rows.row[correction.targets[part]]]
+    position, quaternion = correction.position[part], correction.quaternion[part]
+    sign = np.where(np.einsum("ni,ni->n", written[:, 3:], quaternion) < 0, -1.0, 1.0)
+    off = np.abs(written - np.concatenate([1e3 * position, sign[:, None] * quaternion], axis=1))
+    return bool(np.all(off <= HALF_STEPS))

@@ -75,8 +75,7 @@ def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> C
     step = path.steps
     axis = path.base_from_tcp.rotation[:, :, 2]
     # Towards the spindle, whichever way the tool's z points.
-    to_flange = path.base_from_flange.position - path.base_from_tcp.position
-    up = axis * np.where(np.einsum("ni,ni->n", axis, to_flange) < 0, -1.0, 1.0)[:, None]
+    up = axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None]
     across = step - up * np.einsum("ni,ni->n", step, up)[:, None]
     length = np.linalg.norm(across, axis=1)
     with np.errstate(invalid="ignore"):

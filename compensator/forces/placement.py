@@ -171,6 +171,8 @@ def _check_once(log: ForceLog) -> None:
     target = log.place.astype(np.intp)
     furthest = np.maximum.accumulate(target)
     back = target < furthest - BACK
+    if not back.any():
+        return
     returned = np.unique(target[back])
     if len(returned) <= MOST_AGAIN * len(np.unique(target)):
         return

@@ -79,6 +79,11 @@ class RobotPath:
         return self.base_from_tcp @ self.flange_from_tcp.inverse()
 
     @property
+    def to_flange(self) -> Array:
+        """Way (N, 3) [m] from the TCP to the flange, base frame."""
+        return self.base_from_tcp.turn(self.flange_from_tcp.inverse().position)
+
+    @property
     def steps(self) -> Array:
         """Way (N, 3) [m] over the work object from the target before to each target, base frame; zero at the first."""
         position = self.rest_from_tcp.position
@@ -101,6 +106,8 @@ class RobotPath:
     def each_tool(self, targets: Indices) -> list[tuple[Frame, Indices]]:
         """The targets (M,) by tool: flange_from_tcp, and the places among the M that use it."""
         tools = self.toolpath.tool[targets]
+        if len(tools) and (tools == tools[0]).all():        # mostly
+            return [(self.flange_from_tcp[int(targets[0])], np.arange(len(tools)))]
         groups = [np.flatnonzero(tools == tool) for tool in np.unique(tools)]
         return [(self.flange_from_tcp[int(targets[places[0]])], places) for places in groups]
 
@@ -211,9 +218,12 @@ def _follow(
         of_branch, reachable = branches[branch]
         run = of_branch[start:stop].copy()
         run[0] = angles
-        run = np.unwrap(run, axis=0)
+        steps = np.abs(np.diff(run, axis=0))
+        if not steps.max(initial=0.0) < np.pi:          # mostly no axis comes round
+            run = np.unwrap(run, axis=0)
+            steps = np.abs(np.diff(run, axis=0))
         good = reachable[start:stop] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
-        good[1:] &= (np.abs(np.diff(run, axis=0)) < LARGEST_STEP).all(axis=1)
+        good[1:] &= (steps < LARGEST_STEP).all(axis=1)
         length = stop - start if good.all() else max(int(np.argmin(good)), 1)
         result[start:start + length] = run[:length]
         previous = run[length - 1]

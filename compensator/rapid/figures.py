@@ -16,7 +16,7 @@ from compensator.rapid.text import Offsets
 Array = NDArray[np.float64]
 
 NUMBERS = len(LEAST)            # x y z q1 q2 q3 q4
-CHUNK = 1 << 14                 # poses at a time: bounds the memory their texts take
+CHUNK = 1 << 12                 # poses at a time: bounds the memory their texts take
 _OF_NUMBER = np.zeros(256, dtype=bool)
 _OF_NUMBER[list(b"0123456789.+-eE")] = True
 _POINT, _MINUS, _ZERO, _EXPONENTS = ord("."), ord("-"), ord("0"), list(b"eE")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compensator.rapid.statements import INLINE
-from compensator.rapid.text import Offsets
+from compensator.rapid.text import Offsets, where_is
 from compensator.toolpath import Move
 
 # Fewer bytes than this are gone through move by move, which is faster then.
@@ -42,8 +42,7 @@ def inline_moves(data: bytes, first: int, behind: int) -> InlineMoves:
                    np.array([match.end("tail") for match in found]))
         return InlineMoves(bytes(_WAY[match["way"][0]] for match in found), *columns)
     letters = np.frombuffer(data, dtype=np.uint8, count=behind - first, offset=first)
-    stop = np.flatnonzero(letters == ord(";"))
-    opening, closing = np.flatnonzero(letters == ord("[")), np.flatnonzero(letters == ord("]"))
+    stop, opening, closing = (where_is(letters, ord(letter)) for letter in ";[]")
     begin = np.append(0, stop[:-1] + 1)
     # [[x,y,z],[q1,q2,q3,q4],[cf1,cf4,cf6,cfx],[eax_a,...,eax_f]]: the tail may have brackets of its own.
     pose = np.searchsorted(opening, begin)

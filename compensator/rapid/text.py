@@ -72,8 +72,8 @@ def line_ends(data: bytes) -> Offsets:
     of CR CR LF for a line of its own counts twice as many; `grep -n`, vim and the program's author count as here.
     """
     array = np.frombuffer(data, dtype=np.uint8)
-    feeds = _where(array, 10)
-    returns = _where(array, 13)
+    feeds = where_is(array, 10)
+    returns = where_is(array, 13)
     if len(returns):
         last = len(array) - 1
         following = np.where(returns < last, array[np.minimum(returns + 1, last)], 0)
@@ -95,6 +95,7 @@ def locate(source: Source, offsets: Offsets | Sequence[int]) -> tuple[Offsets, O
     return (row + 1).astype(np.int64), column.astype(np.int64)
 
 
-def _where(array: NDArray[np.uint8], value: int) -> Offsets:
+def where_is(array: NDArray[np.uint8], value: int) -> Offsets:
+    """Where a byte stands in a text, by blocks: a mask of all of it would be as large as the text."""
     parts = [np.flatnonzero(array[at:at + _CHUNK] == value) + at for at in range(0, len(array), _CHUNK)]
     return np.concatenate(parts).astype(np.int64) if parts else np.empty(0, dtype=np.int64)

@@ -102,7 +102,8 @@ def _commanded(
     toolpath, count = program.toolpath, len(targets)
     place = np.asarray(position, dtype=np.float64).reshape(-1, 3)
     turn = np.asarray(quaternion, dtype=np.float64).reshape(-1, 4)
-    if len(place) != count or len(turn) != count or len(np.unique(targets)) != count:
+    once = bool((np.diff(targets) > 0).all()) or len(np.unique(targets)) == count
+    if len(place) != count or len(turn) != count or not once:
         raise ValueError(f"{count} targets, each once, need as many positions and quaternions; "
                          f"received {len(place)} and {len(turn)}")
     if not (np.isfinite(place).all() and np.isfinite(turn).all()):
@@ -226,10 +227,14 @@ def _note(job: _Job, written: Written, target: int) -> None:
 
 
 def apply(data: bytes, edits: list[Edit]) -> bytes:
-    """The text with all edits made; those at one place in the order they were entered."""
+    """The text with all edits made; those at one place in the order they were entered. Takes the edits out of their list: what
+    is written need not be held twice."""
     stream = io.BytesIO()
     at = 0
-    for start, end, text in sorted(edits, key=lambda edit: edit[:2]):
+    edits.sort(key=lambda edit: edit[:2])
+    edits.reverse()
+    while edits:
+        start, end, text = edits.pop()
         stream.write(data[at:start])
         stream.write(text)
         at = end

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from compensator.correction import offsets
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.correction import correct_path
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.offsets import offsets_csv
 from compensator.correction.prediction import predict_path
 from compensator.correction.read_back import read_back
 from compensator.correction.settings import Settings
@@ -183,13 +185,33 @@ def test_a_program_that_does_not_read_back_is_not_written(sample: Corrected, mon
             correct(sample.predicted)
 
 
+def test_what_is_left_where_a_correction_is_held_back_is_what_the_written_program_leaves(sample: Corrected) -> None:
+    """To the rounding of the written numbers, which are read and loaded again."""
+    settings = sample.planned.settings
+    steep = replace(sample.planned, settings=replace(settings, correction=replace(settings.correction, slope=2e-5)))
+    corrected = correct(steep)
+    held = corrected.correction.share < 0.9
+    assert held.sum() > 20
+    assert corrected.correction.residual[held].min() > 1e-7
+    assert_allclose(corrected.correction.residual, corrected.residual, rtol=0, atol=2e-7)
+
+
+def test_offsets_do_not_depend_on_how_many_are_written_at_once(sample: Corrected, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [offsets_csv(sample).decode().splitlines()]
+    for many in (500, len(sample.kept)):
+        monkeypatch.setattr(offsets, "CHUNK", many)
+        rows.append(offsets_csv(sample).decode().splitlines())
+    assert rows[0] == rows[1] == rows[2]
+    assert [row.split(",")[0] for row in rows[1]] == ["target", *map(str, range(len(sample.kept)))]
+
+
 def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:
     """Each digit of the moves to two corrected targets put up by one, a sign turned, a zone's and a tool's name: CS4203."""
     lines = sample.content.split(b"\r\n")
     path, targets = sample.predicted.path, sample.correction.targets
     again = read_rapid(sample.content, "program.mod").toolpath
     loaded = replace(sample.predicted.loaded, targets=targets)
-    read_back(loaded, sample.correction, sample.content)
+    read_back(loaded, sample.correction, sample.content, np.arange(0))
     spoiled = 0
     for target in targets[[40, 2000]]:
         number = int(again.line[target]) - 1
@@ -203,7 +225,7 @@ def test_reading_back_catches_every_wrong_digit(sample: Corrected) -> None:
             assert text != line
             spoiled += 1
             with pytest.raises(CompstiffError, match=r"CS4203|CS2005"):
-                read_back(loaded, sample.correction, b"\r\n".join([*lines[:number], text, *lines[number + 1:]]))
+                read_back(loaded, sample.correction, b"\r\n".join([*lines[:number], text, *lines[number + 1:]]), np.arange(0))
     assert spoiled > 100
     assert len(path.toolpath) == len(again)
 

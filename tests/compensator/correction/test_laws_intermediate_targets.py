@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from compensator.correction import intermediate_targets
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.files import Inputs, predict_files
+from compensator.correction.fine_grid import fine_grid
 from compensator.correction.force_changes import noise_of_one
+from compensator.correction.grid_path import asks_for_all, grid_path
 from compensator.correction.needed_targets import beyond_noise, window_means, windows
-from compensator.correction.settings import Settings
+from compensator.correction.settings import Estimate, Settings
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3
 from tests.runs.command_line.user_files import IRB6660, TOOL, Frame, Job, K, Rotation
@@ -283,3 +287,69 @@ def test_tooth_passing_is_no_force_to_follow(sample: Corrected, sample_inputs: I
     assert len(known.correction.targets) > len(sample.correction.targets)
     turn = np.diff(known.correction.offset, n=2, axis=0)[np.all(np.diff(known.correction.targets)[:-1, None] == 1, axis=1)]
     assert np.median(np.linalg.norm(turn, axis=1)) < 5e-6
+
+
+def test_a_few_moves_of_a_program_are_looked_at_like_all_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two long lines and an arc far from each other, among short moves: what is written and what is said does not depend on
+    whether the rest of the program stands on the grid with them; nor on the offsets of the pass that was logged."""
+    def short(x: float, y: float) -> list[list[float]]:
+        return [[x + 2 * k, y, 0] for k in range(12)]
+
+    points = [*short(0, 0), [180, 0, 0], *short(182, 0), [204 + RADIUS, RADIUS, 0], [204, 2 * RADIUS, 0],
+              *reversed(short(180, 2 * RADIUS)), [20, 2 * RADIUS, 0], *reversed(short(-4, 2 * RADIUS))]
+    path, count = Path3(np.array(points, dtype=float)), len(points)
+    via = points.index([204 + RADIUS, RADIUS, 0])
+    moves = [kit.move(text) for text in path.text]
+    moves[via:via + 2] = [f"    MoveC {path.text[via]},{path.text[via + 1]},v50,z1,tMill\\WObj:=wPart;"]
+    rows = [f"{k},100,{250 + 40 * np.sin(k):.3f},-100" for k in range(count) for _ in range(1 + k % 3)]
+    job = Job(tmp_path, program=kit.module(moves), forces="\n".join(["target,fx_n,fy_n,fz_n", *rows, ""])).write()
+    offsets = "\n".join(["target,x_mm,y_mm,z_mm,ox_mm,oy_mm,oz_mm", *(
+        f"{k},{','.join(f'{x:.6f}' for x in 1e3 * frame.p)},{0.01 * np.sin(k):.6f},0.02,{0.001 * k:.6f}"
+        for k, frame in enumerate(path.frames)), ""])
+    (tmp_path / "logged.csv").write_text(offsets)
+    inputs = Inputs(*(tmp_path / name for name in ("cell.yaml", job.name, "stiffness.json", "forces.csv")))
+    settings = Settings.of(tolerance=0.2e-6, cutting_stiffness=Estimate(4e5, 1e5), logged_with=tmp_path / "logged.csv")
+    part = correct(predict_files(inputs, settings))
+    seen: list[int] = []
+    monkeypatch.setattr(intermediate_targets, "asks_for_all", lambda *_: not seen.append(1))
+    whole = correct(predict_files(inputs, settings))
+    assert seen
+    assert part.between is not None
+    assert whole.between is not None
+    assert len(part.kept) == count
+    assert len(part.predicted.path.toolpath) > count + 4
+    assert set(part.between.owner) == {12, via, via + 1, via + 14}
+    assert part.content == whole.content
+    np.testing.assert_array_equal(part.predicted.forces.samples, whole.predicted.forces.samples)
+    np.testing.assert_array_equal(part.between.owner, whole.between.owner)
+    np.testing.assert_allclose(part.between.left, whole.between.left, rtol=1e-6, atol=1e-13)
+    np.testing.assert_allclose(part.left.std, whole.left.std, rtol=1e-9)
+    assert [finding.message for finding in part.findings] == [finding.message for finding in whole.findings]
+
+
+def test_points_of_a_grid_are_driven_like_the_moves_they_lie_on(tmp_path: Path) -> None:
+    """Frames and angles against the independent arm; a point outside the joints' limits is not reached."""
+    short = [[2.0 * k, 0, 0] for k in range(20)]
+    path = Path3(np.array([*short, [238, 40, 0], *([x + 240, 40, 0] for x, _, _ in short)], dtype=float))
+    forces = "".join(f"{k},100,250,-100\n" for k in range(41))
+    Job(tmp_path, program=path.program(), forces="target,fx_n,fy_n,fz_n\n" + forces).write()
+    inputs = Inputs(*(tmp_path / name for name in ("cell.yaml", "part.mod", "stiffness.json", "forces.csv")))
+    planned = predict_files(inputs)
+    pieces = np.where(np.arange(41) == 20, 0.02, np.inf)
+    grid = fine_grid(planned.program.text, planned.path, pieces, 1e-5, keep=False, whole=asks_for_all(planned, pieces))
+    assert grid is not None
+    assert grid.targets.tolist() == list(range(16, 24))
+    assert grid.further.sum() == 9
+    fine = grid_path(planned.path, grid)
+    assert fine.reached.all()
+    for k, point in enumerate(np.flatnonzero(grid.further)):
+        here = kit.work_object() @ between(path.frames[19], path.frames[20], (k + 1) / 10)
+        rest = kit.tcp_pose(IRB6660, fine.theta[point], TOOL)
+        pose = fine.base_from_tcp[int(point)]
+        for frame in (Frame(pose.position, Rotation.from_matrix(pose.rotation)), rest):
+            np.testing.assert_allclose(frame.p, here.p, atol=1e-7)
+            assert (frame.r * here.r.inv()).magnitude() < 1e-7
+    robot = planned.cell.robot
+    narrow = replace(robot, limits=np.column_stack([robot.limits[:, 0], np.r_[robot.limits[:5, 1], robot.limits[5, 0] + 0.01]]))
+    fine = grid_path(replace(planned.path, cell=replace(planned.cell, robot=narrow)), grid)
+    np.testing.assert_array_equal(fine.reached, ~grid.further)

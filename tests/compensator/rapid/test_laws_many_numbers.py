@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from compensator.rapid import read_rapid
+from compensator.rapid.text import where_is
 from identification.common.findings import CompstiffError
 
 COUNT = 6000
@@ -43,3 +46,9 @@ def test_a_number_that_no_target_has_is_refused_among_many(word: str) -> None:
     with pytest.raises(CompstiffError, match="out of range") as refused:
         read_rapid(program(rows, np.zeros(COUNT, dtype=int)))
     assert refused.value.findings[0].line == 2 + 4321 + 1
+
+
+def test_a_letter_is_found_wherever_it_stands_in_a_long_text() -> None:
+    text = np.random.default_rng(3).integers(0, 256, 9_000_001, dtype=np.uint8).tobytes()
+    found = where_is(np.frombuffer(text, dtype=np.uint8), ord(";"))
+    assert found.tolist() == [match.start() for match in re.finditer(b";", text)]
