@@ -27,7 +27,10 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
             kept += range(place, place + len(term.start))
             inside.append(EffectInForce(term.effect, term.joint))
         place += len(term.start)
-    mean, covariance = fitted.mean[kept], fitted.covariance[np.ix_(kept, kept)]
+    # Parameters that do not enter linearly can trade with the springs along a curve: then the posterior's mean lies off it, and
+    # the model with it is none of those that are likely.
+    centre = fitted.map if inside else fitted.mean
+    mean, covariance = centre[kept], fitted.covariance[np.ix_(kept, kept)]
     interval = fitted.draws.interval(0.95)[kept]
     check = _check(judgement)
     grades = grade_joints(fitted.of_joints(), check)
