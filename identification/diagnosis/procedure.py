@@ -70,6 +70,10 @@ NOTHING_IN_WORDS = "all its parameters lie within two of their standard deviatio
 CHANCE_IN_WORDS = "{:.1%} of data sets without any cause show as much: too many for a name"
 NO_LIKELIER = "a larger noise explains the readings as well as it does"
 SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for scatter, not for causes"
+# So many poses that do not fit the others, none by a slip that is likely, are no chance: something depends on the pose.
+SEVERAL = 3
+SEVERAL_IN_WORDS = ("{} do not fit the other poses, and no likely slip explains any: rather a cause that depends on the pose "
+                    "than so many mistakes: play or softness of a gear under a weight that the robot file does not have")
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
 WORTH_NAMING = 0.01
@@ -150,6 +154,10 @@ class Procedure:
         again = rest.without_bad_rows(rest.judged())
         if again.verdict == "unknown" and judgement.verdict == "named":
             return self.without_bad_rows(judgement)
+        if again.verdict == "adequate" and len(bad) >= SEVERAL and not any(
+                mend.probability >= POSSIBLE for visit in bad for mend in visit.mends):
+            names = ", ".join(visit.score.name for visit in bad)
+            return replace(again, verdict="unknown", patterns=(SEVERAL_IN_WORDS.format(names),), bad_visits=bad)
         return replace(again, verdict="named" if again.verdict == "adequate" else again.verdict, bad_visits=bad)
 
     def without_bad_rows(self, judgement: Judgement) -> Judgement:

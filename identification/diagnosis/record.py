@@ -174,14 +174,17 @@ def _verdict(judgement: Judgement) -> list[str]:
     """The verdict with its names."""
     if judgement.verdict == "adequate":
         return ["adequate: six springs explain the data to their noise"]
-    left_out = [*map(_bad_visit_line, judgement.bad_visits), *map(_bad_row_line, judgement.bad_rows)]
+    # Where the other rows are adequate and the verdict is not, the poses left out are what is wrong.
+    alone = judgement.verdict == "unknown" and judgement.detection.p_value > ALARM
+    left_out = [*(_bad_visit_line(bad, "seen" if alone else "named") for bad in judgement.bad_visits),
+                *map(_bad_row_line, judgement.bad_rows)]
     if judgement.verdict == "named":
         return [*(_cause_line(judgement, cause) for cause in judgement.causes), *left_out,
                 *([_swing_line(judgement.swing)] if judgement.swing else [])]
     if judgement.verdict == "mistake":
         return [line for mistake in judgement.mistakes for line in mistake.lines()]
     if judgement.verdict == "unknown":
-        beside = " beside that" if left_out else ""
+        beside = " beside that" if left_out and not alone else ""
         return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
                 *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
@@ -233,8 +236,8 @@ def _bad_row_line(bad: BadRow) -> str:
             "out")
 
 
-def _bad_visit_line(bad: BadVisit) -> str:
-    return f"named: {sentence(bad)}; they were left out. {mending(bad)}"
+def _bad_visit_line(bad: BadVisit, said: str) -> str:
+    return f"{said}: {sentence(bad)}; they were left out. {mending(bad)}"
 
 
 def _swing_line(swing: Swing) -> str:
