@@ -10,7 +10,6 @@ from identification.common.arrays import rms
 from identification.diagnosis.judgement import Judgement
 from identification.fit.identifiability import grade_joints
 from identification.fit.misfit import ModelCheck
-from identification.fit.noise import USUAL_SETUP
 from identification.model.effects_in_force import EffectInForce
 from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
@@ -34,7 +33,7 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
     interval = fitted.draws.interval(0.95)[kept]
     check = _check(judgement)
     grades = grade_joints(fitted.of_joints(), check)
-    differs = USUAL_SETUP * fitted.components.setup
+    differs = fitted.components.setup_relative
     figures: dict[str, Any] = {"rows": len(judgement.rows), "residual_rms_um": 1e6 * rms(fitted.residual), "chi2": fitted.chi2,
                "dof": fitted.readings - len(fitted.map), "noise_scale": fitted.components.sensor,
                "noise": {"setup_relative": differs}, "diagnosis": judgement.verdict, "model_check": check.as_dict(),

@@ -30,7 +30,7 @@ from identification.fit.mistakes.judge import (
     mistakes_in,
 )
 from identification.fit.mistakes.units import unit_mistake
-from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, USUAL_SETUP, residual_std
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SETUP, residual_std
 from identification.fit.posterior import Posterior
 from identification.fit.priors import PriorKind, PriorModel
 from identification.fit.profile import Profile, profiles
@@ -204,7 +204,7 @@ def _figures(fitted: Posterior, residual: float) -> dict[str, Any]:
             "force_stated": any(noise.stated[FORCE:OFFSET]),
             "force_relative_scale": components.force, "force_relative_stated": noise.stated[FORCE],
             "force_absolute_scale": components.absolute, "force_absolute_stated": noise.stated[ABSOLUTE],
-            "force_told_apart": noise.told_apart[0], "setup_relative": USUAL_SETUP * components.setup, "memory": components.rho,
+            "force_told_apart": noise.told_apart[0], "setup_relative": components.setup_relative, "memory": components.rho,
             "pose_offset_um": (1e6 * components.offset * noise.offset).tolist(), "pose_offset_stated": noise.stated[OFFSET],
             "pose_offset_told_apart": noise.told_apart[1],
             "student_degrees_of_freedom": None if np.isinf(components.degrees) else components.degrees,
@@ -321,7 +321,7 @@ def _not_independent(fitted: Posterior) -> list[Finding]:
                                 file=source, hint="wait longer between readings, or take more poses"))
     if active[SETUP]:
         findings.append(Finding("CS1041", "note", "the forces of one visit are stretched and turned against those of the next, "
-                                f"by {100 * USUAL_SETUP * components.setup:.2g} % of the load", file=source,
+                                f"by {100 * components.setup_relative:.2g} % of the load", file=source,
                                 hint="align the loading device anew at each pose with a level or a square"))
     return findings
 

@@ -74,6 +74,11 @@ class VarianceComponents:
         """How alike neighbouring readings of the sensor are, 0 to 1."""
         return float(memory_of(np.array(self.memory)))
 
+    @property
+    def setup_relative(self) -> float:
+        """By what share of the load forces differ from one set-up to the next."""
+        return USUAL_SETUP * self.setup
+
     def within(self, stated: tuple[bool, ...]) -> VarianceComponents:
         """As stated, and these for the parts that are not stated."""
         return replace(self, **{part: 1.0 for part, known in zip(PARTS, stated, strict=True) if known})

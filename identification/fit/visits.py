@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from identification.common.findings import CompstiffError
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import MEMORY, SETUP, USUAL_SETUP, NoiseModel, noise_model
+from identification.fit.noise import MEMORY, SETUP, NoiseModel, noise_model
 from identification.fit.own_response import LoadColumns, own_response
 from identification.fit.posterior import Posterior, posterior
 from identification.fit.sag import sag_columns
@@ -154,7 +154,7 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
     apart = np.unique(2 * rows.visit + was_fitted, return_inverse=True)[1].astype(np.intp)
     further = [part for part in (SETUP, MEMORY) if fitted.at_map.noise.active[part]]
     noise = noise_model(data.with_rows(replace(rows, visit=apart)), fitted.compliance).with_parts(*further)
-    shared_force = max(SHARED_FORCE, USUAL_SETUP * fitted.components.setup)
+    shared_force = max(SHARED_FORCE, fitted.components.setup_relative)
     row_weight = np.ones(len(rows))
     row_weight[was_fitted] = _matched(fitted, rows.row[was_fitted])
     position, slope = response(data, fitted.map, fitted.terms)
