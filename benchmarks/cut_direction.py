@@ -70,7 +70,7 @@ def drawn(rng: np.random.Generator, folder: Path) -> tuple[RobotPath, Array, str
     file, _ = case.write(folder)
     file.write_text(file.read_text() + milling.Sensor().cell_yaml())
     text = milling.rapid(part, milling.angles(milling.planned(part), case.plant), cutter,
-                         tuple(1e3 * np.array(case.tool.tcp)))
+                         tuple(1e3 * np.array(case.tool.tcp)), case.plant.object_m)
     path = robot_path(read_rapid(text.encode(), "part.mod").toolpath, read_cell(file))
     force = milling.BASE_FROM_OBJECT.apply(cut(part, cutter, features))
     force[part.feature == AIR] = 0.0

@@ -1,11 +1,13 @@
 """Does `left_um` say how far the tool is off the plan on the part? By job, pass, place and cause, in the virtual cell.
 
     OMP_NUM_THREADS=1 python benchmarks/left_on_part.py [ROBOTS] [FIRST_SEED] [--workers N] [--jobs NAME ...]
+                                                        [--arms NAME ...]
 
 What cell.yaml states as unknown of a cell is drawn at that size, a cell each: the sensor's gain (force_log.gain_std, 1 %) and
 how much more or less the moving robot gives way than at rest (motion.compliance_std, 2 %), evenly over their distribution
 (`cells`), so that few robots stand for all. All else is as in benchmarks/milling_loop.py: robots drawn, load-tested and
-identified, a part milled, logged, corrected, milled again, and the third pass by the log of the second.
+identified, a part milled, logged, corrected, milled again, and the third pass by the log of the second. --arms: robots of the
+second cell instead, in turn (tests/runs/milling/another_arm.py), a line for each.
 
 within: share of the steps of half a millimetre that cut, within 2 sigma of `left_um`: plateau (slot, walls, arcs), entries
 (ends of the slot, roll in and out), corners (rolled and sharp); worst and best robot. By cause: root mean square [um] stated,
@@ -20,6 +22,7 @@ import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +31,8 @@ from scipy.stats import norm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from compensator.correction.expected_left import CAUSES
+from tests.runs.milling.another_arm import PLACES as ARMS
+from tests.runs.milling.another_arm import AnotherArmJob
 from tests.runs.milling.learning_job import ErringJob
 from tests.runs.milling.milling_job import Correction, rms, settings
 from tests.virtual_cell.endmill import EndMill
@@ -82,6 +87,7 @@ class Result:
     seen: list[Seen]
     real: dict[str, np.ndarray]  # what the pass of the first row truly leaves (S,) [um], by cause
     before: float
+    arm: str | None
 
 
 def group_of(place: np.ndarray) -> np.ndarray:
@@ -132,7 +138,7 @@ def left_by_cause(
     }
 
 
-def robot(arguments: tuple[str, int, float, float, bool]) -> Result | None:
+def robot(arguments: tuple[str, str | None, int, float, float, bool]) -> Result | None:
     """One cell; None: its arm is so soft that the simulated cut finds no balance with it."""
     try:
         return milled(*arguments)
@@ -140,12 +146,13 @@ def robot(arguments: tuple[str, int, float, float, bool]) -> Result | None:
         return None
 
 
-def milled(name: str, seed: int, gain: float, motion: float, causes: bool) -> Result:
+def milled(name: str, arm: str | None, seed: int, gain: float, motion: float, causes: bool) -> Result:
     kind = KINDS[name]
+    job_of = ErringJob if arm is None else partial(AnotherArmJob, arm=arm)
     depth, contact = kind.part.get("allowance_mm", 1.5), kind.part.get("wall_depth_mm", 4.0)
     with tempfile.TemporaryDirectory() as folder:
         part, cutter = slot_and_pocket(**kind.part), kind.cutter
-        job = ErringJob(Path(folder), seed, part=part, cutter=cutter, motion=motion, sensor=Sensor(gain=gain))
+        job = job_of(Path(folder), seed, part=part, cutter=cutter, motion=motion, sensor=Sensor(gain=gain))
         stiffness = job.identify()
         log = job.log(job.first, job.planned, "pass1.csv")
         cell = job.cell_with(
@@ -166,9 +173,9 @@ def milled(name: str, seed: int, gain: float, motion: float, causes: bool) -> Re
             rows.append(seen(words, job, made, job.mill(made.commands, part=made.part)))
         before, real = rms(np.linalg.norm(job.first.off_um, axis=1)[job.first.cutting]), {}
         if not causes:
-            return Result(rows, real, before)
+            return Result(rows, real, before, arm)
         with tempfile.TemporaryDirectory() as other:
-            calm = ErringJob(Path(other), seed, part=part, cutter=cutter, motion=1.0, sensor=Sensor(gain=1.0))
+            calm = job_of(Path(other), seed, part=part, cutter=cutter, motion=1.0, sensor=Sensor(gain=1.0))
             calm_made = calm.correct(calm.log(calm.first, calm.planned, "pass1.csv"), stiffness)
             perfect = calm.correct(
                 calm.perfect_log("perfect.csv"),
@@ -177,7 +184,7 @@ def milled(name: str, seed: int, gain: float, motion: float, causes: bool) -> Re
                 calm.cell_in_base(),
             )
             real = left_by_cause(job, found, second, calm, calm_made, perfect)
-        return Result(rows, real, before)
+        return Result(rows, real, before, arm)
 
 
 def cells(count: int, seed: int) -> list[tuple[float, float]]:
@@ -213,6 +220,12 @@ def print_job(name: str, every: list[Result | None]) -> None:
             f"{np.mean([np.median(one.off) for one in each]):.1f}, {np.mean([np.median(one.std) for one in each]):.1f} | "
             f"{np.mean([rms(one.off) for one in each]):.1f}, {np.mean([rms(one.std) for one in each]):.1f} |"
         )
+    for arm in dict.fromkeys(result.arm for result in results if result.arm):
+        mine = [result for result in results if result.arm == arm]
+        shares = [np.mean([within(result.seen[number]) for result in mine]) for number in range(len(mine[0].seen))]
+        gone = [100 - 100 * np.mean([rms(result.seen[number].off) / result.before for result in mine]) for number in (2, 4)]
+        print(f"{arm}, {len(mine)}: within 2 sigma {', '.join(f'{share:.1f}' for share in shares)} %; gone in pass 2 with the "
+              f"material {gone[0]:.1f} %, in pass 3 {gone[1]:.1f} %")
     results = [result for result in results if result.real]
     if not results:
         print("by cause: none of these robots", flush=True)
@@ -245,9 +258,11 @@ def main() -> None:
     parser.add_argument("first_seed", type=int, nargs="?", default=7900)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--jobs", nargs="*", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--arms", nargs="*", default=[], choices=list(ARMS))
     options = parser.parse_args()
+    arms = options.arms or [None]
     drawn = [
-        (options.first_seed + k, gain, motion, k % EVERY == 0)
+        (arms[k % len(arms)], options.first_seed + k, gain, motion, k % EVERY == 0)
         for k, (gain, motion) in enumerate(cells(options.robots, options.first_seed))
     ]
     with ProcessPoolExecutor(options.workers) as pool:

@@ -9,30 +9,34 @@ feed; zones, dynamics, the tilt of the tool and the moment of the force about th
 
 from __future__ import annotations
 
-import copy
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from tests.virtual_cell.astray import Astray
 from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.inverse import comfortable, inverse
-from tests.virtual_cell.laws import Row
 from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, SLOT, Part, Steps, steps_of
-from tests.virtual_cell.plant import Plant
+from tests.virtual_cell.plant import ForceOf
 
-# The work object in the base frame: the part on the table. And the spindle in it, pointing down.
-OBJECT_M, BASE_FROM_OBJECT = np.array([1.35, -0.1, 0.75]), Rotation.from_euler("z", 10, degrees=True)
+# How the part lies on the table, in the base frame. And the spindle in the work object, pointing down.
+BASE_FROM_OBJECT = Rotation.from_euler("z", 10, degrees=True)
 OBJECT_FROM_FLANGE = Rotation.from_matrix([[-1, 0, 0], [0, 1, 0], [0, 0, -1]])
 SENSOR_TURN = Rotation.from_euler("zx", [35, 180], degrees=True)
-FORCE_TOLERANCE = 1e-4      # of the balance of cut and arm [N]
 NUMBER = r"\s*([-+0-9.eE]+)\s*"
 TARGET = re.compile(r"Move[LJ] \[\[" + ",".join([NUMBER] * 3) + r"\],\[" + ",".join([NUMBER] * 4) + r"\]")
 
-ForceOf = Callable[[int, np.ndarray], np.ndarray]
+
+class Machine(Protocol):
+    """What mills: the part's place object_m [m] in the base frame; `angles` and `pushed` as Plant has them."""
+
+    object_m: tuple[float, float, float]
+
+    def angles(self, tcp: np.ndarray, rotation: np.ndarray) -> np.ndarray: ...
+
+    def pushed(self, theta: np.ndarray, time_s: np.ndarray, force_of: ForceOf) -> tuple[np.ndarray, np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -78,56 +82,13 @@ def read_commands(rapid: str) -> Commands:
     return Commands(rows[:, :3], Rotation.from_quat(np.roll(rows[:, 3:], -1, axis=1)))
 
 
-def angles(commands: Commands, plant: Plant) -> np.ndarray:
+def angles(commands: Commands, machine: Machine) -> np.ndarray:
     """The controller's joint angles (N, 6) [rad], one wrist branch throughout."""
-    rotation = (BASE_FROM_OBJECT * commands.turn).as_matrix()
-    theta = inverse(OBJECT_M + 1e-3 * BASE_FROM_OBJECT.apply(commands.position_mm), rotation, plant.tool)[:, 0]
-    if not comfortable(theta).all():
-        raise ValueError("the path leaves the robot's comfortable range")
-    return np.asarray(np.unwrap(theta, axis=0))
+    tcp = np.array(machine.object_m) + 1e-3 * BASE_FROM_OBJECT.apply(commands.position_mm)
+    return np.asarray(np.unwrap(machine.angles(tcp, (BASE_FROM_OBJECT * commands.turn).as_matrix()), axis=0))
 
 
-def drive(plant: Plant, theta: np.ndarray, time_s: np.ndarray, force_of: ForceOf) -> tuple[np.ndarray, np.ndarray]:
-    """Goes through theta (S, 6) [rad]: how far the tool is off the same way in air (S, 3) [m], and the force (S, 3) [N], base.
-
-    force_of(step, displacement) is the force where the tool is pushed to; it is solved for together with the displacement.
-    """
-    cut, air = copy.copy(plant), copy.copy(plant)
-    cut.laws, air.laws = copy.deepcopy(plant.laws), copy.deepcopy(plant.laws)
-    for law in (*cut.laws, *air.laws):
-        law.begin()
-    off, forces = np.zeros((len(theta), 3)), np.zeros((len(theta), 3))
-    state = unloaded = None
-    loaded_since = time_s[0]
-    moved = np.zeros(3)
-    for i, q in enumerate(theta):
-        force = force_of(i, moved)
-        if not force.any():
-            loaded_since = time_s[i]
-        row = Row(i, 1, q, float(time_s[i]), float(time_s[i] - loaded_since), force, np.zeros(3))
-        unloaded = air.at_rest(row, np.zeros(3), None, unloaded)
-        share, last = 1.0, np.inf
-        for _ in range(200):
-            state = cut.at_rest(row, force, unloaded.torque, state)
-            moved = state.tcp - unloaded.tcp
-            missing = force_of(i, moved) - force
-            if np.abs(missing).max() <= FORCE_TOLERANCE:
-                break
-            # Where the cut is stiffer than the arm, whole steps would go back and forth.
-            share = 0.5 * share if np.linalg.norm(missing) > 0.9 * last else share
-            last = float(np.linalg.norm(missing))
-            force = force + share * missing
-        else:
-            raise RuntimeError(f"cut and arm find no balance at step {i}")
-        for law in cut.laws:
-            law.settle(state.torque, row)
-        for law in air.laws:
-            law.settle(unloaded.torque, row)
-        off[i], forces[i] = moved, force
-    return off, forces
-
-
-def mill(plant: Plant, part: Part, commands: Commands, cutter: EndMill, given_n: np.ndarray | None = None,
+def mill(machine: Machine, part: Part, commands: Commands, cutter: EndMill, given_n: np.ndarray | None = None,
          step_mm: float = 0.5, astray: Astray | None = None) -> Pass:
     """Mills the part with these commands, one a planned target. given_n (S, 3): forces that act whatever is cut. astray: how
     the tool stands off its command before it yields."""
@@ -152,7 +113,7 @@ def mill(plant: Plant, part: Part, commands: Commands, cutter: EndMill, given_n:
         coverage, depth = engagement(part, steps, cutter, i, place)
         return BASE_FROM_OBJECT.apply(_to_object(cutter.mean_force(coverage, depth), steps.feed[i]))
 
-    off, force = drive(plant, angles(Commands(commanded, turns), plant), time, force_of)
+    off, force = machine.pushed(angles(Commands(commanded, turns), machine), time, force_of)
     return Pass(steps, 1e3 * shift + 1e6 * BASE_FROM_OBJECT.apply(off, inverse=True),
                 BASE_FROM_OBJECT.apply(force, inverse=True), commanded, time)
 
@@ -248,15 +209,16 @@ def log_of(done: Pass, part: Part, commands: Commands, cutter: EndMill, sensor: 
     return Log(time, seen, place + sensor.place_noise_mm * rng.standard_normal(place.shape), steps.segment[step])
 
 
-def rapid(part: Part, theta: np.ndarray, cutter: EndMill, tool_mm: tuple[float, ...]) -> str:
+def rapid(part: Part, theta: np.ndarray, cutter: EndMill, tool_mm: tuple[float, ...], object_m: tuple[float, ...]) -> str:
     """The planned program as a CAM system posts it; theta (N, 6) [rad] gives the configuration data."""
     def pose(position: np.ndarray, turn: Rotation) -> str:
         quaternion = np.roll(turn.as_quat(canonical=True), 1) + 0.0
         return f"[[{','.join(f'{x + 0.0:.4f}' for x in position)}],[{','.join(f'{x:.8f}' for x in quaternion)}]"
 
+    placed = pose(1e3 * np.array(object_m), BASE_FROM_OBJECT)
     lines = ["MODULE Milled",
              f"  PERS tooldata tMill:=[TRUE,{pose(np.array(tool_mm), Rotation.identity())}],[80,[0,0,120],[1,0,0,0],0,0,0]];",
-             f"  TASK PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{pose(1e3 * OBJECT_M, BASE_FROM_OBJECT)}]];",
+             f"  TASK PERS wobjdata wPart:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],{placed}]];",
              f"  CONST speeddata vCut:=[{cutter.feed_mm_s:g},500,5000,1000];",
              f"  CONST speeddata vAir:=[{AIR_FEED_MM_S:g},500,5000,1000];", "  PROC main()", "    ConfL\\Off;"]
     quarters = np.floor(np.degrees(theta[:, [0, 3, 5]]) / 90).astype(int)

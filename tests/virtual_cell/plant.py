@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -9,11 +10,15 @@ import numpy as np
 
 from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import Design
+from tests.virtual_cell.inverse import comfortable, inverse
 from tests.virtual_cell.laws import Law, Row
 from tests.virtual_cell.statics import State, Statics, statics
 
 ForceFault = Callable[[np.ndarray, Row], np.ndarray]
 ReadingFault = Callable[[np.ndarray, Row, np.ndarray], np.ndarray]
+# Force (3,) [N] at a step, by where the tool is pushed to (3,) [m], base frame.
+ForceOf = Callable[[int, np.ndarray], np.ndarray]
+FORCE_TOLERANCE = 1e-4      # of the balance of cut and arm [N]
 
 
 @dataclass
@@ -24,7 +29,7 @@ class Plant:
     offset [m, flange axes] and beside [m, base axes] as in `Statics.solve`. force_faults turn the force cell's force (3,) [N]
     into the real one;
     reading_faults turn the TCP's real displacement (3,) [m] (with row and real force) into what the lasers see, in order of
-    their rank.
+    their rank. object_m: where the part lies that is milled.
     """
 
     stiffness: np.ndarray
@@ -36,6 +41,7 @@ class Plant:
     laws: list[Law] = field(default_factory=list)
     force_faults: list[ForceFault] = field(default_factory=list)
     reading_faults: list[tuple[int, ReadingFault]] = field(default_factory=list)
+    object_m: tuple[float, float, float] = (1.35, -0.1, 0.75)
 
     def __post_init__(self) -> None:
         self.solver: Statics = statics(self.tool, self.gravity)
@@ -99,3 +105,51 @@ class Plant:
                 seen[i] = reading(seen[i], row, force)
             before = row.force
         return moved, seen
+
+    def angles(self, tcp: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """The controller's joint angles (N, 6) [rad] for TCPs (N, 3) [m], base frame, and rotations (N, 3, 3) base_from_flange;
+        raises ValueError where they are at the end of the robot's range."""
+        theta = inverse(tcp, rotation, self.tool)[:, 0]
+        if not comfortable(theta).all():
+            raise ValueError("the path leaves the robot's comfortable range")
+        return theta
+
+    def pushed(self, theta: np.ndarray, time_s: np.ndarray, force_of: ForceOf) -> tuple[np.ndarray, np.ndarray]:
+        """Goes through theta (S, 6) [rad]: how far the tool is off the same way in air (S, 3) [m], and the force
+        (S, 3) [N], base frame.
+
+        force_of(step, displacement) is the force where the tool is pushed to; it is solved for together with the displacement.
+        """
+        cut, air = copy.copy(self), copy.copy(self)
+        cut.laws, air.laws = copy.deepcopy(self.laws), copy.deepcopy(self.laws)
+        for law in (*cut.laws, *air.laws):
+            law.begin()
+        off, forces = np.zeros((len(theta), 3)), np.zeros((len(theta), 3))
+        state = unloaded = None
+        loaded_since = time_s[0]
+        moved = np.zeros(3)
+        for i, q in enumerate(theta):
+            force = force_of(i, moved)
+            if not force.any():
+                loaded_since = time_s[i]
+            row = Row(i, 1, q, float(time_s[i]), float(time_s[i] - loaded_since), force, np.zeros(3))
+            unloaded = air.at_rest(row, np.zeros(3), None, unloaded)
+            share, last = 1.0, np.inf
+            for _ in range(200):
+                state = cut.at_rest(row, force, unloaded.torque, state)
+                moved = state.tcp - unloaded.tcp
+                missing = force_of(i, moved) - force
+                if np.abs(missing).max() <= FORCE_TOLERANCE:
+                    break
+                # Where the cut is stiffer than the arm, whole steps would go back and forth.
+                share = 0.5 * share if np.linalg.norm(missing) > 0.9 * last else share
+                last = float(np.linalg.norm(missing))
+                force = force + share * missing
+            else:
+                raise RuntimeError(f"cut and arm find no balance at step {i}")
+            for law in cut.laws:
+                law.settle(state.torque, row)
+            for law in air.laws:
+                law.settle(unloaded.torque, row)
+            off[i], forces[i] = moved, force
+        return off, forces

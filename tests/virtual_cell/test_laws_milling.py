@@ -158,7 +158,7 @@ def test_the_log_shows_the_pass(part: Part, milled: Pass) -> None:
 
 
 def test_the_program_reads_back(plant: Plant, part: Part) -> None:
-    text = rapid(part, angles(planned(part), plant), CUTTER, (120.0, 0.0, 250.0))
+    text = rapid(part, angles(planned(part), plant), CUTTER, (120.0, 0.0, 250.0), plant.object_m)
     commands = read_commands(text)
     assert np.array_equal(commands.position_mm, part.target_mm)
     assert np.all((commands.turn * OBJECT_FROM_FLANGE.inv()).magnitude() < 1e-7)

@@ -65,12 +65,16 @@ class MillingJob:
     _passes: dict[bytes, Pass] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.case: Case = simulate(self.seed, self.design, self.hidden, validation=6)
+        self.case = self.load_tested()
         self.cell, self.measurements = self.case.write(self.folder)
         self.cell.write_text(self.cell.read_text() + self.sensor.cell_yaml())
         self.program = self.folder / "part.mod"
         self.program.write_text(milling.rapid(self.part, angles(self.planned, self.case.plant), self.cutter,
-                                       tuple(1e3 * np.array(self.case.tool.tcp))))
+                                       tuple(1e3 * np.array(self.case.tool.tcp)), self.case.plant.object_m))
+
+    def load_tested(self) -> Case:
+        """The robot, and what was measured of it."""
+        return simulate(self.seed, self.design, self.hidden, validation=6)
 
     @cached_property
     def planned(self) -> Commands:
@@ -189,7 +193,7 @@ class MillingJob:
         position = self.part.target_mm.copy()
         for _ in range(rounds):
             theta = angles(Commands(position, self.planned.turn), self.case.plant)
-            off, _ = milling.drive(self.case.plant, theta, time, lambda i, moved: wrench[i, :3])
+            off, _ = self.case.plant.pushed(theta, time, lambda i, moved: wrench[i, :3])
             position = self.part.target_mm - 1e3 * BASE_FROM_OBJECT.apply(off, inverse=True)
         return Commands(position, self.planned.turn)
 

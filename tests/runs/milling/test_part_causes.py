@@ -20,7 +20,7 @@ from tests.runs.milling.milling_job import rms, settings
 from tests.virtual_cell.astray import drawn
 from tests.virtual_cell.cell import parse
 from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, slot_and_pocket
-from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, drive, mill, planned
+from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, mill, planned
 
 SEED = 3
 
@@ -130,7 +130,7 @@ def off_another_part(job: ErringJob, model: IdentifiedModel) -> tuple[np.ndarray
     length = np.linalg.norm(np.diff(part.target_mm, axis=0, prepend=part.target_mm[:1]), axis=1)
     dwell = length / np.where(part.feature == AIR, AIR_FEED_MM_S, job.cutter.feed_mm_s)
     theta = angles(plan, job.case.plant)
-    moved, _ = drive(job.moving, theta, np.cumsum(dwell), lambda i, _: force[i])
+    moved, _ = job.moving.pushed(theta, np.cumsum(dwell), lambda i, _: force[i])
     position, _, covariance = model.predict(theta, np.concatenate([force, np.zeros_like(force)], axis=1), None, dwell)
     cut = force.any(axis=1)
     return (position - moved)[cut], covariance[cut, :3, :3]
