@@ -2,6 +2,7 @@
 cell.
 
     OMP_NUM_THREADS=1 python benchmarks/learning.py [ROBOTS] [FIRST_SEED] [--only parts|noise|causes] [--workers N]
+                                                    [--arms NAME ...]
 
 The truth is tests/virtual_cell alone: springs that give way 1.2 times as much in motion as in the load test, a smooth kinematic
 error of up to 0.2 mm (a sum of plane waves of 0.3 to 1.5 m), and a spindle that grows by 40 um as it warms up; the model knows
@@ -11,7 +12,8 @@ a machine of 3 um. Mirroring, what shops do: the planned targets less the deviat
 Off: distance of the loaded tool from plan at every half millimetre that cuts. Gone: of its RMS. Worse: robots whose RMS grew.
 noise: parts that are off by their deflection and white noise, or noise that neighbours share, alone: what is learned of them.
 causes: an effect came to the robot after its load test: what `learn` says of it, what stretches left out and the second part
-gain by it; and what it says of parts where nothing came, with and without the kinematic error and the warming.
+gain by it; and what it says of parts where nothing came, with and without the kinematic error and the warming. --arms: `parts`
+by robots of the second cell in turn (tests/runs/milling/another_arm.py).
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ import tempfile
 from collections import Counter, defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
+from itertools import cycle, islice
 from pathlib import Path
 from unittest.mock import patch
 
@@ -34,6 +38,8 @@ import compstiff
 from compensator.learning.causes import Asked, ask
 from compensator.learning.chance import FALSE_RATE
 from compensator.learning.learning import Learning
+from tests.runs.milling.another_arm import PLACES as ARMS
+from tests.runs.milling.another_arm import AnotherArmJob
 from tests.runs.milling.learning_job import MOTION, Both, ErringJob, corrected, mirrored, off_um
 from tests.runs.milling.milling_job import Correction, rms, settings
 from tests.virtual_cell.astray import drawn
@@ -84,10 +90,11 @@ def second_measured(job: ErringJob, log: Path, stiffness: Path) -> dict[str, tup
     return {"first part a third time: learned from the second, --logged-with, --repeats job": gone(job, made)}
 
 
-def robot(seed: int) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
+def robot(seed: int, arm: str | None = None) -> tuple[dict[str, tuple[float, float, float]], list[str]]:
     """One robot: every way to command the second part, and another part."""
     with tempfile.TemporaryDirectory() as folder:
-        both = Both(Path(folder), seed, slot_and_pocket(**PART), slot_and_pocket(**OTHER))
+        job_of = ErringJob if arm is None else partial(AnotherArmJob, arm=arm)
+        both = Both(Path(folder), seed, slot_and_pocket(**PART), slot_and_pocket(**OTHER), job_of=job_of)
         job, other = both.first, both.other
         stiffness = job.identify()
         log, log_of_other = job.log(job.first, job.planned, "log.csv"), other.log(other.first, other.planned, "log.csv")
@@ -242,12 +249,13 @@ def main() -> None:
     parser.add_argument("first_seed", type=int, nargs="?", default=8100)
     parser.add_argument("--only", choices=["parts", "noise", "causes"])
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--arms", nargs="*", default=[], choices=list(ARMS))
     options = parser.parse_args()
     seeds = range(options.first_seed, options.first_seed + options.robots)
     with ProcessPoolExecutor(options.workers) as pool:
         if options.only in (None, "parts"):
             table: dict[str, list[tuple[float, float, float]]] = defaultdict(list)
-            for rows, said in pool.map(robot, seeds):
+            for rows, said in pool.map(robot, seeds, islice(cycle(options.arms or [None]), len(seeds))):
                 print(*said, sep="\n", flush=True)
                 for name, values in rows.items():
                     table[name].append(values)

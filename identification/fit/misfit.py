@@ -6,8 +6,9 @@ stiffnesses free (projection as in subsets.py),
 
     b = E^T W (r - D step) ,   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E ,   T = b^T G^+ b ,
 
-and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left. With the subset
-conflicts, family-wise by Bonferroni; and noise far over the stated. What is off, and why, `compstiff diagnose` finds.
+and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left. D holds what the arm's
+unknown weight may do, too (sag.py). With the subset conflicts, family-wise by Bonferroni; and noise far over the stated. What is
+off, and why, `compstiff diagnose` finds.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP
 from identification.fit.posterior import Posterior
+from identification.fit.sag import beside_the_springs
 from identification.fit.subsets import Conflict
 from identification.model.load_state import LoadState
 
@@ -57,7 +59,8 @@ class ModelCheck:
 
 def model_check(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> ModelCheck:
     """The check of a plain model; conflicts: its subset conflicts."""
-    found = [(_p_value(fitted, columns), words) for words, columns in _kinds(fitted.load_state)]
+    beside = beside_the_springs(fitted)
+    found = [(_p_value(fitted, columns, *beside), words) for words, columns in _kinds(fitted.load_state)]
     tests = len(found) + 1
     found = [(min(tests * p, 1.0), words) for p, words in found]
     found += [(min(tests * conflict.corrected, 1.0), f"{conflict.part} and {conflict.rest} want different stiffnesses")
@@ -90,16 +93,17 @@ def _kinds(state: LoadState) -> Iterator[tuple[str, Array]]:
            np.concatenate([own * order[:, None, None], order[:, None, None] * axes[None]], axis=2))
 
 
-def _p_value(fitted: Posterior, columns: Array) -> float:
-    """Of one kind of columns (n, 3, m) [m]; 1 where too few readings are left to tell."""
+def _p_value(fitted: Posterior, columns: Array, design: Array, precision: Array) -> float:
+    """Of one kind of columns (n, 3, m) [m] beside the design (n, 3, q), whose prior has that precision (q, q); 1 where too few
+    readings are left to tell."""
     from scipy.stats import f
 
     at, weights = fitted.at_map, fitted.weights
     scale = np.sqrt(np.mean(columns**2, axis=(0, 1)))
     columns = at.noise.whitening @ (columns[:, :, scale > 0] / scale[scale > 0])
-    inverse = np.linalg.inv(fitted.information + fitted.prior.precision(fitted.map))
+    inverse = np.linalg.inv(weights.inner(design, design) + precision)
     residual = at.residual[:, :, None]
-    cross, of_residual = weights.inner(at.design, columns), weights.inner(at.design, residual)[:, 0]
+    cross, of_residual = weights.inner(design, columns), weights.inner(design, residual)[:, 0]
     step = inverse @ of_residual
     score = weights.inner(columns, residual)[:, 0] - cross.T @ step
     gram = weights.inner(columns, columns) - cross.T @ inverse @ cross

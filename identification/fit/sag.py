@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.posterior import Posterior
 from identification.fit.sight import Sight
 from identification.model.load_state import LoadState
 
@@ -40,3 +41,14 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
     return sight.whitened(np.stack(columns, axis=2))
+
+
+def beside_the_springs(fitted: Posterior) -> tuple[Array, Array]:
+    """The fit's design (n, 3, q) in the noise's coordinates with these columns behind it, and the precision (q, q) of its prior
+    with that of their usual sizes."""
+    at = fitted.at_map
+    sag = sag_columns(fitted.load_state, at.noise)
+    own = at.design.shape[2]
+    precision = np.eye(own + sag.shape[2])
+    precision[:own, :own] = fitted.prior.precision(fitted.map)
+    return np.concatenate([at.design, sag], axis=2), precision

@@ -4,7 +4,8 @@ One more set of compliances for a part of the rows, c + delta there: with the sc
 residual, D the design of those rows alone, and the information on delta left when c is free,
 J = D^T W D - D^T W A (A^T W A + P)^-1 A^T W D, the squared Mahalanobis distance between the two fits is u^T J^+ u. It counts
 the directions in which the difference is determined at all, and is chi-squared with as many degrees of freedom if one set of
-springs explains both parts. A conflict is a finding: something the plain model leaves out.
+springs explains both parts. A conflict is a finding: something the plain model leaves out. A holds what the arm's unknown
+weight may do, too (sag.py), and u is what is left of the score once that is free.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.posterior import Posterior
+from identification.fit.sag import beside_the_springs
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]
@@ -83,17 +85,20 @@ def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
     """All comparisons that are possible, the clearest conflict first."""
     rows, at, weights = posterior.data.rows, posterior.at_map, posterior.weights
     loaded = np.any(rows.wrench != 0, axis=1)
-    precision = posterior.prior.precision(posterior.map)
+    common, precision = beside_the_springs(posterior)
+    inverse = np.linalg.inv(weights.inner(common, common) + precision)
+    pull = weights.inner(common, at.residual[:, :, None])[:, 0]
+    pull[:at.design.shape[2]] = 0.0     # at the mode data and prior are in balance
     raw = []
     for part, rest, mask in partitions(rows):
         counts = int((mask & loaded).sum()), int((~mask & loaded).sum())
         if min(counts) < FEWEST_ROWS:
             continue
         design = np.where(mask[:, None, None], at.design, 0.0)
-        cross = weights.inner(at.design, design)
+        cross = weights.inner(common, design)
         own = weights.inner(design, design)
-        score = weights.inner(design, at.residual[:, :, None])[:, 0]
-        left = own - cross.T @ np.linalg.solve(posterior.information + precision, cross)
+        score = weights.inner(design, at.residual[:, :, None])[:, 0] - cross.T @ (inverse @ pull)
+        left = own - cross.T @ inverse @ cross
         eigenvalues, vectors = np.linalg.eigh(0.5 * (left + left.T))
         kept = eigenvalues > DETERMINED
         if not kept.any():

@@ -12,16 +12,17 @@ from identification.common.findings import CompstiffError
 from identification.fit.fit import Fit, fit_stiffness
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
+from tests.second_cell import cell as second_cell
 from tests.virtual_cell.cell import Case, Hidden, simulate
 
 
-def read(case: Case, folder: Path) -> tuple[Cell, Measurements]:
+def read(case: Case | second_cell.Case, folder: Path) -> tuple[Cell, Measurements]:
     cell_path, rows_path = case.write(folder)
     cell = read_cell(cell_path)
     return cell, read_measurements(rows_path, cell.robot)
 
 
-def fitted(case: Case, folder: Path) -> Fit:
+def fitted(case: Case | second_cell.Case, folder: Path) -> Fit:
     return fit_stiffness(*read(case, folder))
 
 
@@ -44,6 +45,25 @@ def test_what_springs_cannot_do_rejects_them(hidden: Hidden, seed: int, tmp_path
     assert content["fit"]["model_check"]["rejected"] is True
     assert any(finding.code == "CS1021" for finding in fit.findings)
     assert fit.model.rejected
+
+
+# Arms that hang by their own weight, which no file states; one by one they were rejected with p = 5e-8, 1e-4 and 2e-6.
+HANGING = {175065: None, 175066: None, 16305: "irb6640-235-2.55"}
+
+
+@pytest.mark.parametrize("seed", HANGING)
+def test_an_arm_s_unknown_weight_rejects_no_springs(seed: int, tmp_path: Path) -> None:
+    case = second_cell.simulate(seed, "cycles", name=HANGING[seed], weight="unknown")
+    fit = fitted(case, tmp_path)
+    assert fit.cell.robot.link_mass is None
+    assert not fit.model.rejected
+    assert fit.model.fit["model_check"]["p_value"] > 0.01
+    assert not [conflict for conflict in fit.conflicts if conflict.corrected < 1e-3]
+
+
+@pytest.mark.parametrize("hidden", [second_cell.Hidden("backlash", 1, 1.5), second_cell.Hidden("base_rocking", 0, 1.5)])
+def test_what_springs_cannot_do_rejects_a_hanging_arm(hidden: second_cell.Hidden, tmp_path: Path) -> None:
+    assert fitted(second_cell.simulate(175065, "cycles", hidden=[hidden], weight="unknown"), tmp_path).model.rejected
 
 
 def mistaken(rows: Measurements, kind: str) -> Measurements:

@@ -6,7 +6,7 @@ spindle that warms up (tests/virtual_cell/astray.py), none of which the model ha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -81,7 +81,7 @@ class ErringJob(MillingJob):
 
 @dataclass
 class Both:
-    """One cell and two programs on it: the part that is measured and another one."""
+    """One cell and two programs on it: the part that is measured and another one. job_of: what makes the cell's jobs."""
 
     folder: Path
     seed: int
@@ -90,6 +90,7 @@ class Both:
     motion: float = MOTION
     size_mm: float = 0.2
     growth_mm: float = 0.04
+    job_of: Callable[..., ErringJob] = ErringJob
     first: ErringJob = field(init=False)
     other: ErringJob = field(init=False)
 
@@ -98,7 +99,7 @@ class Both:
         for name, part in (("first", self.first_part), ("other", self.other_part)):
             place = self.folder / name
             place.mkdir(parents=True)
-            setattr(self, name, ErringJob(place, self.seed, part=part, motion=self.motion, astray=astray))
+            setattr(self, name, self.job_of(place, self.seed, part=part, motion=self.motion, astray=astray))
 
 
 def mirrored(job: ErringJob, done: Pass, std_um: float, seed: int = 0) -> Commands:

@@ -29,7 +29,7 @@ def test_a_corrected_part_is_better(job: AnotherArmJob) -> None:
     cut = before.cutting | after.cutting
     off = np.linalg.norm(after.off_um, axis=1)[cut]
     assert rms(off) < 0.12 * rms(np.linalg.norm(before.off_um, axis=1)[cut])
-    assert not made_worse(before, after, found.sigma_um).any()
+    assert not made_worse(before, after, found.left_um).any()
     assert np.mean(off <= 2 * before.steps.between(found.left_um)[cut]) > 0.9
 
 
