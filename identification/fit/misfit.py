@@ -7,8 +7,8 @@ stiffnesses free (projection as in subsets.py),
     b = E^T W (r - D step) ,   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E ,   T = b^T G^+ b ,
 
 and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left. D holds what the arm's
-unknown weight may do, too (sag.py). With the subset conflicts, family-wise by Bonferroni; and noise far over the stated. What is
-off, and why, `compstiff diagnose` finds.
+unknown weight may do, too (sag.py). With the subset conflicts, family-wise by Bonferroni; and noise far over the stated. What
+is off, and why, `compstiff diagnose` finds.
 """
 
 from __future__ import annotations
