@@ -186,12 +186,15 @@ class NoiseModel:
         columns = [OFFSET] * 3 + [SETUP] * (self.loading.shape[2] - 3)
         return np.asarray(values[..., columns])
 
+    @cached_property
+    def _squares(self) -> Array:
+        """Covariances (2, n, 3, 3) of the two parts of the force error, nothing of one that is not active."""
+        return np.array([root @ np.swapaxes(root, 1, 2) * self.active[part]
+                         for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute))])
+
     def own(self, values: Array, row_weight: Array) -> RowsAlone | RememberingRows:
         """The noise without what visits share, for multiples (S, 6) and row weights (n,)."""
-        squared, own = values**2, np.zeros((len(values), *self.whitening.shape))
-        for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute)):
-            if self.active[part]:
-                own += squared[:, part, None, None, None] * (root @ np.swapaxes(root, 1, 2))
+        own = (values[:, [FORCE, ABSOLUTE]] ** 2 @ self._squares.reshape(2, -1)).reshape(-1, *self.whitening.shape)
         sensor = values[:, SENSOR]
         if not self.active[MEMORY]:
             return RowsAlone.of(own, sensor, self.measured, row_weight)
