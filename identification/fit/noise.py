@@ -158,6 +158,12 @@ class NoiseModel:
         order = np.argsort(self.visit, kind="stable")
         return order, np.searchsorted(self.visit[order], np.arange(self.visits))
 
+    @cached_property
+    def rows_of_visits(self) -> list[NDArray[np.intp]]:
+        """The rows of each visit."""
+        order, starts = self._by_visit
+        return np.split(order, starts[1:])
+
     def by_visit(self, values: Array) -> Array:
         """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
         order, starts = self._by_visit
@@ -252,8 +258,12 @@ class Weights:
 
     def apply(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), all in the model's coordinates."""
-        common = self.shared_inverse @ self._by_visit(columns)
-        return np.asarray(self.own.solve(columns) - self.carried @ common[self.model.visit])
+        solved = self.own.solve(columns)
+        for rows, inverse in zip(self.model.rows_of_visits, self.shared_inverse, strict=True):
+            carried, mine = self.carried[rows], columns[rows]
+            left = carried.reshape(-1, carried.shape[2])
+            solved[rows] -= (left @ (inverse @ (left.T @ mine.reshape(-1, mine.shape[2])))).reshape(mine.shape)
+        return solved
 
     def shared(self, residual: Array) -> Array:
         """Best estimate (n, 3) of what the rows of a visit share, in the model's coordinates, from a residual (n, 3)."""
