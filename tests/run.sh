@@ -21,6 +21,9 @@ if [ -z "${COMPSTIFF_REAL_DATA:-}" ] && [ -d ../shared/data ]; then
     export COMPSTIFF_REAL_DATA
 fi
 
+# Hundreds of processes start: each would compile every file anew.
+unset PYTHONDONTWRITEBYTECODE
+
 # Matrices of six by six: threads of the linear algebra only get into the way of the test processes.
 export OPENBLAS_NUM_THREADS=1
 

@@ -41,23 +41,29 @@ class Sizes:
     evidence: float = -np.inf
 
 
-def noise_covariance(terms: Terms, sizes: Sizes) -> Array:
-    """(n, n) [m^2] of the rows, without any parameter."""
+def of_neighbours(terms: Terms) -> Array:
+    """(n, n) of what neighbours share, of size 1."""
     rows = terms.rows
     along = rows.length[rows.place]
     with np.errstate(under="ignore"):
         alike = np.exp(-np.abs(along[:, None] - along) / SHARED_LENGTH)
-    covariance = sizes.shared**2 * alike * (rows.direction @ rows.direction.T)
+    return np.asarray(alike * (rows.direction @ rows.direction.T))
+
+
+def noise_covariance(terms: Terms, sizes: Sizes, neighbours: Array | None = None) -> Array:
+    """(n, n) [m^2] of the rows, without any parameter; neighbours: `of_neighbours`, where it is at hand."""
+    rows = terms.rows
+    covariance = sizes.shared**2 * (of_neighbours(terms) if neighbours is None else neighbours)
     covariance[np.diag_indices(len(rows))] += (sizes.noise * rows.sigma) ** 2 + (sizes.smear * rows.steep) ** 2
     return np.asarray(covariance)
 
 
-def log_evidence(terms: Terms, known: Array, sizes: Sizes) -> float:
+def log_evidence(terms: Terms, known: Array, sizes: Sizes, neighbours: Array | None = None) -> float:
     """ln p(residual | sizes) with the parameters' own covariance (n, n) `known`; -inf where that is no covariance."""
     from scipy.linalg import solve_triangular
 
     try:
-        factor = np.linalg.cholesky(known + noise_covariance(terms, sizes))
+        factor = np.linalg.cholesky(known + noise_covariance(terms, sizes, neighbours))
     except np.linalg.LinAlgError:
         return -np.inf
     white = solve_triangular(factor, terms.residual, lower=True, check_finite=False)
@@ -95,10 +101,12 @@ def _likeliest(terms: Terms, known: Callable[[float], Array], first: list[float]
         noise, shared, smear, *amplitude = np.exp(logs).tolist()
         return Sizes(noise, shared, smear, *((amplitude[0], length) if amplitude else ()))
 
+    neighbours = of_neighbours(terms)
+
     def cost(logs: Array) -> float:
         chosen = sizes(logs)
-        value = -log_evidence(terms, known(chosen.amplitude), chosen) + 0.5 * float(np.sum(((logs - priors) / spread) ** 2))
-        return min(value + of_length, 1e12)
+        value = of_length + 0.5 * float(np.sum(((logs - priors) / spread) ** 2))
+        return min(value - log_evidence(terms, known(chosen.amplitude), chosen, neighbours), 1e12)
 
     low, high = np.array(bounds).T
     found = minimize(cost, np.clip(np.log(first), low, high), method="L-BFGS-B", bounds=list(zip(low, high, strict=True)),

@@ -143,14 +143,15 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
     ratio = np.sum(b * coefficients, axis=1) / variance
     positive = dictionary.positive
     ratio[positive] *= coefficients[positive, 0] > 0
-    halved = np.where(positive, np.log(0.5), 0.0)
-    # chi2.logsf works out the median of every element first, which takes longer than the tail.
-    with np.errstate(divide="ignore"):
-        log_tail = np.log(chdtrc(dictionary.widths[:, None], ratio))
-    log_p = np.maximum(log_tail + halved[:, None], SMALLEST)
-    result = np.empty((len(dictionary.entries), ratio.shape[1]))
+    result = np.zeros((len(dictionary.entries), ratio.shape[1]))
     for k, entry in enumerate(dictionary.entries):
-        members = log_p[entry.signatures.start: entry.signatures.stop]
-        tried = max(1.0, 0.5 * len(entry.signatures))
-        result[k] = -(members.min(axis=0) + np.log(tried)) / np.log(10)
-    return np.maximum(result, 0.0)
+        members, tried = np.array(entry.signatures), max(1.0, 0.5 * len(entry.signatures))
+        for degrees, half in {(int(dictionary.widths[s]), bool(positive[s])) for s in members}:
+            # Of signatures alike the largest ratio is the least probable: one tail, which costs more than all before it.
+            alike = members[(dictionary.widths[members] == degrees) & (positive[members] == half)]
+            # chi2.logsf works out the median of every element first, which takes longer than the tail.
+            with np.errstate(divide="ignore"):
+                log_tail = np.log(chdtrc(degrees, ratio[alike].max(axis=0)))
+            log_p = np.maximum(log_tail + np.log(0.5) * half, SMALLEST)
+            result[k] = np.maximum(result[k], -(log_p + np.log(tried)) / np.log(10))
+    return result

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,12 @@ from identification.model.effects_in_force import (
     STEP,
     EffectInForce,
     added,
+    as_felt,
     slopes_by_springs,
     split,
 )
+from identification.model.law_of import LawOf
+from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
 # The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
@@ -61,20 +65,35 @@ def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Arra
         return position, slope
     base = added(state, terms, values)
     by_springs = slopes_by_springs(state, terms, values, base)[:, :3]
-    # All terms together: one of the force's measurement changes what the others feel.
-    by_parameter = np.empty((len(state), 3, len(values)))
-    felt = np.concatenate([np.full(len(own), term.effect.true_wrench(state, term.joint, own) is not None)
-                           for term, own in zip(terms, split(values, terms), strict=True)])
-    for k, size in enumerate(np.concatenate([term.scale for term in terms])):
-        def moved(share: float, k: int = k, size: float = size) -> Array:
-            step = np.zeros_like(values)
-            step[k] = share * STEP * size
-            return np.asarray((added(state, terms, values + step) - base)[:, :3] / step[k])
+    by_parameter = [_by_own(state, terms, values, base, which) for which in range(len(terms))]
+    return position + base[:, :3], np.concatenate([slope + by_springs, *by_parameter], axis=2)
 
-        sides = np.array([moved(1.0), moved(-1.0)])
+
+def _by_own(state: LoadState, terms: Sequence[Term], values: Array, base: Array, which: int) -> Array:
+    """Slope (n, 3, p) of what all terms add, which is `base` (n, 6) at values (P,), by the parameters of one of them."""
+    term, parts = terms[which], split(values, terms)
+    own, place = parts[which], sum(len(part) for part in parts[:which])
+    of_force = term.effect.true_wrench(state, term.joint, own) is not None
+    rows = as_felt(state, terms, values) if term.effect.of_robot else state
+    if isinstance(term.effect, LawOf):
+        return term.effect.columns(rows, term.joint)[:, :3]                             # linear in its coefficients
+
+    def moved(share: float, k: int) -> Array:
+        """Slope (n, 3) over this share of the step of its parameter k."""
+        ahead, step = values.copy(), share * STEP * term.scale[k]
+        ahead[place + k] += step
+        if of_force:
+            # All terms together: what the force is changes what the others feel.
+            return np.asarray((added(state, terms, ahead) - base)[:, :3] / step)
+        return np.asarray((term.contribution(rows, split(ahead, terms)[which]) - here)[:, :3] / step)
+
+    here, slope = base if of_force else term.contribution(rows, own), np.empty((len(state), 3, len(own)))
+    for k in range(len(own)):
+        sides = np.array([moved(1.0, k), moved(-1.0, k)])
         # A force that is felt otherwise can set teeth on their other side: what jumps has no slope there.
-        by_parameter[:, :, k] = _beside_jumps(sides, moved) if felt[k] and len(terms) > 1 else sides.mean(axis=0)
-    return position + base[:, :3], np.concatenate([slope + by_springs, by_parameter], axis=2)
+        jumps = of_force and len(terms) > 1
+        slope[:, :, k] = _beside_jumps(sides, partial(moved, k=k)) if jumps else sides.mean(axis=0)
+    return slope
 
 
 def _beside_jumps(sides: Array, moved: Callable[[float], Array]) -> Array:

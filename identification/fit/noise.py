@@ -158,6 +158,12 @@ class NoiseModel:
         order = np.argsort(self.visit, kind="stable")
         return order, np.searchsorted(self.visit[order], np.arange(self.visits))
 
+    @cached_property
+    def rows_of_visits(self) -> list[NDArray[np.intp]]:
+        """The rows of each visit."""
+        order, starts = self._by_visit
+        return np.split(order, starts[1:])
+
     def by_visit(self, values: Array) -> Array:
         """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
         order, starts = self._by_visit
@@ -186,12 +192,15 @@ class NoiseModel:
         columns = [OFFSET] * 3 + [SETUP] * (self.loading.shape[2] - 3)
         return np.asarray(values[..., columns])
 
+    @cached_property
+    def _squares(self) -> Array:
+        """Covariances (2, n, 3, 3) of the two parts of the force error, nothing of one that is not active."""
+        return np.array([root @ np.swapaxes(root, 1, 2) * self.active[part]
+                         for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute))])
+
     def own(self, values: Array, row_weight: Array) -> RowsAlone | RememberingRows:
         """The noise without what visits share, for multiples (S, 6) and row weights (n,)."""
-        squared, own = values**2, np.zeros((len(values), *self.whitening.shape))
-        for part, root in ((FORCE, self.force), (ABSOLUTE, self.absolute)):
-            if self.active[part]:
-                own += squared[:, part, None, None, None] * (root @ np.swapaxes(root, 1, 2))
+        own = (values[:, [FORCE, ABSOLUTE]] ** 2 @ self._squares.reshape(2, -1)).reshape(-1, *self.whitening.shape)
         sensor = values[:, SENSOR]
         if not self.active[MEMORY]:
             return RowsAlone.of(own, sensor, self.measured, row_weight)
@@ -249,8 +258,12 @@ class Weights:
 
     def apply(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), all in the model's coordinates."""
-        common = self.shared_inverse @ self._by_visit(columns)
-        return np.asarray(self.own.solve(columns) - self.carried @ common[self.model.visit])
+        solved = self.own.solve(columns)
+        for rows, inverse in zip(self.model.rows_of_visits, self.shared_inverse, strict=True):
+            carried, mine = self.carried[rows], columns[rows]
+            left = carried.reshape(-1, carried.shape[2])
+            solved[rows] -= (left @ (inverse @ (left.T @ mine.reshape(-1, mine.shape[2])))).reshape(mine.shape)
+        return solved
 
     def shared(self, residual: Array) -> Array:
         """Best estimate (n, 3) of what the rows of a visit share, in the model's coordinates, from a residual (n, 3)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +40,14 @@ class RowsAlone:
     def grams(self, columns: Array, q: int, visit: Indices) -> tuple[Array, Array]:
         """columns^T Sigma^-1 columns of the first q of columns (n, 3, q + r): (S, q, q); and, by visit, of the other r with
         all: (S, visits, r, q + r). visit (n,): from 0, in order."""
-        # Many small matrices are quicker at once than one by one.
-        weighted = np.einsum("snij,njk->snik", self.precision, columns)
-        gram = _flat(columns[None, ..., :q]) @ _flat(weighted[..., :q]).swapaxes(1, 2)
-        products = columns[..., q:].swapaxes(1, 2) @ weighted
-        return gram, np.add.reduceat(products, np.searchsorted(visit, np.arange(visit[-1] + 1)), axis=1)
+        size, (n, _, width) = len(self.precision), columns.shape
+        # All noises side by side, so that what is multiplied is a few large matrices, not many small ones.
+        weighted = (self.precision.transpose(1, 2, 0, 3).reshape(n, -1, 3) @ columns).reshape(3 * n, -1)
+        left = columns.reshape(3 * n, width)
+        gram = (left[:, :q].T @ weighted).reshape(q, size, width)[..., :q]
+        ends = 3 * np.searchsorted(visit, np.arange(visit[-1] + 2))
+        products = np.array([left[start: end, q:].T @ weighted[start: end] for start, end in pairwise(ends)])
+        return gram.swapaxes(0, 1), products.reshape(len(ends) - 1, width - q, size, width).transpose(2, 0, 1, 3)
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""

@@ -51,31 +51,62 @@ SETTLED = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """mean (6 + P,) and covariance of x = (ln c, parameters of terms), those of the draws; laplace: inverse curvature at the
-    MAP.
+    """Posterior of x = (ln c, parameters of terms): its MAP, and about it what is asked for, worked out when it is.
 
-    data: what it was fitted to. components: estimated variance components; components_covariance (6, 6): of their ln.
-    weights: Sigma^-1 with them and the row weights; information (6 + P, 6 + P): the data's on x at the MAP. chi2: against the
-    stated noise. readings: measured components of deflections. at_map: the model linearised at the MAP, its prior with the
-    terms' parameters.
+    data: what it was fitted to. components: estimated variance components. weights: Sigma^-1 with them and the row weights.
+    at_map: the model linearised at the MAP, its prior with the terms' parameters.
     """
 
     data: LoadTest
-    mean: Array
-    covariance: Array
-    draws: Draws
-    laplace: Array
     components: VarianceComponents
-    components_covariance: Array
     weights: Weights
-    information: Array
-    chi2: float
-    readings: int
     at_map: Linearised
     terms: tuple[Term, ...] = ()
 
-    def __post_init__(self) -> None:
-        read_only(self.mean, self.covariance, self.laplace, self.components_covariance, self.information)
+    @cached_property
+    def draws(self) -> Draws:
+        """Weighted draws of x, the variance components integrated out."""
+        of_components = ComponentPosterior(self.at_map)
+        return posterior_draws(self.at_map, self.components, trial_components(
+            of_components, self.components, self.components_covariance))
+
+    @cached_property
+    def mean(self) -> Array:
+        """Mean (6 + P,) of x, that of the draws."""
+        return _read_only(self.draws.mean)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (6 + P, 6 + P) of x, that of the draws."""
+        return _read_only(self.draws.covariance)
+
+    @cached_property
+    def information(self) -> Array:
+        """The data's information (6 + P, 6 + P) on x at the MAP."""
+        return _read_only(self.weights.inner(self.at_map.design, self.at_map.design))
+
+    @cached_property
+    def laplace(self) -> Array:
+        """Inverse curvature (6 + P, 6 + P) at the MAP (paper eq. 13, in x)."""
+        curvature = shrunk(self.information, self.components.degrees) + self.prior.precision(self.map)
+        return _read_only(np.asarray(np.linalg.inv(curvature), dtype=float))
+
+    @cached_property
+    def components_covariance(self) -> Array:
+        """Covariance (6, 6) of ln of the variance components."""
+        return _read_only(log_covariance(ComponentPosterior(self.at_map), self.components))
+
+    @cached_property
+    def chi2(self) -> float:
+        """Of the residual against the stated noise."""
+        noise, column = self.at_map.noise, self.at_map.residual[:, :, None]
+        stated = noise.weights(VarianceComponents(*(float(known) for known in (True, *noise.stated[1:]))))
+        return float(stated.inner(column, column)[0, 0])
+
+    @property
+    def readings(self) -> int:
+        """Measured components of deflections."""
+        return int(self.at_map.noise.measured.sum())
 
     @property
     def map(self) -> Array:
@@ -134,10 +165,10 @@ class Posterior:
         """The posterior of the joints alone, the terms' parameters integrated out."""
         at, none = self.at_map, np.empty(0)
         prior = replace(at.prior, term_mean=none, term_std=none, term_low=none, term_high=none)
-        return replace(
-            self, mean=self.mean[SPRINGS], covariance=self.covariance[SPRINGS, SPRINGS], draws=self.draws.first(6),
-            laplace=self.laplace[SPRINGS, SPRINGS], information=self.information[SPRINGS, SPRINGS],
-            at_map=replace(at, design=at.design[:, :, SPRINGS], prior=prior, x=at.x[SPRINGS]), terms=())
+        joints = replace(self, at_map=replace(at, design=at.design[:, :, SPRINGS], prior=prior, x=at.x[SPRINGS]), terms=())
+        vars(joints).update(draws=self.draws.first(6), laplace=self.laplace[SPRINGS, SPRINGS], chi2=self.chi2,
+                            components_covariance=self.components_covariance)
+        return joints
 
 
 def posterior(
@@ -176,15 +207,7 @@ def posterior(
         # Components within five percent and weights within a twentieth are far inside their own uncertainty.
         if number and np.max(np.abs(components.logs - before.logs)) < 0.05 and np.max(np.abs(row_weight - last_weight)) < 0.05:
             break
-    information = weights.inner(at.design, at.design)
-    column = at.residual[:, :, None]
-    stated = noise.weights(VarianceComponents(*(float(known) for known in (True, *noise.stated[1:]))))
-    laplace = np.asarray(np.linalg.inv(shrunk(information, components.degrees) + at.prior.precision(x)), dtype=float)
-    of_components = ComponentPosterior(at)
-    covariance = log_covariance(of_components, components)
-    draws = posterior_draws(at, components, trial_components(of_components, components, covariance))
-    return Posterior(data, draws.mean, draws.covariance, draws, laplace, components, covariance, weights, information,
-                     float(stated.inner(column, column)[0, 0]), int(noise.measured.sum()), at, model.terms)
+    return Posterior(data, components, weights, at, model.terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,6 +309,11 @@ def _start(data: LoadTest, readings: Array) -> Array:
         else:
             damping = 5 * damping + 1e-12
     return x
+
+
+def _read_only(values: Array) -> Array:
+    read_only(values)
+    return values
 
 
 def _regressor(data: LoadTest) -> Array:

@@ -59,16 +59,20 @@ def added(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> A
     The rows stand in the order in which the loads come: that order is the history of effects with a memory. Those of the robot
     feel the force that really acted, where another is one of the force's measurement.
     """
-    total = np.zeros((len(rows), 6))
-    own = list(zip(effects, split(values, effects), strict=True))
+    total, felt = np.zeros((len(rows), 6)), as_felt(rows, effects, values)
+    for term, parameters in zip(effects, split(values, effects), strict=True):
+        total += term.contribution(felt if term.effect.of_robot else rows, parameters)
+    return total
+
+
+def as_felt(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> LoadState:
+    """The rows under the force that really acted, where another is one of the effects; values (P,)."""
     felt = rows
-    for term, parameters in own:
+    for term, parameters in zip(effects, split(values, effects), strict=True):
         wrench = term.effect.true_wrench(rows, term.joint, parameters)
         if wrench is not None:
             felt = replace(felt, wrench=felt.wrench + wrench - rows.wrench)
-    for term, parameters in own:
-        total += term.contribution(felt if term.effect.of_robot else rows, parameters)
-    return total
+    return felt
 
 
 def displaced(pose: Frame, moved: Array) -> Frame:

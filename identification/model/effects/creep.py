@@ -12,6 +12,8 @@ from identification.model.load_state import LoadState
 STEP = 1.2
 RATES = np.exp(np.arange(-12.0, 2.5, STEP))
 SHARES = STEP * np.exp(-RATES)
+# Numbers held at once; the elements of a longer file go in turns.
+CHUNK = 2_000_000
 
 
 class Creep(Effect):
@@ -59,19 +61,22 @@ def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> 
     An element that stood at z when a load came stands at `load + (z - load) exp(-t / T)` a time t after. Between the reading
     before and a row's load the load before is still on; where no times are known, no time passes there.
     """
-    from scipy.linalg import solve_banded
+    from scipy.linalg.lapack import dtbtrs
 
     before = np.concatenate([load[:1], load[:-1]])
     pause = np.diff(rows.time, prepend=np.nan) - held
     pause = np.where(pause > 0, pause, 0.0)
-    first, total = rows.starts, np.zeros_like(load)
-    bands = np.ones((2, len(load)))
-    for rate, share in zip(RATES / time, SHARES, strict=True):
-        stays, waits = np.exp(-rate * held), np.exp(-rate * pause)
-        bands[1, :-1] = np.where(first, 0.0, -stays * waits)[1:]
-        # The part of z that is not this row's own load: z = own + left.
-        left = np.where(first, 0.0, stays)[:, None]
-        own = load * (1 - stays)[:, None]
-        z = solve_banded((1, 0), bands, own + left * before * (1 - waits)[:, None], check_finite=False)
-        total += share * (z - own)
+    later, total = ~rows.starts, np.zeros_like(load)
+    at_once = max(1, CHUNK // load.size)
+    for start in range(0, len(RATES), at_once):
+        rate, share = RATES[start: start + at_once, None] / time, SHARES[start: start + at_once]
+        stays, waits = np.exp(-rate * held), np.exp(-rate * pause)                                      # (elements, n)
+        # All elements as one chain that begins anew with each of them, as it does with each visit.
+        bands = np.zeros((2, stays.size))
+        bands[1, :-1] = np.where(later, -stays * waits, 0.0).ravel()[1:]
+        own = load * (1 - stays)[:, :, None]
+        driven = own + before * np.where(later, stays * (1 - waits), 0.0)[:, :, None]
+        z, _ = dtbtrs(bands, driven.reshape(-1, load.shape[1]), uplo="L", diag="U")
+        # The part of z that is not this row's own load.
+        total += np.tensordot(share, z.reshape(own.shape) - own, axes=1)
     return total

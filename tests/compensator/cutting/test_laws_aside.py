@@ -69,10 +69,10 @@ def test_a_pass_under_another_does_not_feel_where_the_top_stands() -> None:
 @pytest.mark.parametrize("shift", [(0.0, 6.0), (5.0, -8.0)], ids=["one way", "another"])
 def test_a_leaning_blank_moved_is_milled_anew(tmp_path: Path, shift: tuple[float, float]) -> None:
     """Along every axis, to 2 % of the largest change; its layers are 0.1 mm thick."""
-    outline = np.array([[-60.0, -40.0], [60.0, -40.0], [60.0, 40.0], [-60.0, 40.0]])
+    outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 40.0], [0.0, 40.0]])
     faces, tips = prism(outline, -20.0, 0.0, shift), np.array([-4e-3])
     file = stock_of(tmp_path, binary(faces))
-    track = track_along(np.array([[-80.0, 42.0, -4.0], [50.0, 44.0, -4.0], [75.0, 20.0, -4.0]]))
+    track = track_along(np.array([[-15.0, 42.0, -4.0], [50.0, 44.0, -4.0], [75.0, 20.0, -4.0]]))
     engaged = mill_through(read_stock(file).stock(tips, 0.0), track, FLAT, 1e-3 * STEP)
     assert engaged.moved is not None
     for axis in range(3):

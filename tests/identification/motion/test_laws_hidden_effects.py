@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -17,16 +19,23 @@ NAMES = {"channel_delay": "channel_delay (link)", "torque_delay": "channel_delay
 IN_MOTION = {"channel_delay": 1.0, "joint_friction": 1.0, "motor_inertia": 1.0}
 
 
-def diagnosed(folder: Path, seed: int, faults: dict[str, float]) -> AxisDiagnosis:
-    fitted = read_motion_log(write(folder / "fitted.csv", columns(seed, faults)))
-    other = read_motion_log(write(folder / "other.csv", columns(1000 + seed, faults)))
-    return diagnose_axes([fitted], other)[0]
+@cache
+def of_case(seed: int, *faults: tuple[str, float]) -> AxisDiagnosis:
+    """The answer to one case, which several tests ask for."""
+    with TemporaryDirectory() as name:
+        fitted = read_motion_log(write(Path(name) / "fitted.csv", columns(seed, dict(faults))))
+        other = read_motion_log(write(Path(name) / "other.csv", columns(1000 + seed, dict(faults))))
+        return diagnose_axes([fitted], other)[0]
+
+
+def diagnosed(seed: int, faults: dict[str, float]) -> AxisDiagnosis:
+    return of_case(seed, *faults.items())
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_one_effect(tmp_path: Path, fault: str, seed: int) -> None:
-    found = diagnosed(tmp_path, seed, {fault: 1.0})
+def test_one_effect(fault: str, seed: int) -> None:
+    found = diagnosed(seed, {fault: 1.0})
     truth = NAMES.get(fault, fault)
     named = [cause.shape.name for cause in found.causes]
     if found.verdict == "named":
@@ -38,45 +47,45 @@ def test_one_effect(tmp_path: Path, fault: str, seed: int) -> None:
         assert truth in [cause.shape.name for cause in found.alternatives]
 
 
-def test_backlash_is_not_called_a_soft_zone_alone(tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, 5, {"backlash": 1.0})
+def test_backlash_is_not_called_a_soft_zone_alone() -> None:
+    found = diagnosed(5, {"backlash": 1.0})
     assert [cause.shape.name for cause in found.causes] in ([], ["backlash"])
 
 
 @pytest.mark.parametrize("seed", [2, 3])
-def test_several_effects_of_motion_together(tmp_path: Path, seed: int) -> None:
-    found = diagnosed(tmp_path, seed, IN_MOTION)
+def test_several_effects_of_motion_together(seed: int) -> None:
+    found = diagnosed(seed, IN_MOTION)
     assert found.verdict == "named"
     assert {cause.shape.name for cause in found.causes} == {"channel_delay (link)", "joint_friction", "motor_inertia"}
     inertia = next(cause for cause in found.causes if cause.shape.name == "motor_inertia")
     assert inertia.values[0] == pytest.approx(700, rel=0.06)
 
 
-def test_sizes_are_recovered(tmp_path: Path) -> None:
-    delay = diagnosed(tmp_path, 0, {"channel_delay": 1.0}).causes[0]
+def test_sizes_are_recovered() -> None:
+    delay = diagnosed(0, {"channel_delay": 1.0}).causes[0]
     assert abs(delay.values[0] - 3e-3) < 4 * delay.std[0]
-    friction = diagnosed(tmp_path, 0, {"joint_friction": 1.0}).causes[0]
+    friction = diagnosed(0, {"joint_friction": 1.0}).causes[0]
     assert friction.values == pytest.approx([300, 900], rel=0.15)
 
 
-def test_a_torque_that_advances_is_not_friction(tmp_path: Path) -> None:
+def test_a_torque_that_advances_is_not_friction() -> None:
     # Deflection that grows with speed against the sign of friction: only a delay makes it.
-    found = diagnosed(tmp_path, 4, {"channel_delay": 1.0})
+    found = diagnosed(4, {"channel_delay": 1.0})
     assert "joint_friction" not in [cause.shape.name for cause in found.causes]
 
 
-def test_plain_spring_is_adequate(tmp_path: Path) -> None:
-    verdicts = [diagnosed(tmp_path, seed, {}).verdict for seed in range(20, 30)]
+def test_plain_spring_is_adequate() -> None:
+    verdicts = [diagnosed(seed, {}).verdict for seed in range(20, 30)]
     assert verdicts.count("adequate") >= 8
     assert "named" not in verdicts
 
 
-def test_an_error_that_follows_the_angle(tmp_path: Path) -> None:
+def test_an_error_that_follows_the_angle() -> None:
     """25 cycles a turn with a record to find them again in; beside the delay both are named."""
-    alone = diagnosed(tmp_path, 0, {"angle_error": 1.0})
+    alone = diagnosed(0, {"angle_error": 1.0})
     assert [cause.shape.name for cause in alone.causes] == ["transmission_error"]
     assert alone.transmission.cycles == pytest.approx([25], abs=0.5)
-    beside = diagnosed(tmp_path, 0, {"angle_error": 1.0, "channel_delay": 1.0})
+    beside = diagnosed(0, {"angle_error": 1.0, "channel_delay": 1.0})
     assert [cause.shape.name for cause in beside.causes] == ["channel_delay (link)", "transmission_error"]
 
 
