@@ -58,18 +58,18 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> In
 def mean_forces(mill: ToothedMill, ways: Ways, stock: Inside, at_mm: np.ndarray, feed_a_tooth_mm: float, *, slices: int = 12,
                 instants: int = 240, revolutions: int = 1) -> np.ndarray:
     """Mean force (n, 3) [N] on the tool, x y z, over revolutions about the places at_mm (n,) of the way."""
-    return np.array([_revolution(mill, ways, stock, place, feed_a_tooth_mm, slices, instants * revolutions, revolutions)
+    tops = {float(tip): _top(stock, ways, float(tip)) for tip in np.unique(ways.tip_mm)}
+    return np.array([_revolution(mill, ways, stock, place, feed_a_tooth_mm, slices, instants * revolutions, revolutions, tops)
                      for place in at_mm])
 
 
 def _revolution(mill: ToothedMill, ways: Ways, stock: Inside, place: float, chip: float, slices: int, instants: int,
-                revolutions: int) -> np.ndarray:
+                revolutions: int, tops: dict[float, float]) -> np.ndarray:
     a_turn = chip * mill.teeth
     turns = (np.arange(instants) + 0.5) / instants * revolutions - 0.5 * revolutions        # time in revolutions
     leg = int(np.clip(np.searchsorted(ways.length_mm, place, side="right") - 1, 0, len(ways.tip_mm) - 1))
     tip = float(ways.tip_mm[leg])
-    top = next((z for z in np.arange(40.0, tip, -0.01) if stock(_sample(stock, ways), z - 0.005).any()), tip)
-    depth = max(top - tip, 0.0)
+    depth = max(tops[tip] - tip, 0.0)
     if depth <= 0:
         return np.zeros(3)
     total = np.zeros(3)
@@ -96,7 +96,13 @@ def _revolution(mill: ToothedMill, ways: Ways, stock: Inside, place: float, chip
     return total / instants
 
 
-def _sample(stock: Inside, ways: Ways) -> np.ndarray:
+def _top(stock: Inside, ways: Ways, tip: float) -> float:
+    """Height [mm] of the part's top, `tip` where none of it is above that."""
+    points = _sample(ways)
+    return next((float(z) for z in np.arange(40.0, tip, -0.01) if stock(points, z - 0.005).any()), tip)
+
+
+def _sample(ways: Ways) -> np.ndarray:
     """Points all over the part, to find its top."""
     low, high = ways.corner_mm.min(axis=0) - 20, ways.corner_mm.max(axis=0) + 20
     x, y = np.meshgrid(np.linspace(low[0], high[0], 25), np.linspace(low[1], high[1], 25))
