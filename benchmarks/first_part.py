@@ -9,9 +9,10 @@ tool from the plan at every half millimetre that cuts. Gone: of its RMS. Worse: 
 more than 2 of the sigmas that are stated for the part. Covered: the true mean force of a step within 2 sigma of the predicted.
 
 --coefficients: with part A and the material drawn too, how far those that a log tells are off the true ones, and the mean
-forces of both parts B off those predicted with them, in their own sigmas: with teeth that stand out alike, with the run-out of the virtual cell's cutter, and with what
-the widths allow for drawn anew for each robot: an axis that is off by 0 to 10 um any way, and stocks that stand aside
-along x and y by as much as their files say. --hidden: what the comparison of B's log with its stock says where something is
+forces of both parts B off those predicted with them, in their own sigmas: with teeth that stand out alike, with the run-out of
+the virtual cell's cutter, and with what the widths allow for drawn anew for each robot: an axis that is off by 0 to 10 um any
+way, and stocks that stand aside along x and y by as much as their files say.
+--hidden: what the comparison of B's log with its stock says where something is
 not as it was when A was logged. --speed: CPU seconds and memory of a
 finishing program of 100 000 targets on 300 x 200 mm at 0.2 mm.
 """
