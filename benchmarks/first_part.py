@@ -8,10 +8,11 @@ coefficients that A's log told, with those of the table, and, for comparison, wi
 tool from the plan at every half millimetre that cuts. Gone: of its RMS. Worse: steps further off than without correction by
 more than 2 of the sigmas that are stated for the part. Covered: the true mean force of a step within 2 sigma of the predicted.
 
---coefficients: how far those that a log tells are off the true ones, and the mean forces of both parts B off those predicted
-with them, in their own sigmas: with teeth that stand out alike, with the run-out of the virtual cell's cutter, and with what
-the widths allow for drawn anew for each robot: an axis that is off by 0 to 10 um any way, and stocks that stand aside
-along x and y by as much as their files say. --hidden: what the comparison of B's log with its stock says where something is
+--coefficients: with part A and the material drawn too, how far those that a log tells are off the true ones, and the mean
+forces of both parts B off those predicted with them, in their own sigmas: with teeth that stand out alike, with the run-out of
+the virtual cell's cutter, and with what the widths allow for drawn anew for each robot: an axis that is off by 0 to 10 um any
+way, and stocks that stand aside along x and y by as much as their files say.
+--hidden: what the comparison of B's log with its stock says where something is
 not as it was when A was logged. --speed: CPU seconds and memory of a
 finishing program of 100 000 targets on 300 x 200 mm at 0.2 mm.
 """
@@ -167,18 +168,23 @@ def hidden(seed: int) -> dict[str, str]:
 
 def recovered(seed: int) -> dict[str, tuple[np.ndarray, list[np.ndarray], list[float]]]:
     """Of each kind of cutter the six coefficients less the true ones, in their sigmas, and of both parts B what `force_off`
-    gives."""
+    gives. Part A and the material are drawn: one part and one material err by the same in every robot."""
     rng = np.random.default_rng(seed)
     off, way = rng.uniform(0, 0.010), rng.uniform(0, 2 * np.pi)
     axis_off = tuple(float(off * np.cos(way + 2 * np.pi * tooth / 3)) for tooth in range(3))
+    aside_mm = rng.normal(0.0, 0.05, 3)
+    sizes = {"spacing_mm": rng.uniform(1, 2), "allowance_mm": rng.uniform(0.8, 2.5), "wall_depth_mm": rng.uniform(3, 6)}
+    usual = EndMill()
+    shear = np.array(usual.shear_n_mm2) * np.exp(rng.normal(0, 0.2) + rng.normal(0, 0.1, 3))
+    edge = np.array(usual.edge_n_mm) * np.exp(rng.normal(0, 0.3) + rng.normal(0, 0.1, 3))
     found = {}
-    for name, runout in (("no run-out", (0.0, 0.0, 0.0)), ("run-out 12 um", EndMill().runout_mm), ("drawn", axis_off)):
-        aside = rng.normal(0.0, 0.05, 3) if name == "drawn" else np.zeros(3)
-        cutter = EndMill(runout_mm=runout)
+    for name, runout in (("no run-out", (0.0, 0.0, 0.0)), ("run-out 12 um", usual.runout_mm), ("drawn", axis_off)):
+        aside = aside_mm if name == "drawn" else np.zeros(3)
+        cutter = EndMill(runout_mm=runout, shear_n_mm2=tuple(shear), edge_n_mm=tuple(edge))
         with tempfile.TemporaryDirectory() as folder:
             root = Path(folder)
             (root / "a").mkdir()
-            a = MillingJob(root / "a", seed, part=slot_and_pocket(), cutter=cutter)
+            a = MillingJob(root / "a", seed, part=slot_and_pocket(**sizes), cutter=cutter)
             stiffness, cell = a.identify(), compstiff.read_cell(a.cell_with("cut.yaml", CUTTING))
             fitted = compstiff.cutting_coefficients(
                 cell, compstiff.read_toolpath(a.program, cell), stock_file(a.part, root / "a.npz", aside[0]),

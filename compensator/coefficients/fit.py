@@ -14,13 +14,13 @@ from compensator.coefficients.next_cut import next_cut
 from compensator.correction.logged_pass import read_offsets
 from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
-from compensator.cutting.chips import EDGE, SHEAR
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import coefficients_of
-from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
+from compensator.cutting.posterior import fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
+from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import read_stock
 from compensator.forces.placement import ForceLog
@@ -33,9 +33,6 @@ from identification.model.stiffness import IdentifiedModel
 
 # Without a material in cell.yaml nothing is known before: a middle one, known to a factor of ten. Engineering judgement.
 ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
-# Teeth that stand out by 10 to 20 um, as nobody has measured them, miss part of their thin chips: so large a share of the
-# edge's part a log gives to the chip's. Engineering judgement.
-RUNOUT = 0.1
 # What the table leaves of the force at a place, beside the coefficients.
 TABLE_MODEL_ERROR = 0.05
 
@@ -72,10 +69,10 @@ def cutting_coefficients(
     mean, covariance, material, assumed = before(cell, float(np.median(chip)))
     found = fit_coefficients(rows, mean, covariance)
     gain = 0.0 if cell.force_log.form.gain_std is None else cell.force_log.form.gain_std
-    taken = of_runout(rows, found)
+    taken = np.einsum("kni,ni->k", found.gain, missing_force(cut, found.mean)[used])
     coefficients = Coefficients(
         found.mean.copy(),
-        found.covariance + gain**2 * np.outer(found.mean, found.mean) + RUNOUT**2 * np.outer(taken, taken),
+        found.covariance + gain**2 * np.outer(found.mean, found.mean) + np.outer(taken, taken),
         found.model_error, cut.cutter,
         material,
         (float(chip.min()), float(chip.max())),
@@ -85,17 +82,6 @@ def cutting_coefficients(
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
     findings = (*predicted.findings, *cut.findings(), *assumed, *_said(found.mean, found.aside, cut, predicted, used))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
-
-
-def of_runout(rows: ForceRows, found: ForcePosterior) -> Array:
-    """Which way (6,) the coefficients of a log err by run-out: what the edge's three lose altogether, the chip's three have
-    got, so that the forces of that log stay what they are."""
-    edge = np.where(np.arange(6) < 3, 0.0, found.mean)
-    weight = rows.weight / found.error[:, :, None]
-    scale = np.maximum(np.abs(found.mean[SHEAR]), 1e-9 * np.abs(found.mean[SHEAR]).max())
-    lost = (weight @ edge).reshape(-1)
-    got = np.linalg.lstsq(weight[:, :, SHEAR].reshape(-1, 3) * scale, lost, rcond=1e-6)[0]
-    return np.concatenate([scale * got, -edge[EDGE]])
 
 
 def table_coefficients(cell: Cell, program: PlannedProgram, settings: Settings = DEFAULTS) -> FittedCoefficients:

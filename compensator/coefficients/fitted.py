@@ -15,7 +15,7 @@ from compensator.cutting.posterior import ForcePosterior
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding
 
-# A coefficient is reliable with a standard deviation under this share (that of the edges' run-out is a tenth) of the largest
+# A coefficient is reliable with a standard deviation under this share (run-out's alone is about a tenth) of the largest
 # of its kind, and not identifiable where the log left it this share of what was assumed before.
 RELIABLE, WEAK, UNTOLD = 0.12, 0.3, 0.9
 

@@ -3,7 +3,7 @@
 Steps are taken in batches of a few. For each batch the half circle that faces the feed is looked at in every layer, at the
 middle of every step: what stands there is the least of three distances to the material's edge, that of the blank, that to what
 the batches before went over, and that to the way of the cutter in this batch up to the step. Then the way of the whole batch is
-gone over. Where the distance passes zero between two points of the half circle the cut begins or ends.
+gone over. Where one of them passes zero between two points of the half circle the cut begins or ends.
 
 Where the blank stands aside only the first of the three is another. So one going through tells the engagement with it aside
 too: along x and y anew at the steps that come near the blank's own edge, along z by how much of each layer is then another's.
@@ -160,12 +160,11 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
             own = _beside_own_way(rim, start, end, gone)
             rim_of[key] = (rim, own)
         blank = _sampled(stock, stock.inside[layer], rim)
-        gone_over = np.minimum(_sampled(stock, material.swept[layer], rim), own)
+        gone_over = (_sampled(stock, material.swept[layer], rim), own)
         foot = np.maximum(bottom, tip) - tip
         piece = _Slice(thick, radius, sine, cutter.edge_length(foot, foot + thick))
-        inside = np.minimum(blank, gone_over) - FILM
-        inside[~looking] = -1.0
-        turned = _add(inside, piece, feed, left, cutter.teeth, rows, into)
+        inside = np.where(looking[:, None], blank, -1.0)
+        turned = _add((inside, *gone_over), piece, feed, left, cutter.teeth, rows, into)
         if material.aside:
             _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, (feed, left), cutter.teeth,
                        rows, into["moved"])
@@ -175,7 +174,7 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
 def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
     """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of
     this batch before."""
-    result = np.full(rim.shape[:2], np.inf)
+    result = np.ones(rim.shape[:2])
     for before in np.flatnonzero(radius[:-1] > 0):
         some = rim[before + 1:]
         away = _distance(some, start[before, :2], end[before, :2]) - radius[before]
@@ -209,19 +208,21 @@ def _sampled(stock: Stock, grid: Grid, points: Array) -> Array:
     return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
 
 
-def _arcs(inside: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
-    """Which steps (M,) cut, from where to where (M,) [rad], and the integrals (K, 5) over all of a step: inside (K, P) [m]
-    within the material around the half circle."""
-    first, last = inside[:, :-1], inside[:, 1:]
-    step, piece = np.nonzero((first > 0) | (last > 0))
-    a, b = first[step, piece], last[step, piece]
-    share = np.clip(np.where(a > 0, a, b) / np.maximum(np.abs(a - b), 1e-15), 0.0, 1.0)
+def _arcs(distances: tuple[Array, ...]) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Which steps (M,) cut, from where to where (M,) [rad], and the integrals (K, 5) over all of a step. distances, each (K, P)
+    [m]: how far the half circle is within what the blank, and what each of the ways before, leaves; cut is where it is within
+    all. Each passes zero by itself: the least of two has a bend where they meet, and no straight line ends it rightly."""
+    first, last = (np.stack(distances)[:, :, some] - FILM for some in (slice(None, -1), slice(1, None)))
+    step, piece = np.nonzero(((first > 0) | (last > 0)).all(axis=0))
+    a, b = first[:, step, piece], last[:, step, piece]
     low, high = ANGLE[piece], ANGLE[piece + 1]
-    both = (a > 0) & (b > 0)
-    begin = np.where(both | (a > 0), low, high - share * (high - low))
-    stop = np.where(both | (b > 0), high, low + share * (high - low))
+    share = np.maximum(a, b) / np.maximum(np.abs(a - b), 1e-15) * (high - low)
+    begin = np.where(a > 0, low, high - share).max(axis=0)
+    stop = np.where(b > 0, high, low + share).min(axis=0)
+    some = begin < stop
+    step, begin, stop = step[some], begin[some], stop[some]
     integral = integrals(begin, stop)
-    summed = np.column_stack([np.bincount(step, column, minlength=len(inside)).astype(float) for column in integral.T])
+    summed = np.column_stack([np.bincount(step, column, minlength=len(distances[0])).astype(float) for column in integral.T])
     return step, begin, stop, summed
 
 
@@ -233,7 +234,7 @@ def _turned(summed: Array, piece_of: _Slice, feed: Array, left: Array, teeth: in
     return turned
 
 
-def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
+def _add(inside: tuple[Array, ...], piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
          into: dict[str, Array]) -> Array | None:
     """Adds one layer's cut to the steps, and returns its weights; None where nothing is cut."""
     step, begin, stop, summed = _arcs(inside)
@@ -244,7 +245,7 @@ def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, 
     into["weights"][rows] += turned
     cut = np.flatnonzero(summed[:, 4] > 0)
     at = rows[cut]
-    lowest, highest = np.full(len(inside), np.inf), np.full(len(inside), -np.inf)
+    lowest, highest = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
     np.minimum.at(lowest, step, begin)
     np.maximum.at(highest, step, stop)
     into["low"][at] = np.fmin(into["low"][at], lowest[cut])
@@ -256,24 +257,24 @@ def _add(inside: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int, 
     return turned
 
 
-def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Array, gone_over: Array, rim: Array, tip: Array,
-               piece_of: _Slice, looking: Flags, axes: tuple[Array, Array], teeth: int, rows: NDArray[np.intp],
+def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Array, gone_over: tuple[Array, ...], rim: Array,
+               tip: Array, piece_of: _Slice, looking: Flags, axes: tuple[Array, Array], teeth: int, rows: NDArray[np.intp],
                moved: Array) -> None:
     """Adds the cut of one layer with the tool aside along x, y and up, to moved (3, S, 3, 6). turned: its weights where it is
-    on its way; blank, gone_over (K, P) [m]: both distances there."""
+    on its way; blank and each of gone_over (K, P) [m]: the distances there."""
     stock, aside, count = material.stock, material.aside, len(rows)
 
     def cut(some: NDArray[np.intp], other: Array) -> Array:
         """Weights (len(some), 3, 6) of steps where the blank is `other`."""
-        inside = np.minimum(other, gone_over[some]) - FILM
-        _, _, _, summed = _arcs(inside)
+        _, _, _, summed = _arcs((other, *(one[some] for one in gone_over)))
         part = _Slice(piece_of.thick[some], piece_of.radius[some], piece_of.sine[some], piece_of.edge[some])
         return _turned(summed, part, axes[0][some], axes[1][some], teeth)
 
     as_it_is = np.zeros((count, 3, 6)) if turned is None else turned
     # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
     reach = aside + piece_of.radius * (ANGLE[1] - ANGLE[0])
-    feels = ((np.abs(blank) < reach[:, None]) & (blank - aside < gone_over) & (gone_over > -reach[:, None])).any(axis=1)
+    gone = np.minimum(*gone_over)
+    feels = ((np.abs(blank) < reach[:, None]) & (blank - aside < gone) & (gone > -reach[:, None])).any(axis=1)
     some = np.flatnonzero(looking & feels)
     for axis in range(2):
         change = as_it_is.copy()

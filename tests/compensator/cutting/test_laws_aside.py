@@ -27,18 +27,18 @@ def box_moved(aside: np.ndarray):
 
 @pytest.mark.parametrize("y", [46.0, 33.0, -47.0])
 def test_the_change_is_that_of_a_sum_over_the_edge(y: float) -> None:
-    """Entry, plateau and exit of a shoulder and of a slot, the tool moved by 0.1 mm along x, y and up: to 20 % of the largest
+    """Entry, plateau and exit of a shoulder and of a slot, the tool moved by 0.1 mm along x, y and up: to 4 % of the largest
     change on the plateau, and to 3 % of the force at entry and exit, which change within a step."""
     track = track_along(np.array([[-80.0, y, -4.0], [80.0, y, -4.0]]))
     engaged = mill_through(block(LOW, HIGH, (-4.0,)), track, FLAT, 1e-3 * STEP)
     assert engaged.moved is not None
-    some = np.arange(20, len(track), 11)
+    some = np.arange(20, len(track), 29)
     middle = 0.5e3 * (track.start + track.end)[some]
     change = []
     for aside in (np.zeros(3), *(STEP * np.eye(3))):
         inside = box_moved(aside)
         change.append([summed_force(inside, place, 0.0, 8.0, MILL.teeth, 0.0 - aside[2], 0.1, MILL.shear_n_mm2, MILL.edge_n_mm,
-                                    0.02, 0.05)
+                                    0.02, 0.1)
                        for place in middle])
     truth = np.array(change)[1:] - np.array(change)[0]
     own = forces(engaged.moved)[:, some] - forces(engaged.weights)[some]
@@ -46,7 +46,7 @@ def test_the_change_is_that_of_a_sum_over_the_edge(y: float) -> None:
     for axis in range(3):
         most = np.abs(truth[axis]).max()
         off = np.abs(own[axis] - truth[axis]).max(axis=1)
-        assert off[np.abs(middle[:, 0]) < 48].max() < 0.2 * most + 0.05, "xyz"[axis]
+        assert off[np.abs(middle[:, 0]) < 48].max() < 0.04 * most + 0.005, "xyz"[axis]
         assert off.max() < 0.03 * plateau, "xyz"[axis]
     assert np.abs(truth[2]).max() > 1
 
