@@ -12,7 +12,7 @@ from tests.runs.milling.another_arm import PLACES, AnotherArmJob
 from tests.runs.milling.milling_job import made_worse, rms
 from tests.second_cell.plans import Plan
 from tests.virtual_cell.milled_part import AIR
-from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, planned
+from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, engagement, planned
 
 SEEDS = {name: 400 + number for number, name in enumerate(PLACES)}
 
@@ -50,3 +50,6 @@ def test_the_machine_stands_where_the_part_is(job: AnotherArmJob) -> None:
     still = np.zeros(len(steps))
     moved = arm.displacement(Plan(at, load, still, still, np.arange(len(steps))), load)
     assert_allclose(1e6 * BASE_FROM_OBJECT.apply(moved, inverse=True), job.first.off_um[steps], atol=0.05)
+    stands = job.first.steps.between(job.part.target_mm) + 1e-3 * job.first.off_um
+    cut = [job.cutter.mean_force(*engagement(job.part, job.first.steps, job.cutter, i, stands[i])) for i in steps]
+    assert_allclose(np.linalg.norm(cut, axis=1), np.linalg.norm(load, axis=1), atol=1e-3)
