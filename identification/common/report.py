@@ -24,7 +24,8 @@ FILES = Path(__file__).parent / "report_files"
 ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
 # A table of more rows is folded.
 FOLDED = 12
-SIGNS = {"good": "\u2713", "caution": "!", "bad": "\u2715", "open": "i"}
+# Strokes in a square of 24: not every font has such characters.
+SIGNS = {"good": "M4 13l5.5 5.5L20 6", "caution": "M12 3v12M12 19v2", "bad": "M5 5l14 14M19 5L5 19", "open": "M12 9v12M12 3v2"}
 Level = Literal["good", "caution", "bad", "open"]
 
 
@@ -38,7 +39,7 @@ class Verdict:
 
     @property
     def sign(self) -> str:
-        """Beside the colour, for those who do not see it."""
+        """Strokes beside the colour, for those who do not see it."""
         return SIGNS[self.level]
 
 

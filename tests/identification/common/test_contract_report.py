@@ -72,7 +72,8 @@ def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:
     order = [text.index(words) for words in ("NOT ACCEPTED", "3 of 9", "0.34", "1 error", "compstiff verify a b", "a sentence",
                                              'id="findings"', "CS0002", "CS0001")]
     assert order == sorted(order), "verdict, figures, findings by level, the command, then the rest; the worst finding first"
-    assert "\u2715" in text[:order[0]]
+    assert re.search(r'<svg class="sign"[^>]*><path d="M[^"]+"/></svg>', text[:order[0]])
+    assert len({Verdict(level, "w", "s").sign for level in ("good", "caution", "bad", "open")}) == 4
 
 
 def test_a_page_without_views_carries_no_library() -> None:
