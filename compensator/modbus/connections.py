@@ -75,18 +75,23 @@ class _Tls(_Bounded, ModbusTlsServer):
 
 def bounded_server(device: Any, address: tuple[str, int], context: ssl.SSLContext | None) -> ModbusTcpServer:
     """A server that is not listening yet, in the running loop; context: of TLS, None without."""
-    asyncio.get_running_loop().set_exception_handler(_quiet_where_exhausted)
+    server: ModbusTcpServer
     if context is None:
-        return _Tcp(device, address=address)
-    # The framer of plain sockets: it counts the bytes of a frame, the TLS one takes whatever arrives together.
-    server = _Tls(device, address=address, sslctx=context, framer=FramerType.SOCKET)
-    create: Callable[..., Any] = server.call_create
-    server.call_create = partial(create, ssl_handshake_timeout=HANDSHAKE_S)
+        server = _Tcp(device, address=address)
+    else:
+        # The framer of plain sockets: it counts the bytes of a frame, the TLS one takes whatever arrives together.
+        server = _Tls(device, address=address, sslctx=context, framer=FramerType.SOCKET)
+        create: Callable[..., Any] = server.call_create
+        server.call_create = partial(create, ssl_handshake_timeout=HANDSHAKE_S)
+    asyncio.get_running_loop().set_exception_handler(partial(_quiet_where_exhausted, server))
     return server
 
 
-def _quiet_where_exhausted(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """No trace for a socket that could not be had: asyncio tries again after a second, and those held stay."""
+def _quiet_where_exhausted(server: ModbusTcpServer, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """No trace for a socket that could not be had: those held stay, and asyncio tries again after a second, also where
+    the server has ended by then and its own socket is no more."""
     reason = context.get("exception")
-    if not (isinstance(reason, OSError) and reason.errno in EXHAUSTED):
+    exhausted = isinstance(reason, OSError) and reason.errno in EXHAUSTED
+    ended = isinstance(reason, ValueError) and not server.is_active()
+    if not (exhausted or ended):
         loop.default_exception_handler(context)
