@@ -6,9 +6,10 @@ stiffnesses free (projection as in subsets.py),
 
     b = E^T W (r - D step) ,   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E ,   T = b^T G^+ b ,
 
-and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left. D holds what the arm's
-unknown weight may do, too (sag.py). With the subset conflicts, family-wise by Bonferroni; and noise far over the stated. What
-is off, and why, `compstiff diagnose` finds.
+and T / r over the residual's own variance is F-distributed with r, the rank of G, and the readings left, or as many degrees of
+freedom as the noise's size in these directions is known with (noise_degrees.py): what the readings of a pose share is known
+from the poses alone. D holds what the arm's unknown weight may do, too (sag.py). With the subset conflicts, family-wise by
+Bonferroni; and noise far over the stated. What is off, and why, `compstiff diagnose` finds.
 """
 
 from __future__ import annotations
@@ -21,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP
+from identification.fit.noise_degrees import NoiseDegrees
 from identification.fit.posterior import Posterior
 from identification.fit.sag import beside_the_springs
-from identification.fit.subsets import Conflict
+from identification.fit.subsets import WORTH_DEGREES, Conflict
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
@@ -59,8 +61,8 @@ class ModelCheck:
 
 def model_check(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> ModelCheck:
     """The check of a plain model; conflicts: its subset conflicts."""
-    beside = beside_the_springs(fitted)
-    found = [(_p_value(fitted, columns, *beside), words) for words, columns in _kinds(fitted.load_state)]
+    degrees = NoiseDegrees(fitted, *beside_the_springs(fitted))
+    found = [(_p_value(degrees, columns), words) for words, columns in _kinds(fitted.load_state)]
     tests = len(found) + 1
     found = [(min(tests * p, 1.0), words) for p, words in found]
     found += [(min(tests * conflict.corrected, 1.0), f"{conflict.part} and {conflict.rest} want different stiffnesses")
@@ -93,11 +95,11 @@ def _kinds(state: LoadState) -> Iterator[tuple[str, Array]]:
            np.concatenate([own * order[:, None, None], order[:, None, None] * axes[None]], axis=2))
 
 
-def _p_value(fitted: Posterior, columns: Array, design: Array, precision: Array) -> float:
-    """Of one kind of columns (n, 3, m) [m] beside the design (n, 3, q), whose prior has that precision (q, q); 1 where too few
-    readings are left to tell."""
+def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
+    """Of one kind of columns (n, 3, m) [m] beside the design; 1 where too few readings are left to tell."""
     from scipy.stats import f
 
+    fitted, design, precision = degrees.fitted, degrees.design, degrees.precision
     at, weights = fitted.at_map, fitted.weights
     scale = np.sqrt(np.mean(columns**2, axis=(0, 1)))
     columns = at.noise.whitening @ (columns[:, :, scale > 0] / scale[scale > 0])
@@ -116,7 +118,11 @@ def _p_value(fitted: Posterior, columns: Array, design: Array, precision: Array)
     explained = float(np.sum((vectors[:, kept].T @ score) ** 2 / eigenvalues[kept]))
     total = float(weights.inner(residual, residual)[0, 0] - of_residual @ step)
     variance = max(total - explained, 1e-12) / left
-    return float(f.sf(explained / rank / variance, rank, left))
+    p_value = float(f.sf(explained / rank / variance, rank, left))
+    if p_value >= WORTH_DEGREES:
+        return p_value
+    known = degrees.along(columns, eigenvalues[kept], vectors[:, kept])
+    return float(f.sf(explained / rank / variance, rank, min(left, known)))
 
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:

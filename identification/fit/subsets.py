@@ -4,18 +4,20 @@ One more set of compliances for a part of the rows, c + delta there: with the sc
 residual, D the design of those rows alone, and the information on delta left when c is free,
 J = D^T W D - D^T W A (A^T W A + P)^-1 A^T W D, the squared Mahalanobis distance between the two fits is u^T J^+ u. It counts
 the directions in which the difference is determined at all, and is chi-squared with as many degrees of freedom if one set of
-springs explains both parts. A conflict is a finding: something the plain model leaves out. A holds what the arm's unknown
-weight may do, too (sag.py), and u is what is left of the score once that is free.
+springs explains both parts and the noise's size is known; it is an estimate, and the p-value of what looks clear is that of an
+F (noise_degrees.py). A conflict is a finding: something the plain model leaves out. A holds what the arm's unknown weight may
+do, too (sag.py), and u is what is left of the score once that is free.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.noise_degrees import NoiseDegrees
 from identification.fit.posterior import Posterior
 from identification.fit.sag import beside_the_springs
 from identification.measurements import Measurements
@@ -26,6 +28,8 @@ Array = NDArray[np.float64]
 DETERMINED = 1.0
 FEWEST_ROWS = 2
 SIGNIFICANCE = 0.05
+# What is less clear than that with a known noise is no conflict with an estimated one.
+WORTH_DEGREES = 0.01
 # Each pose is compared with the others up to so many.
 MOST_POSES = 40
 
@@ -83,10 +87,13 @@ def partitions(rows: Measurements) -> list[tuple[str, str, NDArray[np.bool_]]]:
 
 def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
     """All comparisons that are possible, the clearest conflict first."""
+    from scipy.stats import chi2, f
+
     rows, at, weights = posterior.data.rows, posterior.at_map, posterior.weights
     loaded = np.any(rows.wrench != 0, axis=1)
     common, precision = beside_the_springs(posterior)
     inverse = np.linalg.inv(weights.inner(common, common) + precision)
+    degrees = NoiseDegrees(posterior, common, precision)
     pull = weights.inner(common, at.residual[:, :, None])[:, 0]
     pull[:at.design.shape[2]] = 0.0     # at the mode data and prior are in balance
     raw = []
@@ -104,14 +111,12 @@ def subset_conflicts(posterior: Posterior) -> tuple[Conflict, ...]:
         if not kept.any():
             continue
         along = vectors[:, kept].T @ score
-        squared = float(np.sum(along**2 / eigenvalues[kept]))
-        difference = -vectors[:, kept] @ (along / eigenvalues[kept])
-        raw.append((part, rest, counts, squared, int(kept.sum()), difference))
-    from scipy.stats import chi2
-
-    conflicts = []
-    for part, rest, counts, squared, directions, difference in raw:
+        squared, directions = float(np.sum(along**2 / eigenvalues[kept])), int(kept.sum())
         p_value = float(chi2.sf(squared, directions))
-        conflicts.append(Conflict(part, rest, counts, float(np.sqrt(squared)), directions, p_value,
-                                  min(1.0, p_value * len(raw)), difference))
+        if p_value < WORTH_DEGREES:
+            known = degrees.along(design, eigenvalues[kept], vectors[:, kept])
+            p_value = float(f.sf(squared / directions, directions, known))
+        difference = -vectors[:, kept] @ (along / eigenvalues[kept])
+        raw.append(Conflict(part, rest, counts, float(np.sqrt(squared)), directions, p_value, p_value, difference))
+    conflicts = [replace(conflict, corrected=min(1.0, conflict.p_value * len(raw))) for conflict in raw]
     return tuple(sorted(conflicts, key=lambda conflict: conflict.p_value))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import LARGEST_LOG, MEMORY, PARTS, SETUP, NoiseModel, VarianceComponents
+from identification.fit.noise import ABSOLUTE, FORCE, LARGEST_LOG, MEMORY, OFFSET, PARTS, SETUP, NoiseModel, VarianceComponents
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]
@@ -23,8 +23,11 @@ NOISE_ROWS = 6000
 STRETCH = 32
 # ln likelihood that a part of which no file says anything must bring.
 WORTH_A_PART = 2.0
-# Sizes of such a part that are tried, as multiples of the usual one.
+# Sizes of such a part that are tried, as multiples of the usual one, and what is left beside it of the parts that have taken it
+# for theirs: forces that are wrong by visits pass for forces that are wrong by rows, a memory for that and for re-seating.
 SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
+LEFT = (1.0, 0.5, 0.2)
+TAKEN_FOR = {SETUP: (FORCE, ABSOLUTE), MEMORY: (FORCE, ABSOLUTE, OFFSET)}
 # Newton steps of the search, and their ends.
 MAX_STEPS, LONGEST, ENOUGH = 12, 1.5, 2e-3
 # The curvature changes slowly and costs four gradients.
@@ -130,8 +133,9 @@ def asked_for(at: Linearised, components: VarianceComponents) -> tuple[int, ...]
     plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
     asked = []
     for part in possible:
-        logs = np.repeat(components.logs[None], len(SIZES), axis=0)
-        logs[:, part] = np.log(SIZES)
+        logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
+        logs[:, part] = np.tile(np.log(SIZES), len(LEFT))
+        logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
         with_part = ComponentPosterior(replace(at, noise=noise.with_parts(part)))
         if float(with_part.likelihood(logs).max()) > plain + WORTH_A_PART:
             asked.append(part)

@@ -61,6 +61,18 @@ def test_an_arm_s_unknown_weight_rejects_no_springs(seed: int, tmp_path: Path) -
     assert not [conflict for conflict in fit.conflicts if conflict.corrected < 1e-3]
 
 
+@pytest.mark.parametrize("seed", [178006, 178029])
+def test_forces_set_up_anew_at_each_visit_reject_no_springs(seed: int, tmp_path: Path) -> None:
+    """One error of the force a visit and component, of which the file says it were one a row; rejected with p = 2e-5 and 2e-7."""
+    case = second_cell.simulate(seed, "cycles", "visit_force", weight="known")
+    fit = fitted(case, tmp_path)
+    assert not fit.model.rejected
+    assert fit.model.fit["model_check"]["p_value"] > 0.003
+    # Errors of each component by itself, in the fit's terms in every direction alike.
+    real = case.noise.relative / np.sqrt(3)
+    assert 0.5 * real < fit.posterior.components.setup_relative < 2 * real
+
+
 @pytest.mark.parametrize("hidden", [second_cell.Hidden("backlash", 1, 1.5), second_cell.Hidden("base_rocking", 0, 1.5)])
 def test_what_springs_cannot_do_rejects_a_hanging_arm(hidden: second_cell.Hidden, tmp_path: Path) -> None:
     assert fitted(second_cell.simulate(175065, "cycles", hidden=[hidden], weight="unknown"), tmp_path).model.rejected
