@@ -63,7 +63,7 @@ def test_an_arm_s_unknown_weight_rejects_no_springs(seed: int, tmp_path: Path) -
 
 @pytest.mark.parametrize("seed", [178006, 178029])
 def test_forces_set_up_anew_at_each_visit_reject_no_springs(seed: int, tmp_path: Path) -> None:
-    """One error of the force a visit and component, of which the file says it were one a row; rejected with p = 2e-5 and 2e-7."""
+    """One error of the force a visit and component where the file says one a row: rejected once, p = 2e-5 and 2e-7."""
     case = second_cell.simulate(seed, "cycles", "visit_force", weight="known")
     fit = fitted(case, tmp_path)
     assert not fit.model.rejected
