@@ -54,7 +54,7 @@ def test_of_a_sensor_they_are_the_readings_less_the_springs(tmp_path: Path) -> N
 
 
 def test_of_what_a_visit_shares_they_are_those_of_the_visits(tmp_path: Path) -> None:
-    """Re-seating of 40 um: what is alike all through a visit is judged by the visits, what changes within it by all readings."""
+    """Re-seating of 40 um: what is alike through a visit is judged by the visits, what changes within it by all readings."""
     found = fitted(tmp_path, 40.0)
     rng = np.random.default_rng(2)
     alike = np.repeat(rng.standard_normal((VISITS, 3, 2)), ROWS, axis=0)
