@@ -7,14 +7,14 @@ the same weights; each is divided by its own residual variance, as the data's is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
-from identification.diagnosis.discrepancy import stiffening
+from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks
 from identification.fit.noise import NoiseModel, VarianceComponents
@@ -98,9 +98,8 @@ def goodness_of_fit(
         undecided = dictionary.undecided(state, at.noise, term.joint)
         if undecided.shape[2]:
             base = base.extended(undecided)
-    moved = ((term.effect, term.contribution(state, values)[:, :3])
-             for term, values in zip(fitted.terms, fitted.term_values, strict=True))
-    base = base.extended(stiffening(state, at.noise, moved) / PRIOR_SIZES)
+    found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
+    base = base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
     noise = FittedNoise(at.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
     return detect(base, dictionary, patterns_of(state, at.noise), noise, rng, replicates)
 

@@ -13,7 +13,6 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.fit.fitted_model import WIDE, Term
 from identification.fit.sight import Sight
-from identification.model.effects import Effect
 from identification.model.law_of import LawOf, stiffening_ways, uncertain
 from identification.model.load_state import LoadState
 
@@ -32,13 +31,20 @@ def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
         law = LawOf(term.effect)
         size = abs(float(term.start[0] - term.neutral[0])) / float(term.effect.typical(rows, term.joint)[0])
         zero = np.zeros(len(law.parameters))
-        share = np.where(np.arange(len(zero)) < len(law.shapes), SHARE, STIFFENS)
+        ways = term.effect.ways
+        share = np.concatenate([np.full(len(law.shapes), SHARE), np.ones(ways),
+                                np.full(len(zero) - len(law.shapes) - ways, STIFFENS)])
         free.append(Term(law, term.joint, scale=share * max(size, 1e-6) / WIDE, start=zero, neutral=zero))
     return tuple(free)
 
 
-def stiffening(rows: LoadState, sight: Sight, terms: Iterable[tuple[Effect, Array]]) -> Array:
-    """Columns (n, 3, m) in the noise's coordinates, 1 sigma each: how structures may stiffen, for effects with the displacement
-    (n, 3) [m] of each."""
-    columns = [STIFFENS * stiffening_ways(rows, moved) for effect, moved in terms if effect.stiffens]
-    return sight.whitened(np.concatenate([np.zeros((len(rows), 3, 0)), *columns], axis=2))
+def other_ways(rows: LoadState, sight: Sight, terms: Iterable[Term]) -> Array:
+    """Columns (n, 3, m) in the noise's coordinates, 1 sigma each: how structures as large as the terms' starts say may yield
+    otherwise than their linear law."""
+    columns = [np.zeros((len(rows), 3, 0))]
+    for term in terms:
+        if term.effect.stiffens:
+            columns.append(STIFFENS * stiffening_ways(rows, term.contribution(rows, term.start)[:, :3]))
+        if term.effect.ways:
+            columns.append(term.effect.further_ways(rows, term.joint, term.start)[:, :3])
+    return sight.whitened(np.concatenate(columns, axis=2))

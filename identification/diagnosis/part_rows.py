@@ -16,7 +16,7 @@ import numpy as np
 from identification.common.arrays import Array, rms
 from identification.diagnosis.detect import REPLICATES, Detection, detect
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
-from identification.diagnosis.discrepancy import discrepancies, stiffening
+from identification.diagnosis.discrepancy import discrepancies, other_ways
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.naming import beyond_nothing, credible, inclusion, kindred, with_open_laws
 from identification.diagnosis.procedure import ALARM, INADEQUATE, MOST_CAUSES, NAMING, OPEN_LAWS_DIFFER, SUPPORT, certain
@@ -123,11 +123,6 @@ def columns_of(rows: PartRows, seen: Survey, chosen: Hypothesis) -> Array:
     return np.concatenate([rows.see(PRIOR_SIZES * shape.scale * shape.rows) for shape in shapes], axis=1)
 
 
-def moved_by(rows: PartRows, seen: Survey, chosen: Hypothesis) -> list[Array]:
-    """What each effect of a set does to the tool (N, 3) [m] in all states, as large as the numbers say."""
-    return [term.contribution(rows.state, term.start)[:, :3] for term in seen.terms(chosen)]
-
-
 def enough(
     rows: PartRows, seen: Survey, chosen: Hypothesis, rng: np.random.Generator, replicates: int = REPLICATES,
 ) -> Detection:
@@ -138,9 +133,7 @@ def enough(
         undecided = dictionary.undecided(rows.state, rows, dictionary.entries[entry].joint)
         if undecided.shape[2]:
             base = base.extended(undecided)
-    named = (dictionary.entries[k].effect for k in chosen.entries)
-    moved = zip(named, moved_by(rows, seen, chosen), strict=True)
-    base = base.extended(stiffening(rows.state, rows, moved) / PRIOR_SIZES)
+    base = base.extended(other_ways(rows.state, rows, seen.terms(chosen)) / PRIOR_SIZES)
     return detect(base, dictionary, (), rows, rng, replicates)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
-from identification.diagnosis.discrepancy import stiffening
+from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.projection import PRIOR_SIZES, Base, scores
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
@@ -171,7 +171,7 @@ class _Scan:
         if hypothesis.signatures:
             shapes = [dictionary.shapes(entry, signature)
                       for entry, signature in zip(hypothesis.entries, hypothesis.signatures, strict=True)]
-            base = base.extended(np.concatenate([*shapes, self._stiffening(hypothesis) / PRIOR_SIZES], axis=2))
+            base = base.extended(np.concatenate([*shapes, self._other_ways(hypothesis) / PRIOR_SIZES], axis=2))
         evidence, visible = self._without_doubt(base)
         grown = []
         # Two laws of one gear are one law that is not exactly the dictionary's.
@@ -187,15 +187,14 @@ class _Scan:
                                     hypothesis.log_evidence + value))
         return grown
 
-    def _stiffening(self, hypothesis: Hypothesis) -> Array:
+    def _other_ways(self, hypothesis: Hypothesis) -> Array:
         """What the structures of a hypothesis may do otherwise than their linear law (n, 3, m)."""
         dictionary = self.dictionary
         base = self.base.extended(np.concatenate([_columns(dictionary, k) for k in hypothesis.signatures], axis=2))
         sizes = base.step(base.residual)[len(self.base.precision):]
         each = np.split(sizes, np.cumsum(dictionary.widths[list(hypothesis.signatures)])[:-1])
-        shapes = [dictionary.signatures[k] for k in hypothesis.signatures]
-        moved = [shape.rows @ (shape.scale * size) for shape, size in zip(shapes, each, strict=True)]
-        return stiffening(self.state, self.sight, zip((shape.effect for shape in shapes), moved, strict=True))
+        terms = (dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, each, strict=True))
+        return other_ways(self.state, self.sight, terms)
 
     def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:
         """Evidence (S,) of every signature, and whether these rows could show it at its typical size (S,).

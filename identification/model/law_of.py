@@ -45,13 +45,15 @@ class LawOf(Effect):
         near = [effects()[name] for name in of.near_laws if name in effects()]
         self.shapes = [(law, choice) for law in (of, *near) if near or _shaped(law)
                        for choice in itertools.product(*(parameter.grid or (None,) for parameter in law.parameters))]
-        self.parameters = tuple(
-            Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(len(self.shapes) + of.stiffens * WAYS))
+        count = len(self.shapes) + of.ways + of.stiffens * WAYS
+        self.parameters = tuple(Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(count))
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         moved = np.zeros((len(rows), 6))
         for value, (law, size) in zip(values, self._of_typical_size(rows, joint), strict=False):
             moved += value * law.contribution(rows, joint, size)
+        if self.of.ways:
+            moved += self._further(rows, joint) @ values[len(self.shapes):][:self.of.ways]
         if self.of.stiffens:
             along, share, by = _directions(rows, self._linear(rows, joint))
             moved[:, :3] += np.einsum("kn,kin->ni", share * (values[-WAYS:].reshape(3, -1) @ by), along)
@@ -62,6 +64,8 @@ class LawOf(Effect):
         columns = np.zeros((len(rows), 6, len(self.parameters)))
         for k, (law, size) in enumerate(self._of_typical_size(rows, joint)):
             columns[:, :, k] = law.contribution(rows, joint, size)
+        if self.of.ways:
+            columns[:, :, len(self.shapes):][:, :, :self.of.ways] = self._further(rows, joint)
         if self.of.stiffens:
             columns[:, :3, -WAYS:] = stiffening_ways(rows, self._linear(rows, joint))
         return columns
@@ -73,6 +77,9 @@ class LawOf(Effect):
             values = np.array([0.0 if value is None else value for value in choice])
             values[size] = law.typical(rows, joint)[size]
             yield law, values
+
+    def _further(self, rows: LoadState, joint: int | None) -> Array:
+        return self.of.further_ways(rows, joint, self.of.typical(rows, joint))
 
     def _linear(self, rows: LoadState, joint: int | None) -> Array:
         """What a structure of typical size that does not stiffen adds to the position (n, 3) [m]."""
@@ -98,7 +105,7 @@ def _directions(rows: LoadState, moved: Array) -> tuple[Array, Array, Array]:
 
 def uncertain(effect: Effect) -> bool:
     """Whether an effect's law has a shape that real ones need not follow."""
-    return (effect.stiffens or bool(effect.near_laws) or _shaped(effect)) and not effect.where
+    return (effect.stiffens or effect.ways > 0 or bool(effect.near_laws) or _shaped(effect)) and not effect.where
 
 
 def _shaped(effect: Effect) -> bool:

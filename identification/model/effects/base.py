@@ -67,8 +67,9 @@ class Effect(ABC):
 
     of_robot: the robot does it, so `predict` and `correct` use it; otherwise the measurement does, and it is taken out of the
     data. of_track: the track under the robot does it. stiffens: it is a structure, and real ones yield less the more they
-    carry. gear_law: one of the laws by which a gear's twist may follow its torque. near_laws: effects of the same joint whose
-    shapes a real one of this kind may mix in. law_family: what laws of one gear that imitate each other have in common, as a
+    carry. ways: in how many further ways one of its kind yields (`further_ways`). gear_law: one of the
+    laws by which a gear's twist may follow its torque. near_laws: effects of the same joint whose shapes a real one of this
+    kind may mix in. law_family: what laws of one gear that imitate each other have in common, as a
     sentence; "" where there is no other. law: which law this is, where one name has several ("" for the first); other_laws:
     the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor engineer says it ({joint}
     is filled in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law
@@ -82,6 +83,7 @@ class Effect(ABC):
     of_gravity: ClassVar[bool] = False
     of_track: ClassVar[bool] = False
     stiffens: ClassVar[bool] = False
+    ways: ClassVar[int] = 0
     joints: tuple[int, ...] = ()
     parameters: tuple[Parameter, ...]
     gear_law: ClassVar[bool] = False
@@ -129,6 +131,11 @@ class Effect(ABC):
         """Other effects' names, each with the size of its parameters up to which this one, with parameters (P,), brings it
         along: so much of it beside this one is no cause of its own."""
         return {}
+
+    def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """What one of this kind and of this size (P,) may do beside its law: (n, 6, ways) of position [m] and rotation [rad],
+        each 1 sigma."""
+        return np.zeros((len(rows), 6, 0))
 
     @abstractmethod
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:

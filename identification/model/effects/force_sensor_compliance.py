@@ -8,15 +8,22 @@ from identification.common.arrays import Array
 from identification.model.effects.base import Effect, Parameter
 from identification.model.load_state import LoadState
 
+# Engineering judgement: beams or struts that tilt by c under a moment yield by c h^2 to a force, h being how high and wide they
+# stand, half the width of a sensor for forces of a kilonewton; and they tilt about a point within h of the flange. (Their twist
+# about flange z is joint 6's own.)
+HEIGHT_M = 0.07
+
 
 class ForceSensorCompliance(Effect):
-    """Rotation c (M_x, M_y) about the flange, in the flange frame."""
+    """Rotation c (M_x, M_y) about the flange, in the flange frame. Further ways: it yields to the force across its axis, and
+    along it, and tilts about another point of its axis."""
 
     name = "force_sensor_compliance"
     family = "tool"
     of_robot = True
     stiffens = True
     of_tool = True
+    ways = 3
     formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about flange x and y"
     parameters = (
         Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 3e-5,
@@ -28,6 +35,18 @@ class ForceSensorCompliance(Effect):
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        pivot = rows.origins[:, 5]
+        return self._tilted(rows, values[0], 0.0)
+
+    def further_ways(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        axis, force = rows.flange[:, :, 2], rows.wrench[:, :3]
+        along = axis * np.sum(axis * force, axis=1, keepdims=True)
+        ways = np.zeros((len(rows), 6, self.ways))
+        ways[:, :3, 0], ways[:, :3, 1] = values[0] * HEIGHT_M**2 * (force - along), values[0] * HEIGHT_M**2 * along
+        ways[:, :, 2] = 0.5 * (self._tilted(rows, values[0], HEIGHT_M) - self._tilted(rows, values[0], -HEIGHT_M))
+        return ways
+
+    def _tilted(self, rows: LoadState, compliance: float, ahead: float) -> Array:
+        """Of a pivot so far ahead of the flange [m]."""
+        pivot = rows.origins[:, 5] + ahead * rows.flange[:, :, 2]
         moment = np.einsum("nij,ni->nj", rows.flange, rows.moment_about(pivot)) * [1.0, 1.0, 0.0]
-        return rows.turned(pivot, values[0] * np.einsum("nij,nj->ni", rows.flange, moment))
+        return rows.turned(pivot, compliance * np.einsum("nij,nj->ni", rows.flange, moment))

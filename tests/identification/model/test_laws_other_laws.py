@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from identification.model.effects import effects
 from identification.model.effects_in_force import EffectInForce
-from identification.model.law_of import known
+from identification.model.law_of import LawOf, known
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame, rotation_vector
 from identification.model.stiffness import IdentifiedModel
@@ -174,3 +174,40 @@ def test_a_structure_stiffens_along_the_arm_across_it_and_upright() -> None:
     assert_allclose(by(0, 6, 12), linear, atol=1e-15)
     assert_allclose(by(1, 7, 13), linear * np.sin(theta[:, 1])[:, None], atol=1e-15)
     assert_allclose(by(5, 11, 17), linear * np.linalg.norm(wrench[:, :3], axis=1)[:, None] / 300, atol=1e-15)
+
+
+def test_a_force_sensor_of_struts_yields_in_its_ways_and_no_others() -> None:
+    """Six struts in rows of three, any heights and radii: the tilt, the three further ways and joint 6's own twist give all that
+    such a sensor does to the tool; the tilt and the twist alone do not."""
+    arm, rng = robot(), np.random.default_rng(9)
+    theta = random_poses(arm, 8, rng, 0.6)
+    wrench = np.concatenate([rng.uniform(-300, 300, (8, 3)), np.zeros((8, 3))], axis=1)
+    rows = load_state(arm, TOOL, theta, wrench, np.full(6, 1e-6))
+    sensor = effects()["force_sensor_compliance"]
+    law = LawOf(sensor)
+    for low, high, height in ((0.06, 0.05, 0.05), (0.05, 0.09, 0.12)):
+        below, above = (radius * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) for radius, turn in (
+            (low, np.radians([0, 120, 120, 240, 240, 360])), (high, np.radians([60, 60, 180, 180, 300, 300]))))
+        above[:, 2] = height
+        along = (above - below) / np.linalg.norm(above - below, axis=1, keepdims=True)
+        struts = np.concatenate([along, np.cross(above, along)], axis=1)
+        compliance = np.linalg.inv(struts.T @ struts)       # of the upper plate, at the flange, in its frame
+        moved = np.empty((8, 3))
+        for k, (flange, lever) in enumerate(zip(rows.flange, rows.tcp - rows.origins[:, 5], strict=True)):
+            force, moment = flange.T @ wrench[k, :3], flange.T @ np.cross(lever, wrench[k, :3])
+            slide, turn = np.split(compliance @ np.concatenate([force, moment]), 2)
+            moved[k] = flange @ slide + np.cross(flange @ turn, lever)
+        twist = rows.jacobian[:, :3, 5] * rows.torque[:, 5, None]
+        tilt = sensor.contribution(rows, None, np.array([3e-6]))[:, :3]
+
+        def left(*columns: np.ndarray, moved: np.ndarray = moved) -> float:
+            columns = np.column_stack([column.ravel() / np.linalg.norm(column) for column in columns])
+            found = np.linalg.lstsq(columns, moved.ravel(), rcond=None)[0]
+            return float(np.linalg.norm(columns @ found - moved.ravel()) / np.linalg.norm(moved))
+
+        assert left(tilt, twist) > 0.02
+        ways = np.moveaxis(law.columns(rows, None)[:, :3, :3], 2, 0)
+        assert left(tilt, twist, *ways) < 1e-9
+        # What the columns say the law does.
+        shares = np.concatenate([[0.3, -1.2, 0.7], np.zeros(18)])
+        assert_allclose(law.contribution(rows, None, shares)[:, :3], np.tensordot(shares[:3], ways, 1), atol=1e-15)
