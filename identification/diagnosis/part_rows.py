@@ -123,6 +123,11 @@ def columns_of(rows: PartRows, seen: Survey, chosen: Hypothesis) -> Array:
     return np.concatenate([rows.see(PRIOR_SIZES * shape.scale * shape.rows) for shape in shapes], axis=1)
 
 
+def moved_by(rows: PartRows, seen: Survey, chosen: Hypothesis) -> list[Array]:
+    """What each effect of a set does to the tool (N, 3) [m] in all states, as large as the numbers say."""
+    return [term.contribution(rows.state, term.start)[:, :3] for term in seen.terms(chosen)]
+
+
 def enough(
     rows: PartRows, seen: Survey, chosen: Hypothesis, rng: np.random.Generator, replicates: int = REPLICATES,
 ) -> Detection:

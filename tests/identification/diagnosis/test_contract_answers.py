@@ -190,8 +190,8 @@ def test_the_extended_model_carries_the_law(tmp_path: Path) -> None:
 
 
 def test_shapes_of_a_law_are_linear_and_whole() -> None:
-    """The law of free play has the shapes of soft zones too, a base's those in which it stiffens, a force sensor's three further
-    ways besides; a gain has none."""
+    """The law of free play has the shapes of soft zones too, a base's those in which it stiffens, a force sensor's three
+    further ways besides; a gain has none."""
     play = LawOf(effects()["backlash"])
     assert len(play.parameters) == 1 + len(effects()["soft_zone"].parameters[1].grid)
     assert len(LawOf(effects()["base_rocking"]).parameters) == 18

@@ -177,8 +177,8 @@ def test_a_structure_stiffens_along_the_arm_across_it_and_upright() -> None:
 
 
 def test_a_force_sensor_of_struts_yields_in_its_ways_and_no_others() -> None:
-    """Six struts in rows of three, any heights and radii: the tilt, the three further ways and joint 6's own twist give all that
-    such a sensor does to the tool; the tilt and the twist alone do not."""
+    """Six struts in rows of three, any heights and radii: the tilt, its three further ways and joint 6's own twist give all
+    that such a sensor does to the tool; the tilt and the twist alone do not."""
     arm, rng = robot(), np.random.default_rng(9)
     theta = random_poses(arm, 8, rng, 0.6)
     wrench = np.concatenate([rng.uniform(-300, 300, (8, 3)), np.zeros((8, 3))], axis=1)
