@@ -74,6 +74,10 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "no cut is as soft as a thousandth of a newton per millimetre"),
     ("compensator/toolpath.py", "ABSOLUTE = 4        # MoveAbsJ: joint angles, no pose", "4 -> (4 * 2)",
      "a name for a kind of move: any number that is none of the others"),
+    ("compensator/path/route.py", "near = corners if share <= 0.5 else after[corners]", "<= -> <",
+     "at the half itself nothing is added"),
+    ("identification/fit/visits.py", "SCREEN = 0.1", "0.1 -> (0.1 * 2)",
+     "saves time: what is looked at further is called bad by ALARM alone"),
 )
 
 

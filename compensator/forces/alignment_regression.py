@@ -83,8 +83,11 @@ class Regression:
     def design(self, x: Array, slip: Array | float = 0.0) -> Array:
         """What the force (n, 3) is regressed on (n, 13)."""
         engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
-        kind = self.program.kind[move]
-        return np.column_stack([np.ones(len(kind)), *(engagement * (kind == number)[:, None] for number in range(KINDS + 1))])
+        row = np.arange(len(move))
+        design = np.zeros((len(row), 1 + 4 * (KINDS + 1)))
+        design[:, 0] = 1.0
+        design[:, 1:].reshape(len(row), -1, 4)[row, self.program.kind[move]] = engagement
+        return design
 
     def fit(self, x: Array, slip: Array | float = 0.0) -> Fit:
         """Least squares, with a ridge where the log sees no cut of some kind."""

@@ -78,6 +78,11 @@ class ProgramTime:
             first[a + 1:b + 1], last[a + 1:b + 1] = self.length[a], self.length[b]
         return first, last
 
+    @cached_property
+    def _carried(self) -> Array:
+        """1 and the direction (N, 4) of each move."""
+        return np.column_stack([np.ones(len(self.time)), self.direction])
+
     def engagement(self, planned: Array, lead_in: float, lead_out: float) -> tuple[Array, Indices]:
         """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the
         program and over lead-in and lead-out [m]; and the move (n,)."""
@@ -87,7 +92,7 @@ class ProgramTime:
         engaged = (np.clip((s - first[move] - lead_in) / EDGE + 0.5, 0, 1)
                    * np.clip((last[move] - lead_out - s) / EDGE + 0.5, 0, 1))
         engaged *= ~self.air[move] & (planned >= self.time[0]) & (planned <= self.time[-1])
-        return np.asarray(engaged[:, None] * np.column_stack([np.ones(len(move)), self.direction[move]])), move
+        return np.asarray(engaged[:, None] * self._carried[move]), move
 
 
 def air_moves(feed: Array, by_joints: Flags) -> Flags:

@@ -10,7 +10,6 @@ parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,58 +57,74 @@ def noise_covariance(terms: Terms, sizes: Sizes, neighbours: Array | None = None
     return np.asarray(covariance)
 
 
-def log_evidence(terms: Terms, known: Array, sizes: Sizes, neighbours: Array | None = None) -> float:
-    """ln p(residual | sizes) with the parameters' own covariance (n, n) `known`; -inf where that is no covariance."""
-    from scipy.linalg import solve_triangular
+def log_evidence(
+    terms: Terms, known: Array, sizes: Sizes, neighbours: Array, of_remainder: Array | None = None,
+) -> tuple[float, Array]:
+    """ln p(residual | sizes), and its slope by ln noise, ln shared, ln smear and, with a remainder, ln amplitude; -inf where K
+    is no covariance.
 
+    known (n, n): what the parameters' own covariance gives; neighbours (n, n): `of_neighbours`; of_remainder (n, n): that of a
+    remainder of amplitude 1. The slope by a size is half of a^T dK a - tr(K^-1 dK), with a = K^-1 residual.
+    """
+    from scipy.linalg.lapack import dpotri
+
+    covariance = known + noise_covariance(terms, sizes, neighbours)
+    if of_remainder is not None:
+        covariance += sizes.amplitude**2 * of_remainder
     try:
-        factor = np.linalg.cholesky(known + noise_covariance(terms, sizes, neighbours))
+        factor = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        return -np.inf
-    white = solve_triangular(factor, terms.residual, lower=True, check_finite=False)
-    return float(-0.5 * white @ white - np.log(np.diag(factor)).sum() - 0.5 * len(white) * np.log(2 * np.pi))
+        return -np.inf, np.zeros(3 if of_remainder is None else 4)
+    upper = dpotri(factor.T, lower=0)[0]        # of K^-1, nothing below it
+    diagonal = np.diag(upper)
+    pull = upper @ terms.residual + upper.T @ terms.residual - diagonal * terms.residual
+    value = -0.5 * terms.residual @ pull - np.log(np.diag(factor)).sum() - 0.5 * len(pull) * np.log(2 * np.pi)
+
+    def by(share: Array) -> float:
+        """Slope by the ln of a size whose square times `share` (n, n) stands in K, over that square."""
+        return float(pull @ share @ pull - 2 * np.vdot(upper, share) + diagonal @ np.diag(share))
+
+    alone = pull**2 - diagonal
+    slope = [sizes.noise**2 * float(alone @ terms.rows.sigma**2), sizes.shared**2 * by(neighbours),
+             sizes.smear**2 * float(alone @ terms.rows.steep**2)]
+    return float(value), np.array(slope if of_remainder is None else [*slope, sizes.amplitude**2 * by(of_remainder)])
 
 
 def without_remainder(terms: Terms, start: Sizes | None = None, tries: int = 25) -> Sizes:
     """The likeliest sizes of the noise alone."""
-    known = terms.physical @ terms.physical_prior @ terms.physical.T
     first = start or Sizes(1.0, SHARED[0], SMEAR[0])
-    return _likeliest(terms, lambda _: known, [first.noise, first.shared, first.smear], BOUNDS, 1.0, tries)
+    return _likeliest(terms, None, [first.noise, first.shared, first.smear], BOUNDS, 1.0, tries)
 
 
 def with_remainder(terms: Terms, start: Sizes, length: float, tries: int = 25) -> Sizes:
     """The likeliest sizes with a remainder of this length [m]."""
-    known = terms.physical @ terms.physical_prior @ terms.physical.T
     _, slopes = terms.remainder(length)
     free = slopes @ terms.free(slopes)
-    own = free @ free.T
     first = [start.noise, start.shared, start.smear, start.amplitude or AMPLITUDE[0]]
-    return _likeliest(terms, lambda amplitude: np.asarray(known + amplitude**2 * own), first, WITH_REMAINDER, length, tries)
+    return _likeliest(terms, free @ free.T, first, WITH_REMAINDER, length, tries)
 
 
-def _likeliest(terms: Terms, known: Callable[[float], Array], first: list[float], bounds: list[Array], length: float,
+def _likeliest(terms: Terms, of_remainder: Array | None, first: list[float], bounds: list[Array], length: float,
                tries: int) -> Sizes:
-    """Maximum of the evidence over the logarithms of the sizes; known: what the parameters add to the covariance (n, n), by the
-    remainder's amplitude."""
+    """Maximum of the evidence over the logarithms of the sizes; of_remainder (n, n) as in `log_evidence`."""
     from scipy.optimize import minimize
 
     priors = np.log([NOISE[0], SHARED[0], SMEAR[0], AMPLITUDE[0]])[:len(first)]
     spread = np.array([NOISE[1], SHARED[1], SMEAR[1], AMPLITUDE[1]])[:len(first)]
     of_length = 0.5 * (np.log(length / LENGTH[0]) / LENGTH[1]) ** 2 if len(first) == 4 else 0.0
+    known, neighbours = terms.physical @ terms.physical_prior @ terms.physical.T, of_neighbours(terms)
 
     def sizes(logs: Array) -> Sizes:
         noise, shared, smear, *amplitude = np.exp(logs).tolist()
         return Sizes(noise, shared, smear, *((amplitude[0], length) if amplitude else ()))
 
-    neighbours = of_neighbours(terms)
-
-    def cost(logs: Array) -> float:
-        chosen = sizes(logs)
-        value = of_length + 0.5 * float(np.sum(((logs - priors) / spread) ** 2))
-        return min(value - log_evidence(terms, known(chosen.amplitude), chosen, neighbours), 1e12)
+    def cost(logs: Array) -> tuple[float, Array]:
+        value, slope = log_evidence(terms, known, sizes(logs), neighbours, of_remainder)
+        off = (logs - priors) / spread
+        return min(of_length + 0.5 * float(off @ off) - value, 1e12), off / spread - slope
 
     low, high = np.array(bounds).T
-    found = minimize(cost, np.clip(np.log(first), low, high), method="L-BFGS-B", bounds=list(zip(low, high, strict=True)),
-                     options={"maxiter": tries, "eps": 1e-3, "ftol": 1e-9})
+    found = minimize(cost, np.clip(np.log(first), low, high), jac=True, method="L-BFGS-B",
+                     bounds=list(zip(low, high, strict=True)), options={"maxiter": tries, "ftol": 1e-9})
     best = sizes(found.x)
     return Sizes(best.noise, best.shared, best.smear, best.amplitude, best.length, -float(found.fun))

@@ -58,24 +58,29 @@ class Base:
     def extended(self, columns: Array) -> Base:
         """The model with further columns (n, 3, p), in typical sizes, whose coefficients are free within their prior."""
         more = columns.shape[2]
+        if not more:
+            return self
         size = len(self.precision)
         precision = np.zeros((size + more, size + more))
         precision[:size, :size] = self.precision
         precision[size:, size:] = np.eye(more) / PRIOR_SIZES**2
-        return Base(np.concatenate([self.design, columns], axis=2), self.residual, self.weights, precision,
-                    np.concatenate([self.shift, np.zeros(more)]))
+        larger = Base(np.concatenate([self.design, columns], axis=2), self.residual, self.weights, precision,
+                      np.concatenate([self.shift, np.zeros(more)]))
+        vars(larger)["weighted_design"] = np.concatenate([self.weighted_design, self.weights.apply(columns)], axis=2)
+        return larger
 
     def cross(self, columns: Array) -> Array:
         """D^T W E (q, m) for columns (n, 3, m)."""
         return np.asarray(_flat(self.weighted_design).T @ _flat(columns))
 
-    def score(self, columns: Array, residual: Array, shift: Array | None = None) -> Array:
-        """b (m, B) for columns (n, 3, m) and residuals (n, 3, B)."""
+    def score(self, columns: Array, residual: Array, shift: Array | None = None, cross: Array | None = None) -> Array:
+        """b (m, B) for columns (n, 3, m) and residuals (n, 3, B); cross: that of the columns, where it is at hand."""
         weighted = _flat(self.weights.apply(residual))
         pulled = _flat(self.design).T @ weighted
         if shift is not None:
             pulled = pulled + (self.precision @ shift)[:, None]
-        return np.asarray(_flat(columns).T @ weighted - self.cross(columns).T @ (self.inverse @ pulled))
+        cross = self.cross(columns) if cross is None else cross
+        return np.asarray(_flat(columns).T @ weighted - cross.T @ (self.inverse @ pulled))
 
     def gram(self, columns: Array) -> Array:
         """G (m, m) for columns (n, 3, m)."""
@@ -104,12 +109,13 @@ class Scores:
     size: Array
 
 
-def scores(base: Base, dictionary: Dictionary) -> Scores:
-    """The residual of the fitted model against every signature."""
+def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Scores:
+    """The residual of the fitted model against every signature; grams (S, 3, 3): `own_grams`, where they are at hand."""
     n, components, count, width = dictionary.columns.shape
     flat = dictionary.columns.reshape(n, components, -1)
-    b = base.score(flat, base.residual[:, :, None], base.shift)[:, 0].reshape(count, width)
-    information = information_blocks(base, dictionary)
+    cross = base.cross(flat)
+    b = base.score(flat, base.residual[:, :, None], base.shift, cross)[:, 0].reshape(count, width)
+    information = _blocks(base, dictionary, cross, own_grams(base.weights, dictionary) if grams is None else grams)
     used = np.arange(width)[None] < dictionary.widths[:, None]
     largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
     ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
@@ -119,14 +125,23 @@ def scores(base: Base, dictionary: Dictionary) -> Scores:
                   np.abs(best[:, 0]))
 
 
+def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
+    """E^T W E (S, 3, 3) of every signature: whatever the model beside it, so that a search makes them once."""
+    n, components, count, width = dictionary.columns.shape
+    weighted = weights.apply(dictionary.columns.reshape(n, components, -1)).reshape(-1, count, width)
+    return np.asarray(dictionary.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2))
+
+
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:
     """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
-    n, components, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(n, components, -1)
-    weighted = base.weights.apply(flat).reshape(-1, count, width)
-    own = dictionary.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
-    cross = base.cross(flat).reshape(-1, count, width)
-    own -= np.einsum("asp,ab,bsq->spq", cross, base.inverse, cross, optimize=True)
+    cross = base.cross(dictionary.columns.reshape(*dictionary.columns.shape[:2], -1))
+    return _blocks(base, dictionary, cross, own_grams(base.weights, dictionary))
+
+
+def _blocks(base: Base, dictionary: Dictionary, cross: Array, grams: Array) -> Array:
+    count, width = dictionary.columns.shape[2:]
+    cross = cross.reshape(-1, count, width)
+    own = grams - np.einsum("asp,ab,bsq->spq", cross, base.inverse, cross, optimize=True)
     unused = np.arange(width)[None] >= dictionary.widths[:, None]
     own[unused[:, :, None] & np.eye(width, dtype=bool)] = 1.0
     return np.asarray(own)

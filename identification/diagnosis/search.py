@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from math import comb
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
-from identification.diagnosis.projection import PRIOR_SIZES, Base, scores
+from identification.diagnosis.projection import PRIOR_SIZES, Base, own_grams, scores
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
@@ -165,6 +165,11 @@ class _Scan:
     state: LoadState
     sight: Sight
 
+    @cached_property
+    def grams(self) -> Array:
+        """Of every signature by itself (S, 3, 3)."""
+        return own_grams(self.base.weights, self.dictionary)
+
     def grown(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
         base, dictionary = self.base, self.dictionary
@@ -204,7 +209,7 @@ class _Scan:
         what tells them apart whatever the gear's real law, which is none of the dictionary's exactly: each may differ by a
         mixture of all of them, of LAW_SHARE of its size.
         """
-        dictionary, scored = self.dictionary, scores(base, self.dictionary)
+        dictionary, scored = self.dictionary, scores(base, self.dictionary, self.grams)
         evidence = scored.evidence
         for joint in range(1, 7):
             laws = dictionary.gear_laws(joint)
@@ -228,7 +233,7 @@ class _Scan:
         counts = [len(dictionary.entries[k].signatures) for k in laws]
         signatures = [s for k in laws for s in dictionary.entries[k].signatures]
         share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
-        decided = scores(base.extended(doubts), dictionary.part(laws)).evidence
+        decided = scores(base.extended(doubts), dictionary.part(laws), self.grams[signatures]).evidence
         together = np.logaddexp.reduce(evidence[signatures] + share)
         evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
 

@@ -58,7 +58,7 @@ def response(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> tuple[Arra
     """Readings (n, 3) [m] and their derivative (n, 3, 6 + P) by x: exact for the springs (eq. 14), differences for terms."""
     cell, compliance, values = data.cell, np.exp(x[SPRINGS]), x[EFFECTS]
     state = data.load_state(compliance)
-    position, slope = sensitivity(cell.robot, state.theta, cell.flange_from_tcp, data.rows.wrench, compliance)
+    position, slope = sensitivity(cell.robot, state.theta, cell.flange_from_tcp, state.wrench, compliance, state.at_rest)
     slope = slope * compliance
     position = position + state.of_weight[:, :3]
     if not terms:

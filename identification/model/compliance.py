@@ -247,14 +247,15 @@ def symmetric(a: Array, b: Array) -> Array:
 
 
 def sensitivity(
-    robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array
+    robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array, state: Equilibrium | None = None
 ) -> tuple[Array, Array]:
     """Deviation of the TCP's position (N, 3) [m] and its exact derivative by `c` (N, 3, 6) [m per rad/(N m)] (eq. 14).
 
     Differentiating `dq = c * tau(dq)` gives `d dq / d c_i = (1 - diag(c) H)^-1 e_i tau_i` with the geometric stiffness
-    `H = d tau / d q = L^T (d J~^T w / d theta~) L`, all at the loaded pose; then `d x / d c = J d dq / d c`.
+    `H = d tau / d q = L^T (d J~^T w / d theta~) L`, all at the loaded pose; then `d x / d c = J d dq / d c`. state: the
+    equilibrium, where it is at hand.
     """
-    state = equilibrium(robot, theta, flange_from_tcp, wrench, compliance)
+    state = equilibrium(robot, theta, flange_from_tcp, wrench, compliance) if state is None else state
     slope = np.empty((len(theta), 3, 6))
     loaded = loaded_angles(robot, theta, state.deflection)
     load = robot.load_matrix

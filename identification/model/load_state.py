@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.compliance import equilibrium, loaded_angles
+from identification.model.compliance import Equilibrium, equilibrium, loaded_angles
 from identification.model.gravity import DOWN, gravity_torque, sagged_angles
 from identification.model.kinematics import Chain, chain
 from identification.model.robot import RobotModel
@@ -63,15 +63,14 @@ class LoadState:
         return other
 
     @cached_property
-    def _equilibrium(self) -> tuple[Array, Array]:
-        """Spring deflection (n, 6) [rad] and TCP displacement (n, 3) [m] of the plain robot."""
-        state = equilibrium(self.robot, self.theta, self.flange_from_tcp, self.wrench, self.compliance)
-        return state.deflection, state.position
+    def at_rest(self) -> Equilibrium:
+        """The plain robot under the load."""
+        return equilibrium(self.robot, self.theta, self.flange_from_tcp, self.wrench, self.compliance)
 
     @cached_property
     def loaded(self) -> Array:
         """Controller angles (n, 6) [rad] at which an unloaded robot stands where the loaded one is."""
-        return self.theta if self.at_load else loaded_angles(self.robot, self.theta, self._equilibrium[0])
+        return self.theta if self.at_load else loaded_angles(self.robot, self.theta, self.at_rest.deflection)
 
     @cached_property
     def frames(self) -> Chain:
@@ -169,7 +168,7 @@ class LoadState:
         if self.at_load:
             position = np.einsum("nri,ni->nr", self.jacobian[:, :3], self.compliance * self.torque)
         else:
-            position = self._equilibrium[1]
+            position = self.at_rest.position
         return np.concatenate([position, rotation], axis=1)
 
     def compliant(self, wrench: Array) -> Array:

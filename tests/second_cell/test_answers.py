@@ -24,7 +24,8 @@ from tests.runs.hidden_effects.judge import answer, judge, truth_names
 from tests.second_cell.cell import Case, Hidden, simulate
 from tests.second_cell.detectable import CLEAR, signal
 
-CLEARLY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", 0, 2.0), Hidden("drift", 0, 1.5), Hidden("backlash", 1, 2.0))
+# Play has cases of its own below, which ask for more.
+CLEARLY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", 0, 2.0), Hidden("drift", 0, 1.5))
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +37,7 @@ def found() -> list[tuple[Case, Diagnosis]]:
 def test_clear_causes_are_named_and_none_wrongly(found: list[tuple[Case, Diagnosis]]) -> None:
     assert all(signal(case) > CLEAR for case, _ in found)
     outcomes = [judge(truth_names([case.hidden[0].truth]), answer(one.as_dict())) for case, one in found]
-    assert "wrong" not in outcomes
-    assert sum(outcome in ("right", "ambiguous in") for outcome in outcomes) >= len(outcomes) - 1, outcomes
+    assert all(outcome in ("right", "ambiguous in") for outcome in outcomes), outcomes
 
 
 @pytest.mark.parametrize(("seed", "joint", "factor"), [(96001, 6, 0.86), (96007, 1, 0.75)])

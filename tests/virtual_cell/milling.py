@@ -104,14 +104,15 @@ def mill(machine: Machine, part: Part, commands: Commands, cutter: EndMill, give
     if astray is not None:
         shift = shift + astray.displacement_mm(commanded, time)
 
+    turn = BASE_FROM_OBJECT.as_matrix()
+
     def force_of(i: int, moved: np.ndarray) -> np.ndarray:
         if given_n is not None:
-            return BASE_FROM_OBJECT.apply(given_n[i])
+            return np.asarray(turn @ given_n[i])
         if steps.feature[i] == AIR:
             return np.zeros(3)
-        place = plan[i] + shift[i] + 1e3 * BASE_FROM_OBJECT.apply(moved, inverse=True)
-        coverage, depth = engagement(part, steps, cutter, i, place)
-        return BASE_FROM_OBJECT.apply(_to_object(cutter.mean_force(coverage, depth), steps.feed[i]))
+        coverage, depth = engagement(part, steps, cutter, i, plan[i] + shift[i] + 1e3 * (moved @ turn))
+        return np.asarray(turn @ _to_object(cutter.mean_force(coverage, depth), steps.feed[i]))
 
     off, force = machine.pushed(angles(Commands(commanded, turns), machine), time, force_of)
     return Pass(steps, 1e3 * shift + 1e6 * BASE_FROM_OBJECT.apply(off, inverse=True),

@@ -12,13 +12,15 @@ from tests.virtual_cell.arm_model import Tool
 from tests.virtual_cell.designs import Design
 from tests.virtual_cell.inverse import comfortable, inverse
 from tests.virtual_cell.laws import Law, Row
-from tests.virtual_cell.statics import State, Statics, statics
+from tests.virtual_cell.statics import TOLERANCE, State, Statics, statics
 
 ForceFault = Callable[[np.ndarray, Row], np.ndarray]
 ReadingFault = Callable[[np.ndarray, Row, np.ndarray], np.ndarray]
 # Force (3,) [N] at a step, by where the tool is pushed to (3,) [m], base frame.
 ForceOf = Callable[[int, np.ndarray], np.ndarray]
 FORCE_TOLERANCE = 1e-4      # of the balance of cut and arm [N]
+# Of the arm's own balance in a pass [rad, m]: where an edge enters, the force changes by some 1e6 N/m.
+PASS_TOLERANCE = 1e-12
 
 
 @dataclass
@@ -70,10 +72,13 @@ class Plant:
 
         return give
 
-    def at_rest(self, row: Row, force: np.ndarray, rest: np.ndarray | None, start: State | None = None) -> State:
-        """Where the arm comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state itself."""
+    def at_rest(self, row: Row, force: np.ndarray, rest: np.ndarray | None, start: State | None = None,
+                tolerance: float = TOLERANCE) -> State:
+        """Where the arm comes to rest under a force (3,) [N, base]; rest: the torques unloaded, None for that state itself;
+        start and tolerance as in `Statics.solve`."""
         return self.solver.solve(row.q, self._springs(row, rest), force, offset=None if rest is None else self.offset,
-                                 beside=None if rest is None else self.beside, rod_ratio=self.rod_ratio, start=start)
+                                 beside=None if rest is None else self.beside, rod_ratio=self.rod_ratio, start=start,
+                                 tolerance=tolerance)
 
     def displacement(self, design: Design, force_error: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """TCP displacement (N, 3) [m], loaded minus unloaded in the same pose, base frame, and what the lasers see of it.
@@ -133,10 +138,10 @@ class Plant:
             if not force.any():
                 loaded_since = time_s[i]
             row = Row(i, 1, q, float(time_s[i]), float(time_s[i] - loaded_since), force, np.zeros(3))
-            unloaded = air.at_rest(row, np.zeros(3), None, unloaded)
+            unloaded = air.at_rest(row, np.zeros(3), None, unloaded, PASS_TOLERANCE)
             share, last = 1.0, np.inf
             for _ in range(200):
-                state = cut.at_rest(row, force, unloaded.torque, state)
+                state = cut.at_rest(row, force, unloaded.torque, state, PASS_TOLERANCE)
                 moved = state.tcp - unloaded.tcp
                 missing = force_of(i, moved) - force
                 if np.abs(missing).max() <= FORCE_TOLERANCE:

@@ -29,9 +29,11 @@ MAX_ROUNDS = 80
 
 @dataclass(frozen=True)
 class State:
-    """At rest: configuration z (nv,), what the elastic joints give x (e,) and carry torque (e,), TCP (3,) [m, base]."""
+    """At rest: configuration z (nv,), how far it is off the commanded one moved (nv,), what the elastic joints give x (e,) and
+    carry torque (e,), TCP (3,) [m, base]."""
 
     z: np.ndarray
+    moved: np.ndarray
     x: np.ndarray
     torque: np.ndarray
     tcp: np.ndarray
@@ -93,16 +95,17 @@ class Statics:
 
     def solve(
         self, q: np.ndarray, springs: Callable[[np.ndarray], np.ndarray], force: np.ndarray, *,
-        offset: np.ndarray | None = None, beside: np.ndarray | None = None, rod_ratio: float = 1.0, start: State | None = None
+        offset: np.ndarray | None = None, beside: np.ndarray | None = None, rod_ratio: float = 1.0, start: State | None = None,
+        tolerance: float = TOLERANCE,
     ) -> State:
         """The arm at rest, commanded to q (6,) [rad].
 
         force (3,) [N] in the base frame acts on the tool at the displaced TCP, or beside it by offset (3,) [m] in flange
         axes and beside (3,) [m] in base axes; springs: torques (e,) -> what the elastic joints give (e,); start: a
-        state of the same pose to start from.
+        state of this pose, or of one close by, to start from; tolerance [rad, m] of the balance.
         """
         commanded = self.place(q)
-        z = commanded.copy() if start is None else start.z.copy()
+        z = commanded.copy() if start is None else commanded + start.moved
         in_tool = np.zeros(3) if offset is None else ZERO_FLANGE @ offset
         in_base = np.zeros(3) if beside is None else beside
         e, p, data, model = self.e, self.p, self.data, self.model
@@ -122,8 +125,8 @@ class Statics:
             change = commanded[e] + springs(torque) - z[e]
             follow = -inverse @ (gap + elastic @ change)
             residual = max(float(np.abs(change).max()), float(np.abs(gap).max()))
-            if residual <= TOLERANCE:
-                return State(z, z[e] - commanded[e], torque, tcp.copy(), residual)
+            if residual <= tolerance:
+                return State(z, z - commanded, z[e] - commanded[e], torque, tcp.copy(), residual)
             z[e] += change
             z[p] += follow
         raise RuntimeError(f"no equilibrium after {MAX_ROUNDS} rounds, residual {residual:.1e}; commanded {np.degrees(q)} deg")

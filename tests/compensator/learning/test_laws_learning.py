@@ -15,7 +15,15 @@ from compensator.learning.chance import FALSE_RATE, chance_of_remainder
 from compensator.learning.held_out import held_out
 from compensator.learning.posterior import posterior
 from compensator.learning.rows import Rows
-from compensator.learning.sizes import SHARED_LENGTH, Sizes, log_evidence, noise_covariance, with_remainder, without_remainder
+from compensator.learning.sizes import (
+    SHARED_LENGTH,
+    Sizes,
+    log_evidence,
+    noise_covariance,
+    of_neighbours,
+    with_remainder,
+    without_remainder,
+)
 from compensator.learning.terms import DRIFT_STD, SHIFT_STD, TURN_STD, Terms
 from identification.model.rotations import Frame
 
@@ -186,12 +194,27 @@ def test_the_posterior_is_that_of_the_normal_equations() -> None:
     assert len(remainder.places) == 40
 
 
-def test_the_evidence_is_the_normal_density() -> None:
-    rng = np.random.default_rng(5)
-    given = terms(rng)
+@pytest.mark.parametrize("amplitude", [0.0, 20e-6])
+def test_the_evidence_is_the_normal_density_and_its_slope_that_of_it(amplitude: float) -> None:
+    """Against SciPy's density, and differences of it by the logarithm of each size."""
+    given = terms(np.random.default_rng(5))
+    given = replace(given, rows=replace(given.rows, steep=np.linspace(0.0, 8e-3, len(given.rows))))
     known = given.physical @ given.physical_prior @ given.physical.T
-    wanted = stats.multivariate_normal(np.zeros(len(given.rows)), known + noise_covariance(given, NOISE)).logpdf(given.residual)
-    assert np.isclose(log_evidence(given, known, NOISE), wanted)
+    _, slopes = given.remainder(0.1)
+    of_remainder = slopes @ slopes.T if amplitude else None
+    chosen = np.array([1.2, 2e-6, 0.3e-3, *([amplitude] if amplitude else [])])
+
+    def wanted(values: np.ndarray) -> float:
+        sizes = Sizes(*map(float, values[:3]))
+        covariance = known + noise_covariance(given, sizes) + (0.0 if of_remainder is None else values[3] ** 2 * of_remainder)
+        return float(stats.multivariate_normal(np.zeros(len(given.rows)), covariance).logpdf(given.residual))
+
+    value, slope = log_evidence(given, known, Sizes(*map(float, chosen)), of_neighbours(given), of_remainder)
+    assert np.isclose(value, wanted(chosen))
+    factors = np.exp(1e-3 * np.eye(len(chosen)))
+    differences = [(wanted(chosen * factor) - wanted(chosen / factor)) / 2e-3 for factor in factors]
+    assert np.abs(slope).min() > 0.1
+    assert slope == pytest.approx(differences, rel=1e-4)
 
 
 def test_what_is_stated_of_the_springs_holds() -> None:

@@ -41,6 +41,16 @@ def test_points_stand_where_the_axes_say() -> None:
     assert [one[0].text for one in picture.iter("circle")] == list("abc")
 
 
+def test_words_below_a_chart_stand_in_it_and_clear_of_each_other() -> None:
+    """The marks' numbers and the axis' title, whose baselines are a line of print apart."""
+    picture = shown(Panel([Line("l", [0.0, 1.0], [0.0, 1.0])], Axis("place [mm]"), Axis("y [um]")))
+    height = float(picture.get("viewBox").split()[3])
+    title, = (float(text.get("y")) for text in picture.iter("text") if (text.text or "").startswith("place"))
+    marks = {float(text.get("y")) for text in picture.iter("text") if text.get("text-anchor") == "middle"}
+    assert marks
+    assert max(marks) + 14 <= title <= height - 4
+
+
 def test_bars_begin_at_zero_and_are_as_long_as_their_values() -> None:
     values = np.array([4.0, -2.0, 1.0])
     for sideways in (False, True):

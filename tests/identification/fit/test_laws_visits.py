@@ -119,6 +119,15 @@ def test_one_reading_off_at_a_pose_may_be_the_sensor_or_the_table(tmp_path: Path
     assert right in finding.hint
 
 
+def test_a_wrong_angle_where_few_were_read_is_the_pose_s(tmp_path: Path) -> None:
+    """None of the five readings alone is to blame: without any of them the other four still do not fit."""
+    data = LoadTest.of(*read(simulate(71003, "ladder12", noise=SHEET), tmp_path, wrong_angle("P7", 5, other_sign)))
+    visit = data.rows.visit
+    few = data.with_rows(data.rows.select(np.array([np.sum(visit[:row] == visit[row]) < 5 for row in range(len(visit))])))
+    bad, = bad_visits(posterior(few)).bad
+    assert (bad.name, len(bad.rows)) == ("P7", 5)
+
+
 @pytest.mark.parametrize("tails", [None, 4])
 def test_nothing_wrong_leaves_nothing_out(tails: int | None, tmp_path: Path) -> None:
     noise = replace(SHEET, degrees_of_freedom=tails)
