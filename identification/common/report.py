@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from identification.common.chart import Figure
 from identification.common.chart_numbers import chart_numbers
@@ -25,6 +25,7 @@ ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
 # A table of more rows is folded.
 FOLDED = 12
 # Strokes in a square of 24: not every font has such characters.
+ARROW = '<svg class="arrow" role="img" aria-label="to" viewBox="0 0 22 12"><path d="M1 6h19M15 1l5 5-5 5"/></svg>'
 SIGNS = {"good": "M4 13l5.5 5.5L20 6", "caution": "M12 3v12M12 19v2", "bad": "M5 5l14 14M19 5L5 19", "open": "M12 9v12M12 3v2"}
 Level = Literal["good", "caution", "bad", "open"]
 
@@ -101,13 +102,18 @@ class Page:
     result: dict[str, Any]
 
 
+def _marked(text: str) -> Markup:
+    """The text typeset and escaped, its arrows drawn."""
+    return Markup(escape(typeset(text)).replace("→", Markup(ARROW)))
+
+
 def render(page: Page) -> str:
     """The page as HTML; everything in it is escaped, the JSON result holds no `<`. A file's name may hold what is no UTF-8: it
     stands as it would in Python."""
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["typeset"] = typeset
+    environment.filters["typeset"] = _marked
     # The worst first; each keeps its place among the folded, by which views know it.
     findings = sorted(enumerate(fold(tuple(page.findings))), key=lambda item: ORDER.index(item[1].level))
     items = (*page.first, *page.others)

@@ -39,7 +39,7 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     first: list[Figure | View] = [*_where(judgement), *_probabilities(judgement)]
     if judgement.gain is not None:
         first.append(_held_out(judgement.gain, judgement))
-    if named:
+    if judgement.causes and named:
         first.append(_explained(judgement))
     others = [_in_order(judgement.rows, before, after, allowed), _by_pose(judgement.rows, before, after, allowed),
               _by_load(judgement.rows, before), _patterns(judgement)]
@@ -69,8 +69,9 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
         return Verdict("bad", "UNKNOWN", f"Something is wrong that no cause in the dictionary explains{seen}. Nothing is "
                        f"corrected for it. {sizes[0].upper()}{sizes[1:]} as estimated from the same rows.")
     if diagnosis.verdict == "ambiguous":
-        names = [cause.label for cause in judgement.alternatives[:3]] + [mistake.key for mistake in judgement.mistakes[:1]]
-        return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {', '.join(names)}; {sizes}.")
+        names = [cause.sentence for cause in judgement.alternatives[:3]] + [one.sentence for one in judgement.mistakes[:1]]
+        return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {'; or '.join(names)}. "
+                       f"{sizes[0].upper()}{sizes[1:]}.")
     gain = judgement.gain
     names = [cause.sentence for cause in judgement.causes]
     if not names:
@@ -93,7 +94,7 @@ def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     ranked = [*judgement.causes, *judgement.alternatives]
     # Of an unknown cause the nearest names are none: their probabilities are among themselves.
     if ranked and judgement.verdict != "unknown":
-        keys.append(Key("likeliest cause", f"{100 * ranked[0].probability:.0f}", "%", ranked[0].label))
+        keys.append(Key("likeliest cause", f"{100 * ranked[0].probability:.0f}", "%", ranked[0].sentence))
     if judgement.robot_difference is not None:
         keys.append(Key("what is open makes", f"{1e6 * judgement.robot_difference:.1f}", "µm",
                         "RMS, for a correction under the measured loads"))
@@ -121,7 +122,7 @@ def _probabilities(judgement: Judgement) -> list[Figure]:
         f" For a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured loads.")
     bars = Bars("probability", [cause.probability for cause in ranked], "after")
     return [Figure("How likely each cause is", "Of being at work, alone or with others." + matters, [
-        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[one.label for one in ranked]),
+        Panel([bars], Axis("probability", from_zero=True, limits=(0.0, 1.0)), Axis(categories=[one.sentence for one in ranked]),
               height=60 + 26 * len(ranked), sideways=True)])]
 
 
