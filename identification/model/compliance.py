@@ -246,6 +246,13 @@ def symmetric(a: Array, b: Array) -> Array:
     return result
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """a x b of vectors (..., 3, n), components first."""
+    x, y, z = (a[..., i, :] for i in range(3))
+    u, v, w = (b[..., i, :] for i in range(3))
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-2)
+
+
 def sensitivity(
     robot: RobotModel, theta: Array, flange_from_tcp: Frame, wrench: Array, compliance: Array, state: Equilibrium | None = None
 ) -> tuple[Array, Array]:
@@ -263,16 +270,14 @@ def sensitivity(
         frames = chain(robot, np.ascontiguousarray(robot.serial_angles(loaded[part]).T))
         arms = frames.origins[5] + np.einsum("ijn,j->in", frames.rotation, flange_from_tcp.position) - frames.origins
         force, moment = wrench[part, :3].T, wrench[part, 3:].T
-        columns = np.cross(frames.axes, arms, axis=1)                               # [axis, component, pose]
+        columns = _cross(frames.axes, arms)                                         # [axis, component, pose]
         torque = np.einsum("icn,cn->in", columns, force) + np.einsum("icn,cn->in", frames.axes, moment)
         # d tau_j / d theta_i = F . (z_i x (z_j x r_j)) for i <= j, with i and j exchanged for i > j, plus M . (z_i x z_j)
-        # for i < j: only the joints before j turn its axis.
-        geometric = np.einsum("icjn,cn->ijn", np.cross(frames.axes[:, :, None], columns.transpose(1, 0, 2)[None],
-                                                       axisa=1, axisb=1, axisc=1), force)
+        # for i < j: only the joints before j turn its axis. A triple product takes any two of its factors as the pair.
+        geometric = np.einsum("icn,jcn->ijn", _cross(force, frames.axes), columns)
         lower = np.tril_indices(6, -1)
         geometric[lower] = geometric.transpose(1, 0, 2)[lower]
-        turned = np.einsum("icjn,cn->ijn", np.cross(frames.axes[:, :, None], frames.axes.transpose(1, 0, 2)[None],
-                                                    axisa=1, axisb=1, axisc=1), moment)
+        turned = np.einsum("icn,jcn->ijn", _cross(moment, frames.axes), frames.axes)
         turned[np.tril_indices(6)] = 0.0
         stiffening = np.einsum("jim,jkn,kl->nil", load[:, :, None], (geometric + turned).transpose(1, 0, 2), load)
         system = np.eye(6) - compliance[:, None] * stiffening

@@ -112,8 +112,9 @@ class LoadState:
     @cached_property
     def serial_jacobian(self) -> Array:
         """J~ (n, 6, 6): rows position [m/rad], rotation; one column a serial axis."""
-        arms = self.tcp[:, None] - self.origins
-        return np.asarray(np.concatenate([np.cross(self.axes, arms), self.axes], axis=2).transpose(0, 2, 1))
+        x, y, z = self.frames.axes.swapaxes(0, 1)
+        u, v, w = (self.tcp.T[:, None] - self.frames.origins.swapaxes(0, 1))
+        return np.ascontiguousarray(np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z]).transpose(2, 0, 1))
 
     @cached_property
     def jacobian(self) -> Array:
