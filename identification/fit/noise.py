@@ -6,12 +6,14 @@ The covariance of the deflections of the rows of one pose visit (docs/effects.md
     force      f^2 G (R F)^2 G^T / w     each row's own error, R of each component of the force, carried through the first-order
                                          compliance G = J diag(c) J^T
     absolute   a^2 G N G^T / w           each loaded row's own error, alike in every direction
-    setup      v^2 (F_n . F_m) G_n G_m^T how far one visit's forces are stretched and turned: the rig is set up anew
+    setup      v^2 G_n diag(F_n F_m) G_m^T, and t^2 times what is beside that diagonal in v^2 (F_n . F_m) G_n G_m^T: how far one
+                                         visit's forces are stretched, each component by itself, and turned: the rig is set up
+                                         anew
     offset     o^2 O                     re-seating, one draw a visit
 
 s, f, a, v, o and rho are estimated by restricted maximum likelihood (the stiffnesses integrated out), v and rho only where the
-rows ask for them (variance_components.py). w_n is the row's weight in a Student likelihood whose degrees of freedom are
-estimated too: 1 for ordinary rows, small for gross errors.
+rows ask for them, and t, which is 1 or 0, with v (variance_components.py). w_n is the row's weight in a Student likelihood
+whose degrees of freedom are estimated too: 1 for ordinary rows, small for gross errors.
 """
 
 from __future__ import annotations
@@ -49,7 +51,8 @@ LARGEST_RATIO = 1e4
 @dataclass(frozen=True)
 class VarianceComponents:
     """Square roots of the variance components of the parts, as multiples of what is stated of each (of what is usual where
-    nothing is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom."""
+    nothing is stated); memory: the odds rho / (1 - rho), likewise; and the Student degrees of freedom. turned: whether a
+    visit's forces are turned as far as they are stretched, not stretched alone."""
 
     sensor: float = 1.0
     force: float = 1.0
@@ -58,6 +61,7 @@ class VarianceComponents:
     setup: float = 0.0
     memory: float = 0.0
     degrees: float = np.inf
+    turned: bool = True
 
     @property
     def values(self) -> Array:
@@ -81,20 +85,24 @@ class VarianceComponents:
 
     def within(self, stated: tuple[bool, ...]) -> VarianceComponents:
         """As stated, and these for the parts that are not stated."""
-        return replace(self, **{part: 1.0 for part, known in zip(PARTS, stated, strict=True) if known})
+        return self.with_values(np.where(stated, 1.0, self.values))
 
     def at_most(self, multiple: float) -> VarianceComponents:
         """With no part but the sensor's above so many times the stated, or usual."""
-        return replace(self, **{part: min(getattr(self, part), multiple) for part in PARTS[1:]})
+        return self.with_values(np.append(self.values[:1], np.minimum(self.values[1:], multiple)))
 
     def of_the_usual_parts(self) -> VarianceComponents:
         """Without the parts that come in only where the rows ask for them."""
-        return replace(self, setup=0.0, memory=0.0)
+        return replace(self, setup=0.0, memory=0.0, turned=True)
 
     def with_logs(self, logs: Array) -> VarianceComponents:
-        """The same degrees of freedom with other multiples (6,)."""
-        sensor, force, absolute, offset, setup, memory = (float(value) for value in np.exp(logs))
-        return VarianceComponents(sensor, force, absolute, offset, setup, memory, self.degrees)
+        """The same with multiples of these logarithms (6,)."""
+        return self.with_values(np.exp(logs))
+
+    def with_values(self, values: Array) -> VarianceComponents:
+        """The same with other multiples (6,)."""
+        sensor, force, absolute, offset, setup, memory = (float(value) for value in values)
+        return VarianceComponents(sensor, force, absolute, offset, setup, memory, self.degrees, self.turned)
 
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
@@ -112,9 +120,10 @@ class NoiseModel:
     """The noise of n rows in units of each component's sensor sigma.
 
     whitening (n, 3, 3): S^-1/2, zero where a component was not measured. force, absolute (n, 3, 3): roots of the two parts of
-    the force error in these units. setups (n, 3, 9): what one visit's forces do to its rows. measured (n, 3). visit (n,): pose
-    visit, from 0. offset (3,): stated standard deviation of the re-seating offset [m]. stated (6,): which of PARTS the cell
-    file states. active (6,): which of PARTS there are.
+    the force error in these units. setups (n, 3, 9): what an error of each component by each component of a visit's forces
+    does to its rows. measured (n, 3). visit (n,): pose visit, from 0. offset (3,): stated standard deviation of the re-seating
+    offset [m]. stated (6,): which of PARTS the cell file states. active (6,): which of PARTS there are.
+    turned: as in VarianceComponents.
     """
 
     whitening: Array
@@ -126,6 +135,7 @@ class NoiseModel:
     offset: Array
     stated: tuple[bool, ...]
     active: tuple[bool, ...]
+    turned: bool = True
 
     def whitened(self, moved: Array) -> Array:
         """Displacements (n, 3, k) [m] of the rows in the noise's coordinates."""
@@ -142,9 +152,9 @@ class NoiseModel:
         repeated = bool(np.any(np.bincount(self.visit, self.measured.any(axis=1)) > 1))
         return bool(np.any(np.linalg.norm(self.force, axis=(1, 2)) > 0.1)), repeated
 
-    def with_parts(self, *parts: int) -> NoiseModel:
+    def with_parts(self, *parts: int, turned: bool = True) -> NoiseModel:
         """With these parts active too."""
-        return replace(self, active=tuple(known or part in parts for part, known in enumerate(self.active)))
+        return replace(self, active=tuple(known or part in parts for part, known in enumerate(self.active)), turned=turned)
 
     def of_rows(self, rows: NDArray[np.bool_ | np.intp]) -> NoiseModel:
         """The noise of some of the rows, or of all in another order."""
@@ -185,7 +195,12 @@ class NoiseModel:
     def loading(self) -> Array:
         """What a visit has in common, as columns (n, 3, r) of unit size: its offset, then its set-up."""
         offset = self.whitening * self.offset
-        return np.concatenate([offset, self.setups], axis=2) if self.active[SETUP] else offset
+        return np.concatenate([offset, self.setup_loading], axis=2) if self.active[SETUP] else offset
+
+    @property
+    def setup_loading(self) -> Array:
+        """What a set-up does to its rows (n, 3, 9), or (n, 3, 3) where forces are stretched alone."""
+        return self.setups if self.turned else self.setups[:, :, ::4]
 
     def loading_scale(self, values: Array) -> Array:
         """Size (..., r) of each column of `loading` for multiples (..., 6)."""
@@ -327,11 +342,11 @@ def sensor_sigma(data: LoadTest) -> Array:
 
 def residual_std(data: LoadTest, components: VarianceComponents, compliance: Array) -> Array:
     """1 sigma of each component's residual (n, 3) [m] under noise of these components, all of its parts."""
-    noise, values = noise_model(data, compliance), components.values**2
+    noise, values = noise_model(data, compliance).with_parts(turned=components.turned), components.values**2
     own = values[SENSOR] + sum(values[part] * np.sum(root**2, axis=2) for part, root in (
         (FORCE, noise.force), (ABSOLUTE, noise.absolute)))
     # A Student distribution's variance is more than its scale squared.
     heavier = 1.0 if np.isinf(components.degrees) else components.degrees / (components.degrees - 2.0)
     shared = sum(values[part] * np.sum(root**2, axis=2) for part, root in (
-        (SETUP, noise.setups), (OFFSET, noise.whitening * noise.offset)))
+        (SETUP, noise.setup_loading), (OFFSET, noise.whitening * noise.offset)))
     return np.asarray(sensor_sigma(data) * np.sqrt(heavier * own + shared))

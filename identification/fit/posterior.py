@@ -100,7 +100,7 @@ class Posterior:
     def chi2(self) -> float:
         """Of the residual against the stated noise."""
         noise, column = self.at_map.noise, self.at_map.residual[:, :, None]
-        stated = noise.weights(VarianceComponents(*(float(known) for known in (True, *noise.stated[1:]))))
+        stated = noise.weights(VarianceComponents().with_values(np.array([1.0, *noise.stated[1:]])))
         return float(stated.inner(column, column)[0, 0])
 
     @property
@@ -188,15 +188,17 @@ def posterior(
     components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
     row_weight = np.ones(len(rows))
     further: tuple[int, ...] = ()
+    turned = True
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
-        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further)
+        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further, turned=turned)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
-            further = asked_for(at, components)
-            noise = noise.with_parts(*further)
+            further, turned = asked_for(at, components)
+            components = replace(components, turned=turned)
+            noise = noise.with_parts(*further, turned=turned)
             at = replace(at, noise=noise)
             components = likeliest(ComponentPosterior(at), components) if further else components
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)

@@ -22,7 +22,7 @@ NOISE_ROWS = 6000
 # Of few long visits, stretches of so many rows.
 STRETCH = 32
 # ln likelihood that a part of which no file says anything must bring.
-WORTH_A_PART = 2.0
+WORTH_A_PART = 3.0
 # Sizes of such a part that are tried, as multiples of the usual one, and what is left beside it of the parts that have taken it
 # for theirs: forces that are wrong by visits pass for forces that are wrong by rows, a memory for that and for re-seating.
 SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
@@ -123,23 +123,26 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
         posterior.noise.active))})
 
 
-def asked_for(at: Linearised, components: VarianceComponents) -> tuple[int, ...]:
+def asked_for(at: Linearised, components: VarianceComponents) -> tuple[tuple[int, ...], bool]:
     """The parts that the rows ask for beyond the usual ones: set-ups, where visits have several loaded rows, and a memory,
-    where visits have several rows."""
+    where visits have several rows; and whether set-ups turn the forces."""
     noise = at.noise
     loaded = np.bincount(noise.visit, np.any(noise.setups != 0, axis=(1, 2)))
     rows = np.bincount(noise.visit)
     possible = [part for part, company in ((SETUP, loaded), (MEMORY, rows)) if np.sum(company > 2) > 1]
     plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
-    asked = []
+    asked, turned = [], True
     for part in possible:
         logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
         logs[:, part] = np.tile(np.log(SIZES), len(LEFT))
         logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
-        with_part = ComponentPosterior(replace(at, noise=noise.with_parts(part)))
-        if float(with_part.likelihood(logs).max()) > plain + WORTH_A_PART:
+        ways = (True, False) if part == SETUP else (True,)
+        likely = [float(ComponentPosterior(replace(at, noise=noise.with_parts(part, turned=way))).likelihood(logs).max())
+                  for way in ways]
+        if max(likely) > plain + WORTH_A_PART:
             asked.append(part)
-    return tuple(asked)
+            turned = turned and likely[0] == max(likely)
+    return tuple(asked), turned
 
 
 def _gradient(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> Array:

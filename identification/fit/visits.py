@@ -153,7 +153,8 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
     # The rows of a visit that were kept for validation are one of their own.
     apart = np.unique(2 * rows.visit + was_fitted, return_inverse=True)[1].astype(np.intp)
     further = [part for part in (SETUP, MEMORY) if fitted.at_map.noise.active[part]]
-    noise = noise_model(data.with_rows(replace(rows, visit=apart)), fitted.compliance).with_parts(*further)
+    noise = noise_model(data.with_rows(replace(rows, visit=apart)), fitted.compliance).with_parts(
+        *further, turned=fitted.components.turned)
     shared_force = max(SHARED_FORCE, fitted.components.setup_relative)
     row_weight = np.ones(len(rows))
     row_weight[was_fitted] = _matched(fitted, rows.row[was_fitted])

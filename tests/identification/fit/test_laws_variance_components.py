@@ -23,8 +23,8 @@ FULL = CELL + "force_relative_std: 0.01, force_std_n: [0, 0, 0], pose_offset_std
 BARE = CELL[:-2] + "}\n"
 
 
-@pytest.mark.parametrize("remembers", [False, True])
-def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
+@pytest.mark.parametrize(("remembers", "turns"), [(False, True), (True, True), (False, False)])
+def test_the_gram_is_that_of_dense_matrices(remembers, turns) -> None:
     """Eighteen rows on three visits, the longest of eleven, components missing, an axis without re-seating, row weights, three
     components at once; the same for `Weights`, and noise that is drawn has that covariance."""
     rng = np.random.default_rng(0)
@@ -39,7 +39,10 @@ def test_the_gram_is_that_of_dense_matrices(remembers) -> None:
     visit, offset = np.array([0, 2, 1, 0, 2, 2, 1, *[2] * 8, 0, 1, 0]), np.array([0.7, 0.0, 1.9])
     design, residual = seen(rng.standard_normal((18, 3, 4))), np.where(measured, rng.standard_normal((18, 3)), 0.0)
     weight = rng.uniform(0.2, 1.3, 18)
-    model = NoiseModel(rotation, force, absolute, setups, measured, visit, offset, (True,) * 6, (*[True] * 5, remembers))
+    model = NoiseModel(rotation, force, absolute, setups, measured, visit, offset, (True,) * 6, (*[True] * 5, remembers),
+                       turns)
+    # Column 3 k + m is an error along k of the component m of the force: without turns, k alone acts on k.
+    setups = setups if turns else setups[:, :, [0, 4, 8]]
     logs = rng.normal(0, 0.6, (3, 6)) + np.array([0, 0, 0, 0, 0, 2])
     gram, log_determinant = NoiseGram(model, weight, design, residual)(logs)
     columns = np.concatenate([design, residual[:, :, None]], axis=2)
