@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identification.fit.linearised import Linearised
 from identification.fit.noise import VarianceComponents
 from identification.fit.priors import PriorModel
-from identification.fit.variance_components import Trials
+from identification.fit.variance_components import Trials, integrated_out
 from identification.model.effects_in_force import EFFECTS, SPRINGS
 
 Array = NDArray[np.float64]
@@ -74,11 +74,12 @@ def shrunk(information: Array, degrees: float) -> Array:
     return information if np.isinf(degrees) else information * (degrees + 3) / (degrees + 5)
 
 
-def posterior_draws(at: Linearised, components: VarianceComponents, trials: Trials) -> Draws:
+def posterior_draws(at: Linearised, components: VarianceComponents, trials: Trials, beside: Array) -> Draws:
     """Draws of x: each with variance components of its own, from Laplace's Gaussian for them, widened into a Student, and
-    weighted by posterior over proposal. The paper's Gaussian prior in k keeps Laplace's Gaussian, as published."""
+    weighted by posterior over proposal. beside (n, 3, m): columns of 1 sigma each that are integrated out. The paper's Gaussian
+    prior in k keeps Laplace's Gaussian, as published."""
     rng, prior, x = np.random.default_rng(0), at.prior, at.x
-    gram, number = _grams(at, components, trials)
+    gram, number = _grams(at, components, trials, beside)
     information, pull = shrunk(gram[:, :-1, :-1], components.degrees), shrunk(gram[:, :-1, -1], components.degrees)
     covariance = np.asarray(np.linalg.inv(information + prior.precision(x)), dtype=float)
     shift = np.einsum("sij,sj->si", covariance, pull - prior.gradient(x))
@@ -106,7 +107,7 @@ def posterior_draws(at: Linearised, components: VarianceComponents, trials: Tria
     return _with_unseen(Draws(draws, weight, effective), np.diag(information.mean(axis=0))[SPRINGS], prior)
 
 
-def _grams(at: Linearised, components: VarianceComponents, trials: Trials) -> tuple[Array, NDArray[np.intp]]:
+def _grams(at: Linearised, components: VarianceComponents, trials: Trials, beside: Array) -> tuple[Array, NDArray[np.intp]]:
     """Gram (S, q, q) of the rows for some variance components, and which of them each draw of a half (DRAWS / 2,) has."""
     share = np.cumsum(trials.weight)
     if trials.gram is not None:
@@ -117,9 +118,9 @@ def _grams(at: Linearised, components: VarianceComponents, trials: Trials) -> tu
     order = np.argsort(trials.logs[:, 0])
     shares = (np.arange(COMPONENTS_OF_MANY_ROWS) + 0.5) / COMPONENTS_OF_MANY_ROWS
     chosen = order[np.searchsorted(np.cumsum(trials.weight[order]), shares)]
-    columns = at.columns
+    columns = np.concatenate([beside, at.columns], axis=2)
     grams = [at.weights(components.with_logs(logs)).inner(columns, columns) for logs in trials.logs[chosen]]
-    return np.array(grams), np.arange(DRAWS // 2) % COMPONENTS_OF_MANY_ROWS
+    return integrated_out(np.array(grams), beside.shape[2])[0], np.arange(DRAWS // 2) % COMPONENTS_OF_MANY_ROWS
 
 
 def _log_posterior(draws: Array, x: Array, information: Array, pull: Array, prior: PriorModel) -> Array:

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP
-from identification.fit.noise_degrees import NoiseDegrees
+from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import Posterior
-from identification.fit.sag import beside_the_springs
 from identification.fit.subsets import WORTH_DEGREES, Conflict
 from identification.model.load_state import LoadState
 

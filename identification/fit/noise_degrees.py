@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from identification.fit.noise import Weights
 from identification.fit.posterior import Posterior
+from identification.fit.sag import sag_columns
 
 Array = NDArray[np.float64]
 # Of the differences by which slopes are taken, in ln of a component.
@@ -60,3 +61,14 @@ class NoiseDegrees:
         along = columns @ vectors
         cross = weights.inner(self.design, along)
         return np.asarray(np.diag(weights.inner(along, along)) - np.einsum("qr,qp,pr->r", cross, inverse, cross))
+
+
+def beside_the_springs(fitted: Posterior) -> tuple[Array, Array]:
+    """The fit's design (n, 3, q) in the noise's coordinates with these columns behind it, and the precision (q, q) of its prior
+    with that of their usual sizes."""
+    at = fitted.at_map
+    sag = sag_columns(fitted.load_state, at.noise)
+    own = at.design.shape[2]
+    precision = np.eye(own + sag.shape[2])
+    precision[:own, :own] = fitted.prior.precision(fitted.map)
+    return np.concatenate([at.design, sag], axis=2), precision

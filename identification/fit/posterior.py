@@ -7,10 +7,11 @@ Sigma the noise of `noise.py` with its variance components estimated. The prior 
 in k with the weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, then:
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
-2. The variance components are not known exactly: several hundred are tried, each weighted by its posterior
+2. Where the robot file has no `links` what the arm's weight may do (sag.py) is integrated out: it would pass for springs.
+3. The variance components are not known exactly: several hundred are tried, each weighted by its posterior
    (variance_components.py), and every draw of x has one of them. This widens the posterior where a few rows must tell both,
    and gives it heavier tails than normal.
-3. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
+4. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
    barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals
    and the ellipsoid are quantiles of the draws.
 """
@@ -32,6 +33,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
 from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model
 from identification.fit.priors import PriorModel
+from identification.fit.sag import sag_columns
 from identification.fit.student import student_weights
 from identification.fit.variance_components import ComponentPosterior, asked_for, likeliest, log_covariance, trial_components
 from identification.model.compliance import regressor
@@ -66,9 +68,12 @@ class Posterior:
     @cached_property
     def draws(self) -> Draws:
         """Weighted draws of x, the variance components integrated out."""
-        of_components = ComponentPosterior(self.at_map)
+        sag = sag_columns(self.load_state, self.at_map.noise)
+        if self.prior.kind == "gaussian":
+            sag = sag[:, :, :0]     # as published
+        of_components = ComponentPosterior(self.at_map, sag)
         return posterior_draws(self.at_map, self.components, trial_components(
-            of_components, self.components, self.components_covariance))
+            of_components, self.components, self.components_covariance), sag)
 
     @cached_property
     def mean(self) -> Array:

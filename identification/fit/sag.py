@@ -3,7 +3,7 @@
 Under its weight the arm hangs by dq = c g(theta) at joints 2 and 3 before it is loaded, and the weight's moving with the load
 acts like springs there. To first order the deflection changes by `d elastic / d theta_i` times the sag, and by `J_i tau_i c_i`
 times `c_i d g_i / d theta_i`; g goes with the sine and cosine of the link's angle. Ten columns, each with the size that an arm
-of a few hundred kilograms makes, are free beside every model.
+of a few hundred kilograms makes, are free beside every model, and integrated out of the posterior of the springs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.posterior import Posterior
 from identification.fit.sight import Sight
 from identification.model.load_state import LoadState
 
@@ -41,14 +40,3 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
     return sight.whitened(np.stack(columns, axis=2))
-
-
-def beside_the_springs(fitted: Posterior) -> tuple[Array, Array]:
-    """The fit's design (n, 3, q) in the noise's coordinates with these columns behind it, and the precision (q, q) of its prior
-    with that of their usual sizes."""
-    at = fitted.at_map
-    sag = sag_columns(fitted.load_state, at.noise)
-    own = at.design.shape[2]
-    precision = np.eye(own + sag.shape[2])
-    precision[:own, :own] = fitted.prior.precision(fitted.map)
-    return np.concatenate([at.design, sag], axis=2), precision

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise_degrees import NoiseDegrees
+from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import Posterior
-from identification.fit.sag import beside_the_springs
 from identification.measurements import Measurements
 
 Array = NDArray[np.float64]

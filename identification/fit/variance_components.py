@@ -54,14 +54,18 @@ class Trials:
 
 class ComponentPosterior:
     """ln posterior of the logarithms of the components, the parameters x integrated out (Laplace). All active ones are free:
-    where the rows cannot tell two parts apart, their priors share the residual out."""
+    where the rows cannot tell two parts apart, their priors share the residual out. beside (n, 3, m): columns of 1 sigma each
+    that are integrated out, too (sag.py)."""
 
-    def __init__(self, at: Linearised) -> None:
+    def __init__(self, at: Linearised, beside: Array | None = None) -> None:
         noise, rows = at.noise, _subset(at.noise)
         self.whole = bool(rows.all())
         self.noise = noise if self.whole else noise.of_rows(rows)
-        self._gram = NoiseGram(self.noise, at.row_weight[rows], at.design[rows], at.residual[rows])
+        self._beside = 0 if beside is None else beside.shape[2]
+        design = at.design if beside is None else np.concatenate([beside, at.design], axis=2)
+        self._gram = NoiseGram(self.noise, at.row_weight[rows], design[rows], at.residual[rows])
         # The prior on the step counts as often as the rows are thinned.
+        self._share = float(rows.mean())
         self._precision = rows.mean() * at.prior.precision(at.x)
         self._pull = rows.mean() * -at.prior.gradient(at.x)
         self.rows = int(rows.sum())
@@ -78,12 +82,24 @@ class ComponentPosterior:
     def _likelihood(self, logs: Array) -> tuple[Array, Array]:
         logs = np.clip(logs, -LARGEST_LOG, LARGEST_LOG)
         gram, log_determinant = self._gram(logs)
+        gram, log_beside = integrated_out(gram, self._beside, self._share)
         information = gram[:, :-1, :-1] + self._precision
         pull = gram[:, :-1, -1] + self._pull
         step = np.linalg.solve(information, pull[:, :, None])[:, :, 0]
         _, log_volume = np.linalg.slogdet(information)
         gained = np.einsum("sp,sp->s", pull, step) - gram[:, -1, -1]
-        return 0.5 * (gained - log_determinant - log_volume), gram
+        return 0.5 * (gained - log_determinant - log_volume - log_beside), gram
+
+
+def integrated_out(gram: Array, count: int, share: float = 1.0) -> tuple[Array, Array]:
+    """Gram (S, q, q) of the other columns where the first `count` of gram (S, count + q, count + q) are integrated out, each
+    with a normal prior of 1 sigma, which counts by this share; and ln determinant (S,) of their own information."""
+    if not count:
+        return gram, np.zeros(len(gram))
+    own = gram[:, :count, :count] + share * np.eye(count)
+    cross = gram[:, :count, count:]
+    return (gram[:, count:, count:] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(own, cross),
+            np.asarray(np.linalg.slogdet(own)[1]))
 
 
 def _subset(noise: NoiseModel) -> NDArray[np.bool_]:
