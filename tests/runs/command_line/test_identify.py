@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from identification.model.robot import built_in_robots
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.user_files import IRB6660, Frame, K, Run
 from tests.virtual_cell.arm import IRB6700
@@ -81,6 +82,16 @@ def stiffness(folder: Path) -> dict:
     return json.loads((folder / "s.json").read_text(), parse_constant=refuse)
 
 
+def weightless(folder: Path, robot: str | None = None, name: str = "mine.yaml") -> str:
+    """A cell whose robot file, the shipped one or this text, says that the arm weighs nothing: what an unknown weight may do is
+    no part of `posterior`."""
+    (folder / "robots").mkdir()
+    shipped = built_in_robots()["irb6660-205-1.90"].read_text()
+    links = "links:\n" + "  - {mass_kg: 0, centre_of_mass_mm: [0, 0, 0]}\n" * 6
+    (folder / "robots" / name).write_text((robot or shipped) + links)
+    return CELL.replace("irb6660-205-1.90", f"robots/{name}")
+
+
 def posterior(data: Data, arm: kit.Arm = IRB6660, columns: list[str] | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Median of k and covariance of log k, worked out again: Gauss-Newton in log c with the prior of cell.yaml's default."""
     prior = np.array([2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6])
@@ -103,7 +114,7 @@ def posterior(data: Data, arm: kit.Arm = IRB6660, columns: list[str] | None = No
 
 
 def test_stiffnesses_are_the_posterior_s(tmp_path: Path, data: Data) -> None:
-    result = identify(tmp_path, data.text(), "--json")
+    result = identify(tmp_path, data.text(), "--json", cell=weightless(tmp_path))
     assert result.code == 0, result
     s = stiffness(tmp_path)
     k, cov = posterior(data)
@@ -215,7 +226,7 @@ def test_parquet(tmp_path: Path, data: Data, plain: list[float]) -> None:
 
 def test_moments_count(tmp_path: Path) -> None:
     data = measured(moments=True)
-    result = identify(tmp_path, data.text([*JOINTS, *FORCES, *MOMENTS, *READINGS]))
+    result = identify(tmp_path, data.text([*JOINTS, *FORCES, *MOMENTS, *READINGS]), cell=weightless(tmp_path))
     assert result.code == 0, result
     s = stiffness(tmp_path)
     k, cov = posterior(data, columns=MOMENTS)
@@ -301,13 +312,10 @@ prior: {stiffness_nm_per_rad: [2.03e6, 6.02e6, 1.91e6, 0.45e6, 0.22e6, 0.07e6], 
 
 def test_a_robot_file_by_path(tmp_path: Path) -> None:
     """Relative to the folder of cell.yaml; its name and load path go into stiffness.json."""
-    (tmp_path / "robots").mkdir()
     speed = ", speed_deg_s: 100, acceleration_deg_s2: 400}"
-    (tmp_path / "robots" / "mine.yaml").write_text(
-        SERIAL.replace("]}\n  -", "]" + speed + "\n  -").replace("360]}", "360]" + speed)
-    )
+    cell = weightless(tmp_path, SERIAL.replace("]}\n  -", "]" + speed + "\n  -").replace("360]}", "360]" + speed))
     data = measured(IRB6700)
-    result = identify(tmp_path, data.text(), cell=CELL.replace("irb6660-205-1.90", "robots/mine.yaml"))
+    result = identify(tmp_path, data.text(), cell=cell)
     assert result.code == 0, result
     s = stiffness(tmp_path)
     assert (s["robot"], s["load_path"]) == ("my-robot", "serial")
