@@ -320,9 +320,12 @@ def _not_independent(fitted: Posterior) -> list[Finding]:
                                 f"(correlation {components.rho:.2f}): they tell less than so many readings of their own",
                                 file=source, hint="wait longer between readings, or take more poses"))
     if active[SETUP]:
-        findings.append(Finding("CS1041", "note", "the forces of one visit are stretched and turned against those of the next, "
-                                f"by {100 * components.setup_relative:.2g} % of the load", file=source,
-                                hint="align the loading device anew at each pose with a level or a square"))
+        words, hint = (("stretched and turned", "align the loading device anew at each pose with a level or a square")
+                       if components.turned else
+                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load along "
+                        "one of its axes"))
+        findings.append(Finding("CS1041", "note", f"the forces of one visit are {words} against those of the next, "
+                                f"by {100 * components.setup_relative:.2g} % of the load", file=source, hint=hint))
     return findings
 
 

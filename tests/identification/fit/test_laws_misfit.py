@@ -70,6 +70,7 @@ def test_forces_set_up_anew_at_each_visit_reject_no_springs(seed: int, tmp_path:
     assert fit.model.fit["model_check"]["p_value"] > 0.003
     # Errors of each component by itself turn no force but by stretching it.
     assert not fit.posterior.components.turned
+    assert any(one.code == "CS1041" and " are stretched against " in one.message for one in fit.findings)
     assert 0.5 * case.noise.relative < fit.posterior.components.setup_relative < 2 * case.noise.relative
 
 
