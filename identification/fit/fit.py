@@ -322,8 +322,8 @@ def _not_independent(fitted: Posterior) -> list[Finding]:
     if active[SETUP]:
         words, hint = (("stretched and turned", "align the loading device anew at each pose with a level or a square")
                        if components.turned else
-                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load along "
-                        "one of its axes"))
+                       ("stretched", "the sensor's readings are off by another share at each pose: let it warm up, and load "
+                        "along one of its axes"))
         findings.append(Finding("CS1041", "note", f"the forces of one visit are {words} against those of the next, "
                                 f"by {100 * components.setup_relative:.2g} % of the load", file=source, hint=hint))
     return findings
