@@ -72,6 +72,16 @@ def test_no_serious_obstacle(browser: Any, folder: Path, name: str, scheme: Any)
     found.page.close()
 
 
+def test_sentences_in_tables_have_room_on_a_telephone(browser: Any, folder: Path) -> None:
+    """The table is turned sideways rather than its sentences into columns of single words."""
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((folder / "diagnose.html").as_uri())
+    widths = page.locator("td.words").evaluate_all("cells => cells.map(cell => cell.clientWidth)")
+    assert widths
+    assert min(widths) >= 200
+    page.close()
+
+
 def test_the_way_round(browser: Any, folder: Path) -> None:
     """An L, 80 along x then 30 along y, seen from above: it goes right, then up, at one scale."""
     found = opened(browser, folder / "corner.html")
