@@ -145,7 +145,7 @@ def fit_stiffness(
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> fit = compstiff.fit_stiffness(cell, compstiff.read_measurements("measurements.csv", cell.robot))
     >>> print(fit.lines()[1])
-    k1      1.549e+06               1.542e+06 ... 1.556e+06      reliable
+    k1      1.551e+06               1.542e+06 ... 1.559e+06      reliable
     >>> compstiff.write({"fitted.json": fit.model.as_dict(), "identify.html": compstiff.report(fit)})
     """
     every = LoadTest(cell, measurements, PriorModel(cell.prior, prior_kind, gamma))
