@@ -24,7 +24,7 @@ FILES = Path(__file__).parent / "report_files"
 ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
 # A table of more rows is folded.
 FOLDED = 12
-# Strokes in a square of 24: not every font has such characters.
+# Drawn: not every font has such characters. The signs are strokes in a square of 24.
 ARROW = '<svg class="arrow" role="img" aria-label="to" viewBox="0 0 22 12"><path d="M1 6h19M15 1l5 5-5 5"/></svg>'
 SIGNS = {"good": "M4 13l5.5 5.5L20 6", "caution": "M12 3v12M12 19v2", "bad": "M5 5l14 14M19 5L5 19", "open": "M12 9v12M12 3v2"}
 Level = Literal["good", "caution", "bad", "open"]

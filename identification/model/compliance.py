@@ -246,7 +246,7 @@ def symmetric(a: Array, b: Array) -> Array:
     return result
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     """a x b of vectors (..., 3, n), components first."""
     x, y, z = (a[..., i, :] for i in range(3))
     u, v, w = (b[..., i, :] for i in range(3))
@@ -270,14 +270,14 @@ def sensitivity(
         frames = chain(robot, np.ascontiguousarray(robot.serial_angles(loaded[part]).T))
         arms = frames.origins[5] + np.einsum("ijn,j->in", frames.rotation, flange_from_tcp.position) - frames.origins
         force, moment = wrench[part, :3].T, wrench[part, 3:].T
-        columns = _cross(frames.axes, arms)                                         # [axis, component, pose]
+        columns = cross(frames.axes, arms)                                         # [axis, component, pose]
         torque = np.einsum("icn,cn->in", columns, force) + np.einsum("icn,cn->in", frames.axes, moment)
         # d tau_j / d theta_i = F . (z_i x (z_j x r_j)) for i <= j, with i and j exchanged for i > j, plus M . (z_i x z_j)
         # for i < j: only the joints before j turn its axis. A triple product takes any two of its factors as the pair.
-        geometric = np.einsum("icn,jcn->ijn", _cross(force, frames.axes), columns)
+        geometric = np.einsum("icn,jcn->ijn", cross(force, frames.axes), columns)
         lower = np.tril_indices(6, -1)
         geometric[lower] = geometric.transpose(1, 0, 2)[lower]
-        turned = np.einsum("icn,jcn->ijn", _cross(moment, frames.axes), frames.axes)
+        turned = np.einsum("icn,jcn->ijn", cross(moment, frames.axes), frames.axes)
         turned[np.tril_indices(6)] = 0.0
         stiffening = np.einsum("jim,jkn,kl->nil", load[:, :, None], (geometric + turned).transpose(1, 0, 2), load)
         system = np.eye(6) - compliance[:, None] * stiffening

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.model.compliance import Equilibrium, equilibrium, loaded_angles
+from identification.model.compliance import Equilibrium, cross, equilibrium, loaded_angles
 from identification.model.gravity import DOWN, gravity_torque, sagged_angles
 from identification.model.kinematics import Chain, chain
 from identification.model.robot import RobotModel
@@ -112,9 +112,9 @@ class LoadState:
     @cached_property
     def serial_jacobian(self) -> Array:
         """J~ (n, 6, 6): rows position [m/rad], rotation; one column a serial axis."""
-        x, y, z = self.frames.axes.swapaxes(0, 1)
-        u, v, w = (self.tcp.T[:, None] - self.frames.origins.swapaxes(0, 1))
-        return np.ascontiguousarray(np.stack([y * w - z * v, z * u - x * w, x * v - y * u, x, y, z]).transpose(2, 0, 1))
+        axes = self.frames.axes         # [axis, component, pose]
+        moved = cross(axes, self.tcp.T - self.frames.origins)
+        return np.ascontiguousarray(np.concatenate([moved, axes], axis=1).transpose(2, 1, 0))
 
     @cached_property
     def jacobian(self) -> Array:
