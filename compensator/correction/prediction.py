@@ -154,7 +154,7 @@ def _unknown_gravity(model: IdentifiedModel) -> list[Finding]:
     """A note (CS1404) where gravity enters an effect and the robot file does not tell it."""
     upright = bool(np.all(np.abs(model.fall[:2]) < 1e-6))
     asking = [effect.label for effect in model.effects
-              if effect.effect.of_gravity and not (upright and effect.joint == 1)]
+              if effect.effect.of_gravity and not effect.effect.weighed and not (upright and effect.joint == 1)]
     if not asking or model.robot.link_mass is not None:
         return []
     return [Finding("CS1404", "note", f"the robot file has no links: gravity torques are taken as zero in {', '.join(asking)}",

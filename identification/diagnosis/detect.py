@@ -90,11 +90,9 @@ def goodness_of_fit(
     precision = fitted.prior.precision(fitted.map)
     shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
     base = Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(state, at.noise))
-    for term in fitted.terms:
+    for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
-        places = [k for k in dictionary.entries[entry].signatures
-                  if dictionary.signatures[k].effect.where == term.effect.where]
-        base = base.extended(dictionary.shapes(entry, places[0]))
+        base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
         undecided = dictionary.undecided(state, at.noise, term.joint)
         if undecided.shape[2]:
             base = base.extended(undecided)

@@ -17,6 +17,8 @@ from identification.model.load_state import LoadState
 Array = NDArray[np.float64]
 # Coefficients of one signature; the widest have three.
 WIDEST = 3
+# Weights on a gear that differ by less than such a factor are one as far as a second cause is concerned.
+ALIKE = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +55,16 @@ class Dictionary:
         else:
             near = [other for other in self.entries
                     if other.joint == named.joint and other.effect.name in named.effect.near_laws]
-            members = [k for each in (named, *near) for k in each.signatures]
+            weight = self.signatures[signature].weight
+            members = [k for each in (named, *near) for k in each.signatures
+                       if weight / ALIKE <= self.signatures[k].weight <= weight * ALIKE]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
+
+    def nearest(self, entry: int, effect: Effect, values: Array) -> int:
+        """The signature of an entry that is most like its effect in force with values (P,)."""
+        weight = values[-1] if effect.weighed else 0.0
+        bound = [k for k in self.entries[entry].signatures if self.signatures[k].effect.where == effect.where]
+        return min(bound, key=lambda k: abs(self.signatures[k].weight - weight))
 
     def undecided(self, state: LoadState, sight: Sight, joint: int | None) -> Array:
         """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,

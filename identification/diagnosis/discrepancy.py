@@ -30,11 +30,13 @@ def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
             continue
         law = LawOf(term.effect)
         size = abs(float(term.start[0] - term.neutral[0])) / float(term.effect.typical(rows, term.joint)[0])
-        zero = np.zeros(len(law.parameters))
+        zero, start = np.zeros(len(law.parameters)), np.zeros(len(law.parameters))
         ways = term.effect.ways
         share = np.concatenate([np.full(len(law.shapes), SHARE), np.ones(ways),
                                 np.full(len(zero) - len(law.shapes) - ways, STIFFENS)])
-        free.append(Term(law, term.joint, scale=share * max(size, 1e-6) / WIDE, start=zero, neutral=zero))
+        if term.effect.weighed:
+            start[-1] = term.start[-1]
+        free.append(Term(law, term.joint, scale=share * max(size, 1e-6) / WIDE, start=start, neutral=zero))
     return tuple(free)
 
 

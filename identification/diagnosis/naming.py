@@ -51,7 +51,7 @@ class Named:
 
 def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Named:
     """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best."""
-    fits: dict[frozenset[int], Posterior] = {}
+    fits: dict[tuple[frozenset[int], tuple[float, ...]], Posterior] = {}
     lost: dict[frozenset[int], str] = {}
     best = None
     while True:
@@ -59,9 +59,11 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
         if not seen.hypotheses:
             return Named(seen, best, fitted, tuple(lost.values()))
         likeliest = seen.hypotheses[0]
-        if likeliest.key in fits:
+        # A gear under another weight is another start: no slope leads from one to the other.
+        as_weighed = (likeliest.key, tuple(seen.dictionary.signatures[k].weight for k in likeliest.signatures))
+        if as_weighed in fits:
             # It stays the best, or has been it before: the sets take turns.
-            return Named(seen, likeliest, fits[likeliest.key], tuple(lost.values()))
+            return Named(seen, likeliest, fits[as_weighed], tuple(lost.values()))
         if len(fits) == MAX_ROUNDS or len(lost) == MOST_LOST:
             return Named(seen, best, fitted, tuple(lost.values()))
         candidate = attempt(fitted.data, seen.terms(likeliest), fitted)
@@ -69,7 +71,7 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
             lost[likeliest.key] = seen.name(likeliest)
             continue
         best, fitted = likeliest, candidate
-        fits[best.key] = fitted
+        fits[as_weighed] = fitted
 
 
 def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:

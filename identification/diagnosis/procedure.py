@@ -73,7 +73,7 @@ SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for s
 # So many poses that do not fit the others, none by a slip that is likely, are no chance: something depends on the pose.
 SEVERAL = 3
 SEVERAL_IN_WORDS = ("{} do not fit the other poses, and no likely slip explains any: rather a cause that depends on the pose "
-                    "than so many mistakes: play or softness of a gear under a weight that the robot file does not have")
+                    "than so many mistakes")
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
 WORTH_NAMING = 0.01

@@ -275,7 +275,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     for bad in judgement.bad_rows:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
-                                file=source, line=bad.line, hint="measure it again"))
+                                file=source, line=bad.line,
+                                hint="measure it again: what comes back is no slip, but a cause that shows there alone, such as "
+                                     "a gear that crosses its play under that load"))
     if judgement.swing is not None:
         findings.append(Finding("CS1511", "warning", f"{judgement.swing.sentence}; the rows were given that much more sigma",
                                 file=source, hint=EFFECT.settles))
@@ -296,8 +298,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
                                 file=source, hint="state the noise as it is, or look for what scatters"))
     if robot.link_mass is None:
-        findings.append(Finding("CS1404", "note", "the robot file has no links: gravity torques are taken as zero, so backlash "
-                                "and soft zones of joints 2 and 3 are judged as if gravity did not load their gears",
+        findings.append(Finding("CS1404", "note", "the robot file has no links: what gravity holds gears to is not known, so "
+                                "backlash and soft zones of joints 2 to 5 were tried without it and under many weights",
                                 file=str(robot.source), hint="add links (mass and centre) to a robot file of your own"))
     for name, why in judgement.left_out.items():
         if name in effects() and why not in OF_THE_KIND:

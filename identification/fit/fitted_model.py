@@ -76,7 +76,7 @@ def _by_own(state: LoadState, terms: Sequence[Term], values: Array, base: Array,
     of_force = term.effect.true_wrench(state, term.joint, own) is not None
     rows = as_felt(state, terms, values) if term.effect.of_robot else state
     if isinstance(term.effect, LawOf):
-        return term.effect.columns(rows, term.joint)[:, :3]                             # linear in its coefficients
+        return term.effect.columns(rows, term.joint, own)[:, :3]                        # linear in its coefficients
 
     def moved(share: float, k: int) -> Array:
         """Slope (n, 3) over this share of the step of its parameter k."""

@@ -101,7 +101,7 @@ def slopes(rows: LoadState, effects: Sequence[EffectInForce], values: Array) -> 
     for term, own in zip(effects, split(values, effects), strict=True):
         if isinstance(term.effect, LawOf):
             # Linear in its coefficients.
-            result[:, :, place: place + len(own)] = term.effect.columns(rows, term.joint)
+            result[:, :, place: place + len(own)] = term.effect.columns(rows, term.joint, own)
             place += len(own)
             continue
         for k, size in enumerate(term.effect.typical(rows, term.joint)):

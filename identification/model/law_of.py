@@ -42,15 +42,19 @@ class LawOf(Effect):
         self.law = of.law
         self.of_robot = of.of_robot
         self.joints = of.joints
-        near = [effects()[name] for name in of.near_laws if name in effects()]
+        near = [law for name in of.near_laws if name in effects() for law in (effects()[name], *effects()[name].other_laws)
+                if law.law == (of.law if of.weighed else "")]
         self.shapes = [(law, choice) for law in (of, *near) if near or _shaped(law)
-                       for choice in itertools.product(*(parameter.grid or (None,) for parameter in law.parameters))]
+                       for choice in itertools.product(*(parameter.grid or (None,) for parameter in _but_the_weight(law)))]
         count = len(self.shapes) + of.ways + of.stiffens * WAYS
         self.parameters = tuple(Parameter(f"shape_{k + 1}", "1", 1.0, -BOUND, BOUND) for k in range(count))
+        if of.weighed:
+            # The weight under which its shapes are those of the effect: it is carried, not fitted.
+            self.parameters += (of.parameters[-1],)
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         moved = np.zeros((len(rows), 6))
-        for value, (law, size) in zip(values, self._of_typical_size(rows, joint), strict=False):
+        for value, (law, size) in zip(values, self._of_typical_size(rows, joint, values), strict=False):
             moved += value * law.contribution(rows, joint, size)
         if self.of.ways:
             moved += self._further(rows, joint) @ values[len(self.shapes):][:self.of.ways]
@@ -59,10 +63,10 @@ class LawOf(Effect):
             moved[:, :3] += np.einsum("kn,kin->ni", share * (values[-WAYS:].reshape(3, -1) @ by), along)
         return moved
 
-    def columns(self, rows: LoadState, joint: int | None) -> Array:
-        """What each shape adds at its typical size (n, 6, m): position [m] and rotation [rad]."""
+    def columns(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        """What each shape adds at its typical size (n, 6, m): position [m] and rotation [rad]; values (m,)."""
         columns = np.zeros((len(rows), 6, len(self.parameters)))
-        for k, (law, size) in enumerate(self._of_typical_size(rows, joint)):
+        for k, (law, size) in enumerate(self._of_typical_size(rows, joint, values)):
             columns[:, :, k] = law.contribution(rows, joint, size)
         if self.of.ways:
             columns[:, :, len(self.shapes):][:, :, :self.of.ways] = self._further(rows, joint)
@@ -70,13 +74,13 @@ class LawOf(Effect):
             columns[:, :3, -WAYS:] = stiffening_ways(rows, self._linear(rows, joint))
         return columns
 
-    def _of_typical_size(self, rows: LoadState, joint: int | None) -> Iterator[tuple[Effect, Array]]:
-        """The law of each shape, and its values (P,)."""
+    def _of_typical_size(self, rows: LoadState, joint: int | None, values: Array) -> Iterator[tuple[Effect, Array]]:
+        """The law of each shape, and its values (P,); values (m,): this law's own."""
         for law, choice in self.shapes:
             size = next(k for k, value in enumerate(choice) if value is None)
-            values = np.array([0.0 if value is None else value for value in choice])
-            values[size] = law.typical(rows, joint)[size]
-            yield law, values
+            own = np.array([0.0 if value is None else value for value in choice])
+            own[size] = law.typical(rows, joint)[size]
+            yield law, np.append(own, values[-1]) if law.weighed else own
 
     def _further(self, rows: LoadState, joint: int | None) -> Array:
         return self.of.further_ways(rows, joint, self.of.typical(rows, joint))
@@ -109,7 +113,11 @@ def uncertain(effect: Effect) -> bool:
 
 
 def _shaped(effect: Effect) -> bool:
-    return any(parameter.grid for parameter in effect.parameters)
+    return any(parameter.grid for parameter in _but_the_weight(effect))
+
+
+def _but_the_weight(effect: Effect) -> tuple[Parameter, ...]:
+    return effect.parameters[:-1] if effect.weighed else effect.parameters
 
 
 def known(name: str) -> Effect | None:

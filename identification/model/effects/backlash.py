@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import NABTESCO
-from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
+from identification.model.effects.kinds import (
+    OF_ARM,
+    OF_TOOL,
+    SOFTER_NEAR_ZERO,
+    GearTwist,
+    UnderTheArm,
+    UnderTheTool,
+    of_arm,
+    of_tool,
+)
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -23,7 +32,7 @@ HALF_GAP = Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3,
 
 
 class Play(GearTwist):
-    """What both laws have in common."""
+    """What all its laws have in common."""
 
     of_gravity = True
     near_laws = ("soft_zone",)
@@ -31,6 +40,15 @@ class Play(GearTwist):
     sentence = "the gear of joint {joint} has free play: it moves by its gap when the torque on it changes sign"
     turning = "crosses its gap"
     settles = "turn the joint to and fro by a lever at the flange with a dial gauge on it: free play shows without force"
+
+    def crossed(self, rows: LoadState, i: int, values: Array) -> Array:
+        """What the gear has crossed of its play (n,) [rad] since the load came."""
+        preload = self.preload(rows, i, values)
+        return np.asarray(values[0] * (_sign(preload + rows.torque[:, i]) - _sign(preload)))
+
+    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        i = self.index(joint)
+        return np.trunc(_sign(self.preload(rows, i, values) + rows.torque[:, i]))
 
     def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
         i = self.index(joint)
@@ -72,23 +90,38 @@ class HeldPlay(Play):
         return np.where(side != 0, side, held * side[np.maximum(last, first)])
 
 
+class WristPlay(UnderTheTool, Play):
+    """The first law in a wrist of unknown weight."""
+
+    name = "backlash"
+    parameters = (HALF_GAP, of_tool(OF_TOOL))
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return self.crossed(rows, i, values)
+
+
+class ArmPlay(UnderTheArm, Play):
+    """The first law in an arm of unknown weight."""
+
+    name = "backlash"
+    parameters = (HALF_GAP, of_arm(OF_ARM))
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return self.crossed(rows, i, values)
+
+
 class Backlash(Play):
     """`J_i b (s(g + tau) - s(g))`, s the sign, linear within a small friction threshold: a load whose sign the force error
     decides tells nothing. On joints that gravity loads it shows only where the load beats gravity."""
 
     name = "backlash"
-    other_laws = (HeldPlay(),)
+    other_laws = (HeldPlay(), WristPlay(), ArmPlay())
     formula_source = ("M. Nordin, J. Galic, P.-O. Gutman, New Models for Backlash and Gear Play, Int. J. Adapt. Control "
                       "Signal Process. 11, 1997: the classical dead zone, solved for the twist")
     parameters = (HALF_GAP,)
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        gravity = rows.gravity[:, i]
-        return np.asarray(values[0] * (_sign(gravity + rows.torque[:, i]) - _sign(gravity)))
-
-    def side(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        i = self.index(joint)
-        return np.trunc(_sign(rows.gravity[:, i] + rows.torque[:, i]))
+        return self.crossed(rows, i, values)
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * _sign(log.torque))

@@ -51,7 +51,7 @@ class Signature:
 
     scale (p,): typical size of the coefficients; positive: each has one sign. values: coefficients (p,) -> the effect's
     parameter values. effect: the effect itself, or one of its kind that is bound to a place. local: it touches one pose
-    only, so that no other pose can tell of it.
+    only, so that no other pose can tell of it. weight: that hangs on the gear, as its law takes it, where nobody stated one.
     """
 
     rows: Array
@@ -60,6 +60,7 @@ class Signature:
     values: Callable[[Array], Array]
     effect: Effect
     local: bool = False
+    weight: float = 0.0
 
 
 class Effect(ABC):
@@ -70,7 +71,8 @@ class Effect(ABC):
     carry. ways: in how many further ways one of its kind yields (`further_ways`). gear_law: one of the
     laws by which a gear's twist may follow its torque. near_laws: effects of the same joint whose shapes a real one of this
     kind may mix in. law_family: what laws of one gear that imitate each other have in common, as a
-    sentence; "" where there is no other. law: which law this is, where one name has several ("" for the first); other_laws:
+    sentence; "" where there is no other. weighed: its last parameter is what hangs on the gear, where nobody stated that; no
+    slope leads to it. law: which law this is, where one name has several ("" for the first); other_laws:
     the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor engineer says it ({joint}
     is filled in). settles: what would separate it from its look-alikes, and is no load. formula_source: the document its law
     comes from, or "engineering judgement" with its reason.
@@ -89,6 +91,7 @@ class Effect(ABC):
     gear_law: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
     law_family: ClassVar[str] = ""
+    weighed: ClassVar[bool] = False
     law: str = ""
     other_laws: ClassVar[tuple[Effect, ...]] = ()
     sentence: ClassVar[str]
@@ -165,7 +168,7 @@ class Effect(ABC):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
             signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return [*signatures, *(signature for law in self.other_laws if joint in law.places
+        return [*signatures, *(signature for law in self.other_laws if joint in law.places and not law.missing(rows)
                                for signature in law.signatures(rows, joint))]
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:

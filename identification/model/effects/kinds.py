@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -15,12 +16,18 @@ from identification.model.load_state import LoadState
 
 # What free play and a soft zone have in common, whatever the gear's real law.
 SOFTER_NEAR_ZERO = "the gear of joint {joint} is softer near zero torque"
+WEIGHT_IS_KNOWN = "the robot file has links"
 ONLY_IN_MOTION = "it shows only in logs taken in motion"
 ONLY_AS_SCATTER = "it is scatter, which is looked for by itself"
 NOTHING_HANGS = "the loads are not those of hung weights"
 NO_TRACK = "cell.yaml has no track under the robot"
 # Reasons that need no word: they lie in the kind of the data, or of the cell.
 OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK)
+# Torques [N m] that are tried where nobody stated what hangs on the wrist, and on the arm: play is crossed at one of them.
+OF_TOOL = tuple(np.geomspace(40.0, 800.0, 31).round(1).tolist())
+OF_ARM = tuple(np.geomspace(400.0, 8000.0, 31).round(0).tolist())
+# Where the weight of forearm and tool hangs, and that of the lower arm with it: of the way from elbow to wrist.
+FOREARM = 0.4
 # A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
 PLUMB = 1e-3
 MOST_HANG = 0.75
@@ -84,9 +91,79 @@ class GearTwist(AtJoint):
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         """Twist (n,) [rad] of the gear beyond its spring; i its place in the arrays of `rows`, values (P,)."""
 
+    def preload(self, rows: LoadState, i: int, values: Array) -> Array:
+        """Torque (n,) [N m] on the gear before the load."""
+        return np.asarray(rows.gravity[:, i])
+
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
         return np.asarray(rows.jacobian[:, :, i] * self.twist(rows, i, values)[:, None])
+
+
+class UnderUnknownWeight(GearTwist):
+    """A gear of a robot whose file has no links: the torque on it before the load, its last parameter, is searched."""
+
+    weighed = True
+
+    def missing(self, rows: LoadState) -> str:
+        return "" if rows.robot.link_mass is None else WEIGHT_IS_KNOWN
+
+    def preload(self, rows: LoadState, i: int, values: Array) -> Array:
+        down = rows.fall / np.linalg.norm(rows.fall)
+        lever = self.lever(rows)
+        serial = np.sum(rows.axes * np.cross(lever, down), axis=2)
+        # Of what hangs beyond the joint, all axes before it feel it as well: springs beside a parallel rod share it out.
+        return np.asarray(values[-1] * (serial * (np.arange(6) <= i)) @ rows.robot.load_matrix[:, i])
+
+    @abstractmethod
+    def lever(self, rows: LoadState) -> Array:
+        """From each axis to where the weight hangs (n, 6, 3), in lengths at which it has the torque of the parameter."""
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        return [replace(shape, weight=float(shape.values(np.zeros(len(shape.scale)))[-1]))
+                for shape in super().signatures(rows, joint)]
+
+
+class UnderTheTool(UnderUnknownWeight):
+    """A gear of the wrist: the weight hangs on the axis of the flange, and has the torque of the parameter while that is level
+    and across the gear's own axis."""
+
+    law = "wrist"
+    joints: tuple[int, ...] = (4, 5)
+    formula_source = "engineering judgement: the first law, under the torque of a weight on the axis of the flange"
+
+    def lever(self, rows: LoadState) -> Array:
+        return np.asarray(rows.flange[:, None, :, 2])
+
+
+class UnderTheArm(UnderUnknownWeight):
+    """A gear of the arm: the weight hangs at 0.4 of the way from elbow to wrist, and has the torque of the parameter as far
+    out as the lower arm is long."""
+
+    law = "arm"
+    joints: tuple[int, ...] = (2, 3)
+    formula_source = "engineering judgement: the first law, under the torque of a weight on the forearm"
+
+    def lever(self, rows: LoadState) -> Array:
+        elbow, wrist = rows.origins[:, 2], rows.origins[:, 4]
+        length = np.linalg.norm(rows.origins[0, 2] - rows.origins[0, 1])
+        return np.asarray(((elbow + FOREARM * (wrist - elbow))[:, None] - rows.origins) / length)
+
+
+def weight_of(tried: tuple[float, ...], typical: float, high: float, source: str, bounds_source: str) -> Parameter:
+    """The last parameter of a gear under an unknown weight."""
+    return Parameter("weight_nm", "N*m", typical, 0.0, high, grid=tried, shape=True, source=f"engineering judgement: {source}",
+                     bounds_source=f"engineering judgement: none, to {bounds_source}")
+
+
+def of_tool(tried: tuple[float, ...]) -> Parameter:
+    """The torque of what hangs on the wrist."""
+    return weight_of(tried, 200.0, 2000.0, "a spindle of 70 kg, 0.3 m before the wrist", "400 kg half a metre before the wrist")
+
+
+def of_arm(tried: tuple[float, ...]) -> Parameter:
+    """The torque of what hangs on the forearm."""
+    return weight_of(tried, 2000.0, 20000.0, "200 kg a metre out", "two tonnes a metre out")
 
 
 class OfWrench(Effect):

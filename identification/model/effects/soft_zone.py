@@ -8,21 +8,58 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import HARMONIC_DRIVE
-from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist
+from identification.model.effects.kinds import (
+    OF_ARM,
+    OF_TOOL,
+    SOFTER_NEAR_ZERO,
+    GearTwist,
+    UnderTheArm,
+    UnderTheTool,
+    of_arm,
+    of_tool,
+)
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
 # K3 / K1 - 1 of strain wave gears (the source of `extra_rad`).
 SOFTER = 0.8
+EXTRA = Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
+                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
+                         "joint 1 of the paper's Table 1",
+                  bounds_source=f"{HARMONIC_DRIVE}, table 41: the whole twist up to T2 is 6.5 to 13.4 arcmin; 3e-3 rad is "
+                                "10.3 arcmin")
+
+
+def zone_of(*grid: float) -> Parameter:
+    """The torque up to which the gear is softer."""
+    return Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=grid, shape=True,
+                     source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
+                     bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 "
+                                   "N m; 5 to 1500 N m of that is engineering judgement")
 
 
 class SofterNearZero(GearTwist):
-    """What both laws have in common."""
+    """What all its laws have in common."""
 
     of_gravity = True
     law_family = SOFTER_NEAR_ZERO
     sentence = "the gear of joint {joint} is softer under small torques than under large ones"
     settles = "a torque ladder on this joint through zero with small steps"
+
+
+class TwoSlopes(SofterNearZero):
+    """The laws of two slopes, whatever preloads the gear."""
+
+    def two_slopes(self, rows: LoadState, i: int, values: Array) -> Array:
+        """The further twist (n,) [rad] of a gear that yields by a / T more below T; values: a, T and what its preload takes."""
+        extra, torque = values[:2]
+        preload = self.preload(rows, i, values)
+        return np.asarray(extra * (saturated((preload + rows.torque[:, i]) / torque) - saturated(preload / torque)))
+
+    def typical(self, rows: LoadState, joint: int | None) -> Array:
+        sizes = super().typical(rows, joint)
+        sizes[0] = SOFTER * sizes[1] * rows.compliance[self.index(joint)]
+        return sizes
 
 
 class CubicZone(SofterNearZero):
@@ -50,34 +87,38 @@ class CubicZone(SofterNearZero):
         return np.asarray(share * rows.compliance[i] * (cubic - load))
 
 
-class SoftZone(SofterNearZero):
+class WristZone(UnderTheTool, TwoSlopes):
+    """The first law in a wrist of unknown weight."""
+
+    name = "soft_zone"
+    parameters = (EXTRA, zone_of(12.0, 25.0, 50.0, 90.0, 160.0), of_tool(OF_TOOL[::3]))
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return self.two_slopes(rows, i, values)
+
+
+class ArmZone(UnderTheArm, TwoSlopes):
+    """The first law in an arm of unknown weight."""
+
+    name = "soft_zone"
+    parameters = (EXTRA, zone_of(50.0, 90.0, 160.0, 280.0), of_arm(OF_ARM[::3]))
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        return self.two_slopes(rows, i, values)
+
+
+class SoftZone(TwoSlopes):
     """`J_i a (sat((g + tau) / T) - sat(g / T))`: below T the gear yields by a / T more for each newton metre. Its typical size
     follows from the joint: K3/K1 = 1.8 makes a = 0.8 T c_i."""
 
     name = "soft_zone"
-    other_laws = (CubicZone(),)
+    other_laws = (CubicZone(), WristZone(), ArmZone())
     formula_source = (f"{HARMONIC_DRIVE}, fig. 11: straight lines of stiffness K1, K2, K3 between the torques T1 and T2; "
                       "here two lines, or a cubic spring")
-    parameters = (
-        Parameter("extra_rad", "rad", 4e-5, 0.0, 3e-3,
-                  source=f"{HARMONIC_DRIVE}, table 41: K3/K1 is 1.6 to 2.1, so 0.8 T c_i; 4e-5 rad is that at 100 N m with "
-                         "joint 1 of the paper's Table 1",
-                  bounds_source=f"{HARMONIC_DRIVE}, table 41: the whole twist up to T2 is 6.5 to 13.4 arcmin; 3e-3 rad is "
-                                "10.3 arcmin"),
-        Parameter("torque_nm", "N*m", 100.0, 5.0, 1500.0, grid=(12.0, 25.0, 50.0, 90.0, 160.0, 280.0), shape=True,
-                  source=f"{HARMONIC_DRIVE}, table 42: T1 is 54 to 168 N m for sizes 40 to 58",
-                  bounds_source=f"{HARMONIC_DRIVE}, table 42: T1 is 0.29 N m (size 8) to 843 N m (size 100), T2 up to 3040 N "
-                                "m; 5 to 1500 N m of that is engineering judgement"),
-    )
+    parameters = (EXTRA, zone_of(12.0, 25.0, 50.0, 90.0, 160.0, 280.0))
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        extra, torque = values
-        gravity = rows.gravity[:, i]
-        return np.asarray(extra * (saturated((gravity + rows.torque[:, i]) / torque) - saturated(gravity / torque)))
-
-    def typical(self, rows: LoadState, joint: int | None) -> Array:
-        torque = self.parameters[1].typical
-        return np.array([SOFTER * torque * rows.compliance[self.index(joint)], torque])
+        return self.two_slopes(rows, i, values)
 
     def log_contribution(self, log: JointLog, values: Array) -> Array:
         return np.asarray(values[0] * saturated(log.torque / values[1]))

@@ -206,7 +206,7 @@ def test_a_force_sensor_of_struts_yields_in_its_ways_and_no_others() -> None:
             return float(np.linalg.norm(columns @ found - moved.ravel()) / np.linalg.norm(moved))
 
         assert left(tilt, twist) > 0.02
-        ways = np.moveaxis(law.columns(rows, None)[:, :3, :3], 2, 0)
+        ways = np.moveaxis(law.columns(rows, None, np.zeros(len(law.parameters)))[:, :3, :3], 2, 0)
         assert left(tilt, twist, *ways) < 1e-9
         # What the columns say the law does.
         shares = np.concatenate([[0.3, -1.2, 0.7], np.zeros(18)])
