@@ -276,8 +276,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         largest = 1e6 * float(np.nanmax(np.abs(bad.off)))
         findings.append(Finding("CS1407", "warning", f"row {bad.row} is a bad reading, {largest:.1f} um off; it was left out",
                                 file=source, line=bad.line,
-                                hint="measure it again: what comes back is no slip, but a cause that shows there alone, such as "
-                                     "a gear that crosses its play under that load"))
+                                hint="measure it again: what comes back is no slip, but a cause that shows there alone, such "
+                                     "as a gear that crosses its play under that load"))
     if judgement.swing is not None:
         findings.append(Finding("CS1511", "warning", f"{judgement.swing.sentence}; the rows were given that much more sigma",
                                 file=source, hint=EFFECT.settles))
