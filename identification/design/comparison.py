@@ -10,6 +10,7 @@ import numpy as np
 from identification.design.domain import random_pool
 from identification.design.exchange import many_exchanges
 from identification.design.forecast import spread
+from identification.design.own_weight import stated_covariance
 from identification.design.search import Design, Effort, best_refined
 from identification.design.task import Task
 
@@ -42,6 +43,6 @@ def compared(design: Design, plainer: Task, against: str, rng: np.random.Generat
     pool = random_pool(plainer.domain, EFFORT.poses, rng)
     plans = many_exchanges(plainer, pool, rng, EFFORT.exchanges)
     best = best_refined(plainer, pool, plans[: EFFORT.refinements])
-    covariance = np.linalg.inv(plainer.information(best.runs))
-    return Comparison(against, design.certificate.value / best.value, float(np.sqrt(np.diag(design.covariance).max())),
-                      float(np.sqrt(np.diag(covariance).max())))
+    largest, there = (float(np.sqrt(np.diag(stated_covariance(task, runs)).max()))
+                      for task, runs in ((design.task, design.runs), (plainer, best.runs)))
+    return Comparison(against, design.certificate.value / best.value, largest, there)

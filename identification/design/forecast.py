@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.design.domain import Pool
 from identification.design.exchange import exchange
+from identification.design.own_weight import stated_covariance
 from identification.design.search import Design
 from identification.design.sheet import Sheet, as_measurements
 from identification.design.task import Demand
@@ -113,8 +114,8 @@ def forecast(design: Design, sheet: Sheet, measured: Measurements | None, rng: n
 
 
 def joint_forecasts(design: Design) -> tuple[JointForecast, ...]:
-    """Grades as `identify` gives them, from the precision before and after."""
-    covariance = design.covariance
+    """Grades as `identify` gives them, from the covariance before and after."""
+    covariance = stated_covariance(design.task, design.runs)
     before = np.sqrt(np.diag(np.linalg.inv(design.task.prior)))
     after = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(after, after) - np.eye(6)
@@ -134,11 +135,11 @@ def joint_forecasts(design: Design) -> tuple[JointForecast, ...]:
 def _of_length(design: Design, count: int, rng: np.random.Generator) -> tuple[float, float]:
     """Criterion and largest std of the ln k that the loads can show, of the best of a few exchanges with `count` runs; for its
     own length the plan."""
-    task, information = design.task, design.information
+    task, runs = design.task, design.runs
     if count != len(task.demand):
         task = replace(task, demand=Demand(task.demand.groups, np.zeros(count, dtype=np.intp)))
         pool = Pool.of([design.pool, design.runs, design.certificate.support])
         best, _ = max((exchange(task, pool, rng) for _ in range(4)), key=lambda plan: plan[1])
-        information = task.information(pool.take(best))
+        runs = pool.take(best)
     seen = ~np.isin(np.arange(1, 7), task.criterion.left_out)
-    return float(task.criterion.value(information)), float(np.sqrt(np.diag(np.linalg.inv(information))[seen].max()))
+    return task.value(runs), float(np.sqrt(np.diag(stated_covariance(task, runs))[seen].max()))

@@ -12,6 +12,7 @@ from identification.design.causes import ByCauses
 from identification.design.comparison import Comparison
 from identification.design.discrimination import Discrimination
 from identification.design.forecast import Forecast
+from identification.design.own_weight import stated_covariance
 from identification.design.program import RapidProgram, rapid_program
 from identification.design.request import Prepared
 from identification.design.search import Design
@@ -50,8 +51,8 @@ class DesignPlan:
         weight = self.prepared.weight
         if weight is None:
             return None
-        before = np.linalg.inv(self.prepared.task.prior)
-        first, last = (float(1e6 * np.sqrt(np.sum(weight * covariance))) for covariance in (before, self.design.covariance))
+        before, after = np.linalg.inv(self.prepared.task.prior), stated_covariance(self.design.task, self.design.runs)
+        first, last = (float(1e6 * np.sqrt(np.sum(weight * covariance))) for covariance in (before, after))
         return first, last
 
     @property

@@ -1,0 +1,44 @@
+"""What the arm's own weight leaves of a plan's information where the robot file does not state it.
+
+`identify` integrates it out (fit/sag.py), so a forecast of what it will state has to: with the columns S of the weight, each of
+1 sigma, and D of ln c, the rows' information on ln c shrinks by `D^T W S (S^T W S + 1)^-1 S^T W D`. The criterion and its
+certificate are about the springs alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.design.domain import Pool
+from identification.design.sheet import as_measurements, sheet_of
+from identification.design.task import Task
+from identification.fit.fitted_model import response
+from identification.fit.load_test import LoadTest
+from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.sag import sag_columns
+
+Array = NDArray[np.float64]
+
+
+def stated_covariance(task: Task, runs: Pool) -> Array:
+    """Covariance (6, 6) of ln c after the runs as `identify` will state it."""
+    return np.asarray(np.linalg.inv(task.information(runs) - _taken(task, runs)))
+
+
+def _taken(task: Task, runs: Pool) -> Array:
+    """Information (6, 6) on ln c that the weight takes from the runs' rows; of rows measured before it has been taken."""
+    rig = task.domain.rig
+    if rig.cell.robot.link_mass is not None:
+        return np.zeros((6, 6))
+    count = len(runs)
+    rows = as_measurements(sheet_of(runs, task.domain.slots, np.arange(count), task.replicates, np.zeros(count, dtype=bool), "P"))
+    data = LoadTest.of(rig.cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
+    noise = noise_model(data, rig.compliance)
+    design = noise.whitened(response(data, np.log(rig.compliance))[1])
+    weight = sag_columns(data.load_state(rig.compliance), noise)
+    weights = noise.weights(VarianceComponents())
+    cross = weights.inner(weight, design)
+    return np.asarray(cross.T @ np.linalg.solve(weights.inner(weight, weight) + np.eye(weight.shape[2]), cross))
