@@ -33,8 +33,8 @@ def _taken(task: Task, runs: Pool) -> Array:
     rig = task.domain.rig
     if rig.cell.robot.link_mass is not None:
         return np.zeros((6, 6))
-    count = len(runs)
-    rows = as_measurements(sheet_of(runs, task.domain.slots, np.arange(count), task.replicates, np.zeros(count, dtype=bool), "P"))
+    none_kept = np.zeros(len(runs), dtype=bool)
+    rows = as_measurements(sheet_of(runs, task.domain.slots, np.arange(len(runs)), task.replicates, none_kept, "P"))
     data = LoadTest.of(rig.cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
     noise = noise_model(data, rig.compliance)
     design = noise.whitened(response(data, np.log(rig.compliance))[1])

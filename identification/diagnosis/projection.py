@@ -157,5 +157,6 @@ def evidence(information: Array, b: Array, positive: NDArray[np.bool_], widths: 
     value = 0.5 * np.sum(b * mean, axis=1) - 0.5 * np.linalg.slogdet(precision)[1] - width * np.log(PRIOR_SIZES)
     # Unused coefficients have information 1 and no score: their factor does not belong here.
     value += (width - widths) * 0.5 * np.log1p(PRIOR_SIZES**2)
-    spread = np.sqrt(np.linalg.inv(precision)[:, 0, 0])
+    # Where next to no noise is left, numbers cancel to less than nothing.
+    spread = np.sqrt(np.maximum(np.linalg.inv(precision)[:, 0, 0], 1e-300))
     return np.asarray(value + np.where(positive, np.log(2.0) + log_ndtr(mean[:, 0] / spread), 0.0))

@@ -40,6 +40,8 @@ GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
 # No loading device is set up by more than 1 % or half a degree anew each time; and readings that are alike by more than 0.86
 # follow something that happens while a pose is measured.
 UNSTATED_GRANTED = {SETUP: 10.0, MEMORY: 60.0}
+# What a sensor remembers matters to nobody where it scatters by less than this share of what is stated.
+WORTH_REMEMBERING = 0.1
 PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
          SETUP: "force error between set-ups (0.1 % is usual)", MEMORY: "memory of the readings (odds of 0.1 are usual)"}
 
@@ -133,5 +135,7 @@ def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
     noise, multiples, log_std = fitted.at_map.noise, fitted.components.values, fitted.components_log_std
     allowed = {part: granted for part in PARTS if noise.stated[part]}
     allowed |= {part: most for part, most in UNSTATED_GRANTED.items() if noise.active[part]}
+    if multiples[0] < WORTH_REMEMBERING:
+        allowed.pop(MEMORY, None)
     return {PARTS[part]: float(multiples[part]) for part, most in allowed.items()
             if np.log(multiples[part] / most) > ONE_SIDED_95 * log_std[part]}

@@ -44,6 +44,8 @@ USUAL_ODDS = 0.1
 REMEMBERED = 64
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
+# Nor is a part of the noise under a hundredth of what is stated: readings that agree better come from a computer.
+SMALLEST_LOG = -4.6
 # How many times the sensor's 1 sigma the force error may move the tool: with that and LARGEST_LOG a double still holds both.
 LARGEST_RATIO = 1e4
 
@@ -71,7 +73,7 @@ class VarianceComponents:
     @property
     def logs(self) -> Array:
         """ln of the multiples (6,), of one that is nothing the smallest."""
-        return np.log(np.maximum(self.values, np.exp(-LARGEST_LOG)))
+        return np.log(np.maximum(self.values, np.exp(SMALLEST_LOG)))
 
     @property
     def rho(self) -> float:

@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
-from identification.fit.noise import ABSOLUTE, FORCE, LARGEST_LOG, MEMORY, OFFSET, PARTS, SETUP, NoiseModel, VarianceComponents
+from identification.fit.noise import (
+    ABSOLUTE,
+    FORCE,
+    LARGEST_LOG,
+    MEMORY,
+    OFFSET,
+    PARTS,
+    SETUP,
+    SMALLEST_LOG,
+    NoiseModel,
+    VarianceComponents,
+)
 from identification.fit.variance_prior import log_prior
 
 Array = NDArray[np.float64]
@@ -73,14 +84,14 @@ class ComponentPosterior:
     def __call__(self, logs: Array) -> tuple[Array, Array]:
         """ln posterior (S,) of logs (S, 6), and the gram (S, q, q) of the rows."""
         value, gram = self._likelihood(logs)
-        return value + log_prior(self.noise, np.clip(logs, -LARGEST_LOG, LARGEST_LOG)), gram
+        return value + log_prior(self.noise, np.clip(logs, SMALLEST_LOG, LARGEST_LOG)), gram
 
     def likelihood(self, logs: Array) -> Array:
         """ln likelihood (S,) of logs (S, 6)."""
         return self._likelihood(logs)[0]
 
     def _likelihood(self, logs: Array) -> tuple[Array, Array]:
-        logs = np.clip(logs, -LARGEST_LOG, LARGEST_LOG)
+        logs = np.clip(logs, SMALLEST_LOG, LARGEST_LOG)
         gram, log_determinant = self._gram(logs)
         gram, log_beside = integrated_out(gram, self._beside, self._share)
         information = gram[:, :-1, :-1] + self._precision
@@ -128,7 +139,7 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
         step *= min(1.0, LONGEST / max(float(np.linalg.norm(step)), 1e-300))
         trials = np.repeat(logs[None], 5, axis=0)
         trials[:, free] += np.multiply.outer([2.0, 1.0, 0.5, 0.2, 0.05], step)
-        trials = np.clip(trials, -LARGEST_LOG, LARGEST_LOG)
+        trials = np.clip(trials, SMALLEST_LOG, LARGEST_LOG)
         tried = posterior(trials)[0]
         best = int(np.argmax(tried))
         if tried[best] < value + ENOUGH:
@@ -207,7 +218,7 @@ def trial_components(posterior: ComponentPosterior, components: VarianceComponen
     moved = TRIAL_STRETCH * stretch[:, None] * normal
     logs = np.repeat(components.logs[None], count, axis=0)
     logs[:, free] += moved @ np.linalg.cholesky(covariance[np.ix_(free, free)]).T
-    logs = np.clip(logs, -LARGEST_LOG, LARGEST_LOG)
+    logs = np.clip(logs, SMALLEST_LOG, LARGEST_LOG)
     value, gram = posterior(logs)
     proposal = -0.5 * (TRIAL_DEGREES + len(free)) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / TRIAL_DEGREES)
     weight = np.exp(value - proposal - np.max(value - proposal))

@@ -221,6 +221,20 @@ def test_noise_alone_gets_no_name(seed: int, plan: str, stratum: str) -> None:
     assert diagnosed(simulate(seed, plan, stratum, weight="unknown")).judgement.verdict != "named"
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("digit_um", [0.0, 1e-3, 0.1])
+def test_readings_of_a_computer_are_adequate(digit_um: float, tmp_path: Path) -> None:
+    """A newcomer tries the program on numbers without noise: they had been `unknown`, for a sensor that remembers its last
+    reading."""
+    case = simulate(41, "cycles", "none")
+    if digit_um:
+        case.reading[:] = np.round(case.reading / digit_um) * digit_um
+    cell_file, table = case.write(tmp_path)
+    cell = read_cell(cell_file)
+    found = diagnose(cell, read_measurements(table, cell.robot))
+    assert (found.verdict, found.judgement.scatter) == ("adequate", {})
+
+
 def test_the_model_in_memory_is_the_one_of_the_file(tmp_path: Path) -> None:
     """A script that goes on with the diagnosis' model meets the weight that the file's reader takes from the cell: gaps in
     force lie where gravity leaves them."""

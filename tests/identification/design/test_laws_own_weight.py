@@ -1,4 +1,4 @@
-"""What a plan promises of stiffnesses where nobody stated the arm's weight: that of the springs with the weight unknown beside."""
+"""What a plan promises of stiffnesses where nobody stated the arm's weight: it is unknown beside them."""
 
 from __future__ import annotations
 
