@@ -109,6 +109,13 @@ def test_a_gear_under_a_weight_that_nobody_stated_is_named_and_weighs_it(
     assert fresh.named < fresh.plain / 4
 
 
+def test_where_teeth_rest_anywhere_no_reading_is_bad() -> None:
+    """Without load, or one across the joint, a gear with play may stand anywhere in its gap: those rows were bad readings."""
+    found = diagnosed(simulate(192035, "few", "near", (Hidden("backlash", 1, 1.67),), weight="unknown"))
+    assert [cause.label for cause in found.causes] == ["backlash[1]"]
+    assert not found.judgement.bad_rows
+
+
 @pytest.mark.parametrize(("main", "small"), [
     (Hidden("deflection_sensor_rotation", 0, 1.5), Hidden("base_shift", 0, 0.3)),
     (Hidden("base_shift", 0, 1.5), Hidden("deflection_sensor_rotation", 0, 0.25))])

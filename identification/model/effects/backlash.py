@@ -25,6 +25,8 @@ from identification.model.load_state import LoadState
 FRICTION_NM = 2.0
 # A force's direction is trusted to this angle [rad], engineering judgement: a smaller torque may have either sign.
 MISALIGNED = 0.03
+# A weight that was searched is off by so much: half a step of the grid, and what hangs elsewhere than on its axis.
+WEIGHT_OFF = 0.1
 HALF_GAP = Parameter("half_gap_rad", "rad", 4.6e-5, 0.0, 1.5e-3,
                      source=f"{NABTESCO}: 0.1 to 0.3 arcmin; half of 0.32",
                      bounds_source="engineering judgement: none, to ten times the 1 arcmin that a new gear's hysteresis loss "
@@ -50,11 +52,14 @@ class Play(GearTwist):
         i = self.index(joint)
         return np.trunc(_sign(self.preload(rows, i, values) + rows.torque[:, i]))
 
-    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
+    def undecided(self, rows: LoadState, joint: int | None, values: Array | None = None) -> NDArray[np.bool_]:
         i = self.index(joint)
         lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
         doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))
-        return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
+        if values is None:
+            return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
+        preload = self.preload(rows, i, values)
+        return np.asarray(np.abs(preload + rows.torque[:, i]) < doubt + self.weighed * WEIGHT_OFF * np.abs(preload))
 
 
 class HeldPlay(Play):

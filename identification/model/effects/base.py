@@ -126,8 +126,9 @@ class Effect(ABC):
         """Why these rows cannot show it at all, "" where they can."""
         return ""
 
-    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
-        """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it."""
+    def undecided(self, rows: LoadState, joint: int | None, values: Array | None = None) -> NDArray[np.bool_]:
+        """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it; values (P,):
+        where they are known, those in which it may rest anywhere too, though nothing pushes."""
         return np.zeros(len(rows), dtype=bool)
 
     def brings(self, values: Array) -> dict[str, float]:
