@@ -19,6 +19,8 @@ from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
+# Where the weight of forearm and tool hangs, and that of the lower arm with it: of the way from elbow to wrist.
+FOREARM = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +132,25 @@ class LoadState:
     def gravity(self) -> Array:
         """Gravity torques at the springs (n, 6) [N m]; zero for a robot file without `links`."""
         return self._gravity_at(self.theta)
+
+    @cached_property
+    def hung_on_flange(self) -> Array:
+        """Torques at the springs (n, 6) of a weight on the axis of the flange, 1 N m while that is level and across a joint's
+        own axis."""
+        return self._hung(self.flange[:, None, :, 2])
+
+    @cached_property
+    def hung_on_forearm(self) -> Array:
+        """Torques at the springs (n, 6), of use for joints 2 and 3, of a weight on the forearm, 1 N m as far out as the lower
+        arm is long."""
+        elbow, wrist = self.origins[:, 2], self.origins[:, 4]
+        lower_arm = np.linalg.norm(self.origins[:1, 2] - self.origins[:1, 1])
+        return self._hung(((elbow + FOREARM * (wrist - elbow))[:, None] - self.origins) / lower_arm)
+
+    def _hung(self, lever: Array) -> Array:
+        """Torques at the springs (n, 6) of 1 N that hangs at these levers (n, 6, 3) [m] from the axes."""
+        down = self.fall / np.linalg.norm(self.fall)
+        return np.asarray(np.sum(self.axes * np.cross(lever, down), axis=2) @ self.robot.load_matrix)
 
     def _gravity_at(self, theta: Array) -> Array:
         return gravity_torque(self.robot, theta, self.fall, self.tool_mass, self.tool_centre)

@@ -26,8 +26,6 @@ OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK)
 # Torques [N m] that are tried where nobody stated what hangs on the wrist, and on the arm: play is crossed at one of them.
 OF_TOOL = tuple(np.geomspace(40.0, 800.0, 31).round(1).tolist())
 OF_ARM = tuple(np.geomspace(400.0, 8000.0, 31).round(0).tolist())
-# Where the weight of forearm and tool hangs, and that of the lower arm with it: of the way from elbow to wrist.
-FOREARM = 0.4
 # A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
 PLUMB = 1e-3
 MOST_HANG = 0.75
@@ -108,16 +106,12 @@ class UnderUnknownWeight(GearTwist):
     def missing(self, rows: LoadState) -> str:
         return "" if rows.robot.link_mass is None else WEIGHT_IS_KNOWN
 
-    def preload(self, rows: LoadState, i: int, values: Array) -> Array:
-        down = rows.fall / np.linalg.norm(rows.fall)
-        lever = self.lever(rows)
-        serial = np.sum(rows.axes * np.cross(lever, down), axis=2)
-        # Of what hangs beyond the joint, all axes before it feel it as well: springs beside a parallel rod share it out.
-        return np.asarray(values[-1] * (serial * (np.arange(6) <= i)) @ rows.robot.load_matrix[:, i])
-
     @abstractmethod
-    def lever(self, rows: LoadState) -> Array:
-        """From each axis to where the weight hangs (n, 6, 3), in lengths at which it has the torque of the parameter."""
+    def hanging(self, rows: LoadState) -> Array:
+        """Torques (n, 6) at the springs of what hangs there for one unit of the parameter."""
+
+    def preload(self, rows: LoadState, i: int, values: Array) -> Array:
+        return np.asarray(values[-1] * self.hanging(rows)[:, i])
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         return [replace(shape, weight=float(shape.values(np.zeros(len(shape.scale)))[-1]))
@@ -125,29 +119,25 @@ class UnderUnknownWeight(GearTwist):
 
 
 class UnderTheTool(UnderUnknownWeight):
-    """A gear of the wrist: the weight hangs on the axis of the flange, and has the torque of the parameter while that is level
-    and across the gear's own axis."""
+    """A gear of the wrist: the weight hangs on the axis of the flange."""
 
     law = "wrist"
     joints: tuple[int, ...] = (4, 5)
     formula_source = "engineering judgement: the first law, under the torque of a weight on the axis of the flange"
 
-    def lever(self, rows: LoadState) -> Array:
-        return np.asarray(rows.flange[:, None, :, 2])
+    def hanging(self, rows: LoadState) -> Array:
+        return rows.hung_on_flange
 
 
 class UnderTheArm(UnderUnknownWeight):
-    """A gear of the arm: the weight hangs at 0.4 of the way from elbow to wrist, and has the torque of the parameter as far
-    out as the lower arm is long."""
+    """A gear of the arm: the weight hangs on the forearm."""
 
     law = "arm"
     joints: tuple[int, ...] = (2, 3)
     formula_source = "engineering judgement: the first law, under the torque of a weight on the forearm"
 
-    def lever(self, rows: LoadState) -> Array:
-        elbow, wrist = rows.origins[:, 2], rows.origins[:, 4]
-        length = np.linalg.norm(rows.origins[0, 2] - rows.origins[0, 1])
-        return np.asarray(((elbow + FOREARM * (wrist - elbow))[:, None] - rows.origins) / length)
+    def hanging(self, rows: LoadState) -> Array:
+        return rows.hung_on_forearm
 
 
 def weight_of(tried: tuple[float, ...], typical: float, high: float, source: str, bounds_source: str) -> Parameter:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from identification.model.compliance import compliance_matrix
+from identification.model.compliance import compliance_matrix, loaded_angles
 from identification.model.effects import Effect, effects
 from identification.model.load_state import LoadState, load_state
 from identification.model.rotations import Frame
@@ -121,3 +121,30 @@ def test_other_springs_at_the_same_loaded_pose() -> None:
         fresh = load_state(robot(), TOOL, theta, wrench, 2 * COMPLIANCE, at_load=at_load)
         for name in ("loaded", "torque", "elastic", "tcp"):
             assert_allclose(getattr(other, name), getattr(fresh, name), rtol=1e-13, atol=0)
+
+
+@pytest.mark.parametrize("name", ["irb6660-205-1.90", "irb6640-235-2.55", "kr210-r2700-extra"])
+def test_what_hangs_on_flange_and_forearm_turns_the_joints_by_virtual_work(name: str) -> None:
+    """The torque at a spring is the work of the weight where it gives way by a little, the others held."""
+    model = robot(name)
+    theta = random_poses(model, 6, np.random.default_rng(5))
+    tool, nothing = Frame(np.eye(3), np.array([0.1, 0.0, 0.2])), np.zeros((6, 6))
+
+    def state(angles: np.ndarray) -> LoadState:
+        return load_state(model, tool, angles, nothing, 1 / model.prior.stiffness, at_load=True)
+
+    def fallen(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far down (6,) a point a metre out on the flange's axis stands, and one on the forearm."""
+        rows = state(angles)
+        elbow, wrist = rows.origins[:, 2], rows.origins[:, 4]
+        lower_arm = np.linalg.norm(rows.origins[:, 2] - rows.origins[:, 1], axis=1)
+        return -(wrist + rows.flange[:, :, 2])[:, 2], -(elbow + 0.4 * (wrist - elbow))[:, 2] / lower_arm
+
+    rows, step = state(theta), 1e-6 * np.eye(6)
+    for joint in range(1, 5):
+        ahead, behind = (fallen(loaded_angles(model, theta, twist)) for twist in (step[joint][None], -step[joint][None]))
+        work = [(first - last) / 2e-6 for first, last in zip(ahead, behind, strict=True)]
+        if joint < 3:
+            np.testing.assert_allclose(rows.hung_on_forearm[:, joint], work[1], atol=1e-8)
+        else:
+            np.testing.assert_allclose(rows.hung_on_flange[:, joint], work[0], atol=1e-8)
