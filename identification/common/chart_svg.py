@@ -243,9 +243,11 @@ def _drawn(item: Series, horizontal: Scale, vertical: Scale) -> Markup:
             item.colour, " dashed" if item.dashed else "", item.width, polyline(*_thinned(item, horizontal, vertical)))
     if isinstance(item, Band):
         x, low, high = horizontal(item.x), vertical(item.low), vertical(item.high)
-        known = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
-        around = polyline(np.r_[x[known], x[known][::-1]], np.r_[high[known], low[known][::-1]])
-        return Markup('<path class="area fill-{}" d="{}Z"/>').format(item.colour, around) if known.any() else Markup("")
+        known = np.flatnonzero(np.isfinite(x) & np.isfinite(low) & np.isfinite(high))
+        # It ends where its edges are not known, and begins anew behind.
+        runs = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1) if len(known) else []
+        around = " ".join(polyline(np.r_[x[run], x[run][::-1]], np.r_[high[run], low[run][::-1]]) + "Z" for run in runs)
+        return Markup('<path class="area fill-{}" d="{}"/>').format(item.colour, around) if runs else Markup("")
     if isinstance(item, Rule):
         if not np.isfinite(horizontal(item.at) if item.upright else vertical(item.at)):
             return Markup("")

@@ -44,9 +44,11 @@ def places(causes: Sequence[Cause]) -> list[tuple[str, tuple[int, int]]]:
     return list(marked.items())
 
 
-def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
-    """The drawing; certain: the causes are named, else they are what it may be, and the marks are broken rings."""
+def arm_drawing(causes: Sequence[Cause], certain: bool, rod: bool = True) -> Markup:
+    """The drawing; certain: the causes are named, else they are what it may be, and the marks are broken rings. rod: the arm
+    has a parallel rod. A gravity compensator is drawn where it may be to blame."""
     marked = places(causes)
+    here = [ARM, *([ROD] if rod else []), *([SPRING] if WORDS["spring"] in dict(marked) else [])]
     kind = "bad" if certain else "warn"
     rings = [Markup('<circle class="line stroke-{}{}" stroke-width="4" cx="{}" cy="{}" r="21" fill="none"/>').format(
         kind, "" if certain else " dashed", *where) for _, where in marked]
@@ -58,17 +60,17 @@ def arm_drawing(causes: Sequence[Cause], certain: bool) -> Markup:
     label = ("The arm under test; marked: " if certain else "The arm under test; it may be: ") + (
         ", ".join(name for name, _ in marked) or "nothing")
     return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="0 0 640 320">{}{}{}{}</svg>').format(
-        label, ARM, Markup("").join(joints), Markup("").join(rings), Markup("").join(names))
+        label, Markup("").join(here), Markup("").join(joints), Markup("").join(rings), Markup("").join(names))
 
 
-# Floor, rails, base, column, upper arm with rod and compensator, forearm, hand, sensor, tool, rope and weight, dial gauge.
+ROD = Markup('<path class="limb" stroke-width="7" d="M128 202L104 100L138 84"/>')
+SPRING = Markup('<path class="stroke-muted" stroke-width="4" d="M190 206L202 128L150 100"/>')
+# Floor, rails, base, column, upper arm, forearm, hand, sensor, tool, rope and weight, dial gauge.
 ARM = Markup(
     '<path class="stroke-muted" stroke-width="2" d="M20 308H420"/>'
     '<path class="body" d="M70 296h160v8H70Z"/><path class="body" d="M104 246h92l14 48H90Z"/><path class="body" d="M128 '
     '196h46v50h-46Z"/>'
-    '<path class="limb" stroke-width="26" d="M172 188L138 84"/><path class="limb" stroke-width="7" d="M128 202L104 100L138 '
-    '84"/>'
-    '<path class="stroke-muted" stroke-width="4" d="M190 206L202 128L150 100"/>'
+    '<path class="limb" stroke-width="26" d="M172 188L138 84"/>'
     '<path class="limb" stroke-width="22" d="M138 84L214 74L300 66"/>'
     '<path class="limb" stroke-width="16" d="M300 66L318 92L320 106"/>'
     '<path class="body" d="M307 108h27v14h-27Z"/><path class="body" d="M312 122h18v26h-18Z"/><path class="body" d="M317 '

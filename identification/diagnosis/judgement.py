@@ -26,6 +26,8 @@ from identification.measurements import Measurements
 from identification.model.effects_in_force import EffectInForce
 
 Array = NDArray[np.float64]
+# Of the readings that were left out so many poses and rows are told by name.
+MOST_NAMED = 4
 Verdict = Literal["adequate", "named", "ambiguous", "unknown", "mistake"]
 
 
@@ -113,6 +115,14 @@ class Judgement:
             raise ValueError(f"{self.verdict} with causes {given}, alternatives {others}, withdrawn {list(self.withdrawn)}, "
                              f"{len(self.bad_rows)} bad rows, {len(self.bad_visits)} bad visits, {len(self.mistakes)} "
                              f"mistakes, gain {self.gain}")
+
+    @property
+    def dropped(self) -> tuple[str, int]:
+        """Which readings do not fit the others and are not among `rows`, in words, and how many; the first few of many."""
+        named = [f"the {len(bad.score.rows)} readings of {bad.score.name}" for bad in self.bad_visits]
+        named += [f"row {bad.row}" for bad in self.bad_rows]
+        count = sum(len(bad.score.rows) for bad in self.bad_visits) + len(self.bad_rows)
+        return ", ".join(named[:MOST_NAMED]) + (f" and {len(named) - MOST_NAMED} more" if named[MOST_NAMED:] else ""), count
 
     @property
     def rows(self) -> Measurements:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from identification.common.command_line import call
 from identification.common.report import Step
 from identification.diagnosis.diagnose import Diagnosis
-from identification.diagnosis.record import next_measurements, next_words
+from identification.diagnosis.record import MOST_CHECKS, checks_of, next_measurements
 
 
 def steps_of(diagnosis: Diagnosis) -> list[Step]:
@@ -13,7 +13,7 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     cell, source, verdict = diagnosis.cell.source, diagnosis.measurements.source, diagnosis.verdict
     again = ("diagnose", cell, source, "-o", "diagnosis.json")
     listed = next_measurements(diagnosis.judgement)
-    checks = [Step(f"Check: {what} ({about}).") for what, about in map(next_words, listed[:4])]
+    checks = [Step(f"Check: {what} ({about}).") for what, about in checks_of(listed)[:MOST_CHECKS]]
     if verdict == "adequate":
         return [Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report",
                                                   "identify.html"))]
@@ -22,17 +22,16 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
                                   call(*again, "--mend", "MENDED", "--force"))]
     if verdict == "ambiguous":
         # The loads are what the command plans.
-        checks = [Step(f"Check: {what} ({about}).") for what, about in (
-            next_words(item) for item in listed if item["kind"] == "check")][:4]
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":
         return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+    left_out, count = diagnosis.judgement.dropped
+    repeat = [Step(f"Measure again: {left_out}. What comes back is no slip.")] if count else []
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)
-    return [Step("Write the stiffness file that carries what the robot does:" if of_robot else
+    return [*repeat, Step("Write the stiffness file that carries what the robot does:" if of_robot else
                  "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",
                  call(*again, "--extended", "stiffness_extended.json", "--force")),
             Step("Then correct a program with it:",
                  call("correct", cell, "PART.mod", "--stiffness", "stiffness_extended.json", "--forces", "PART.forces.csv",
-                      "-o",
-                      "PART_corrected.mod", "--report", "correct.html")), *checks]
+                      "-o", "PART_corrected.mod", "--report", "correct.html")), *checks]

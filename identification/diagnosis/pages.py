@@ -17,7 +17,8 @@ from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.judgement import Judgement
 from identification.diagnosis.next_steps import steps_of
-from identification.diagnosis.record import next_words, value
+from identification.diagnosis.procedure import ALARM
+from identification.diagnosis.record import checks_of, next_words, value
 from identification.fit.held_out import pose_names, poses
 from identification.measurements import Measurements
 from identification.model.effects_in_force import EFFECTS, added
@@ -31,13 +32,13 @@ MOST_POSES, MOST_MARKED = 40, 4
 def diagnosis_report(diagnosis: Diagnosis) -> str:
     """The report of `diagnose`."""
     content, judgement = diagnosis.as_dict(), diagnosis.judgement
-    named = diagnosis.verdict == "named"
+    named = bool(judgement.causes)
     before, allowed = judgement.plain.residual, judgement.expected_std
     after = judgement.extended.residual if named else None
     tables = [table for table in (_mistakes(judgement), _causes(content), _ranking(judgement), _next(content),
                                   _parts(judgement)) if table]
     first: list[Figure | View] = [*_where(judgement), *_probabilities(judgement)]
-    if judgement.gain is not None:
+    if judgement.gain is not None and judgement.causes:
         first.append(_held_out(judgement.gain, judgement))
     if judgement.causes and named:
         first.append(_explained(judgement))
@@ -60,6 +61,8 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     sizes = f"six springs leave {before:.1f} µm RMS, the noise allows {allowed:.1f} µm"
     if diagnosis.verdict == "adequate":
         return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}.")
+    if before <= allowed and judgement.detection.p_value <= ALARM:
+        sizes += f"; not the size is too large but its pattern no chance ({_probability(judgement)})"
     if diagnosis.verdict == "mistake":
         mistake = judgement.mistakes[0]
         return Verdict("bad", "A MISTAKE IN THE FILES", f"{mistake.sentence}. Each pose is predicted from the others to "
@@ -73,24 +76,46 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
         return Verdict("caution", "AMBIGUOUS", f"These measurements cannot tell apart: {'; or '.join(names)}. "
                        f"{sizes[0].upper()}{sizes[1:]}.")
     gain = judgement.gain
-    names = [cause.sentence for cause in judgement.causes]
-    if not names:
-        return Verdict("caution", "READINGS LEFT OUT", f"Some readings do not belong to the others and were left out; {sizes}.")
-    words = "; ".join(names)
+    causes = [cause.sentence for cause in judgement.causes]
+    if not causes and judgement.swing:
+        return Verdict("caution", "WEIGHTS SWUNG", f"{judgement.swing.sentence}; the readings count for that much less. "
+                       f"{sizes[0].upper()}{sizes[1:]}.")
+    if not causes:
+        return Verdict("caution", "READINGS LEFT OUT", f"Left out, for they do not fit the others: {judgement.dropped[0]}. "
+                       f"Of the rest {sizes}.")
+    words = "; ".join(causes)
     better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
                                       "on poses that were not fitted")
-    return Verdict("caution", "CAUSE NAMED", f"{words[0].upper()}{words[1:]}{better}.")
+    dropped, count = judgement.dropped
+    left_out = f" Left out, for they do not fit the others: {dropped}." if count else ""
+    return Verdict("caution", "CAUSE NAMED", f"{words[0].upper()}{words[1:]}{better}.{left_out}")
+
+
+def _probability(judgement: Judgement) -> str:
+    """Of the misfit, by chance: no smaller than the replicates tell."""
+    detection = judgement.detection
+    return f"p {'≤' if detection.p_value <= detection.resolution else '='} {detection.p_value:.2g}"
+
+
+def _ratio(gain: Gain) -> str:
+    """The factor with its interval, to so many places as tell its ends apart."""
+    low, high = gain.interval
+    places = int(np.clip(1 - np.floor(np.log10(max(high - low, 1e-3))), 1, 3)) if np.isfinite(high - low) else 1
+    return f"{gain.ratio:.{places}f}, 95 % {low:.{places}f} to {high:.{places}f}"
 
 
 def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     keys = [Key("left by six springs", f"{1e6 * rms(judgement.plain.residual):.1f}", "µm",
                 f"RMS; the noise allows {1e6 * rms(judgement.expected_std):.1f} µm"),
-            Key("by chance", f"{'≤ ' if judgement.detection.p_value <= judgement.detection.resolution else ''}"
-                f"{judgement.detection.p_value:.2g}", "", "probability of such a misfit without any fault")]
-    if judgement.gain is not None:
-        gain = judgement.gain
+            Key("by chance", _probability(judgement).removeprefix("p ").removeprefix("= "), "",
+                "probability of such a misfit without any fault")]
+    names, count = judgement.dropped
+    if count:
+        keys.append(Key("left out", str(count), "reading" if count == 1 else "readings", names))
+    gain = judgement.gain
+    if gain is not None and judgement.causes:
         keys.append(Key("on poses not fitted", f"{1e6 * gain.before:.1f} → {1e6 * gain.after:.1f}", "µm",
-                        f"RMS; factor {gain.ratio:.2g}, 95 % {gain.interval[0]:.2g} to {gain.interval[1]:.2g}"))
+                        f"RMS; factor {_ratio(gain)}"))
     ranked = [*judgement.causes, *judgement.alternatives]
     # Of an unknown cause the nearest names are none: their probabilities are among themselves.
     if ranked and judgement.verdict != "unknown":
@@ -111,7 +136,7 @@ def _where(judgement: Judgement) -> list[View]:
     certain = bool(judgement.causes)
     marked = "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."
     return [View("Where it sits" if certain else "Where it may sit", f"Not to scale. {marked}", "", {},
-                 arm_drawing(causes, certain))]
+                 arm_drawing(causes, certain, rod=judgement.plain.data.cell.robot.rod is not None))]
 
 
 def _probabilities(judgement: Judgement) -> list[Figure]:
@@ -135,10 +160,11 @@ def _mistakes(judgement: Judgement) -> ReportTable | None:
 
 def _causes(content: dict[str, Any]) -> ReportTable | None:
     small = [cause | {"sentence": f"{cause['sentence']} (small beside the cause: no name)"} for cause in content["companions"]]
-    rows = [[cause["effect"] + (f" of joint {cause['joint']}" if cause["joint"] else ""), cause["sentence"], name, value(item),
-             "corrected along the path" if cause["of_robot"] else "taken out of the data, not carried into the correction"]
+    rows = [[cause["sentence"], name, value(item),
+             "corrected along the path" if cause["of_robot"] else "taken out of the data, not carried into the correction",
+             cause["effect"] + (f"[{cause['joint']}]" if cause["joint"] else "")]
             for cause in [*content["causes"], *small] for name, item in cause["parameters"].items()]
-    return ReportTable("The cause", ["effect", "in words", "parameter", "estimate", "what is done"], rows) if rows else None
+    return ReportTable("The cause", ["cause", "parameter", "estimate", "what is done", "name"], rows) if rows else None
 
 
 def _ranking(judgement: Judgement) -> ReportTable | None:
@@ -147,12 +173,13 @@ def _ranking(judgement: Judgement) -> ReportTable | None:
         return None
     title = {"unknown": "Nearest names, none of which is enough", "ambiguous": "What it may be"}.get(
         judgement.verdict, "Causes by probability")
-    return ReportTable(title, ["effect", "probability", "family", "in words"], [
-        [cause.label, f"{cause.probability:.3f}", cause.effect.family, cause.sentence] for cause in ranked], numbers=(1,))
+    return ReportTable(title, ["cause", "probability", "family", "name"], [
+        [cause.sentence, f"{cause.probability:.3f}", cause.effect.family, cause.label] for cause in ranked], numbers=(1,))
 
 
 def _next(content: dict[str, Any]) -> ReportTable | None:
-    rows = [list(next_words(item)) for item in content["next_measurements"]]
+    rows = [list(next_words(item)) for item in content["next_measurements"] if item["kind"] == "load"]
+    rows += [list(check) for check in checks_of(content["next_measurements"])]
     return ReportTable("What to measure next", ["do", "it tells"], rows) if rows else None
 
 
@@ -171,10 +198,13 @@ def _in_order(rows: Measurements, before: Array, after: Array | None, allowed: A
     """Residuals by row, one panel an axis."""
     shown = _thinned(len(before))
     line = rows.line[shown]
+    # No noise is drawn over rows that were left out.
+    gaps = np.flatnonzero(np.diff(rows.row[shown]) > (shown[1] - shown[0] if len(shown) > 1 else 1)) + 1
+    along = np.insert(line.astype(float), gaps, np.nan)
     panels = []
     for axis in range(3):
-        edge = 1.96e6 * allowed[shown, axis]
-        series: list[Series] = [Band("95 % of the noise", line, -edge, edge),
+        edge = np.insert(1.96e6 * allowed[shown, axis], gaps, np.nan)
+        series: list[Series] = [Band("95 % of the noise", along, -edge, edge),
                                 Points("plain model", line, 1e6 * before[shown, axis], "before", size=5)]
         if after is not None:
             series.append(Points("extended model", line, 1e6 * after[shown, axis], "after", size=5))
@@ -236,9 +266,9 @@ def _explained(judgement: Judgement) -> Figure:
     line = judgement.rows.line[shown]
     over: list[Series] = [Points("what the springs leave", line, 1e6 * left[shown, k], "before", size=5),
                           Line("what the cause gives", line, 1e6 * expected[shown, k], "after", 1.6)]
-    names = " and ".join(cause.label for cause in judgement.causes)
-    caption = (f"Left, on the line: explained by {names}. Right: the same in the order of the rows, reading {AXES[k]}, "
-               "where it shows the most. The scatter about it is noise.")
+    names = "it" if len(judgement.causes) == 1 else "them"
+    caption = (f"What lies on the line is explained by {names}: first in all readings, then in the order of the rows, reading "
+               f"{AXES[k]}, where it shows the most. The scatter about it is noise.")
     return Figure("The signature of the cause over what the springs leave", caption, [
         Panel(cloud, Axis("the named cause gives [um]"), Axis("measured minus springs [um]")),
         Panel(over, Axis("line of the measurement file"), Axis(f"reading {AXES[k]} [um]"))], beside=True)
@@ -256,8 +286,8 @@ def _held_out(gain: Gain, judgement: Judgement) -> Figure:
                         ("plain model", "before", "Before, six springs", gain.before),
                         ("extended model", "after", "After, with the cause", gain.after)))]
     note = f" The {MOST_POSES} of {len(names)} poses with the largest are drawn." if len(shown) < len(names) else ""
-    return Figure("On rows that were not fitted", f"Rows: {gain.held_out}. What is left is smaller by a factor "
-                  f"{gain.ratio:.2f}, 95 % {gain.interval[0]:.2f} to {gain.interval[1]:.2f}." + note, panels, beside=True)
+    return Figure("On rows that were not fitted", f"Rows: {gain.held_out}. What is left is smaller by a factor {_ratio(gain)}."
+                  + note, panels, beside=True)
 
 
 def _patterns(judgement: Judgement) -> Figure:

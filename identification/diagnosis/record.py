@@ -100,6 +100,15 @@ def next_measurements(judgement: Judgement) -> list[dict[str, Any]]:
     return listed
 
 
+def checks_of(items: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    """The checks among next measurements: what to do, once, and all that it tells of."""
+    about: dict[str, list[str]] = {}
+    for item in items:
+        if item["kind"] == "check":
+            about.setdefault(item["what"], []).append(item["about"])
+    return [(what, ", ".join(names)) for what, names in about.items()]
+
+
 def next_words(item: dict[str, Any]) -> tuple[str, str]:
     """One of the next measurements: what to do, and what it tells."""
     if item["kind"] != "load":
@@ -166,8 +175,7 @@ def answer(judgement: Judgement) -> list[str]:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
         lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
                      f"({angles}) deg separates {load.separates[0]} from {load.separates[1]} by {load.distance:.1f} sigma")
-    checks = [next_words(item) for item in next_measurements(judgement) if item["kind"] == "check"]
-    return lines + [f"next: check {what} ({about})" for what, about in checks[:MOST_CHECKS]]
+    return lines + [f"next: check {what} ({about})" for what, about in checks_of(next_measurements(judgement))[:MOST_CHECKS]]
 
 
 def _verdict(judgement: Judgement) -> list[str]:

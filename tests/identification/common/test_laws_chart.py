@@ -115,6 +115,15 @@ def test_odd_numbers_make_a_chart_and_no_warning(values: list[float]) -> None:
         ET.fromstring(text)
 
 
+def test_a_band_ends_where_its_edges_are_not_known() -> None:
+    """It had been drawn across rows that were left out."""
+    x, edge = np.arange(5.0), np.array([1.0, 1.0, np.nan, 1.0, 1.0])
+    for values, areas in ((np.ones(5), 1), (edge, 2)):
+        text = str(draw(Panel([Band("b", x, -values, values)], Axis(), Axis()), WIDE, ""))
+        path = next(one.get("d", "") for one in ET.fromstring(text).iter() if "area" in one.get("class", ""))
+        assert path.count("M") == path.count("Z") == areas
+
+
 def test_the_legend_names_each_series_once() -> None:
     panel = Panel([Line("a", [0], [0]), Line("a", [0], [0]), Line("", [0], [0]), Line("b", [0], [0], legend=False), Rule(1.0,
                                                                                                                          "r"),

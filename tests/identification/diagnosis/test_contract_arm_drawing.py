@@ -42,3 +42,12 @@ def test_what_is_open_is_drawn_otherwise_than_what_is_named() -> None:
     assert "dashed" in opened
     assert "dashed" not in named
     assert "may be" in opened
+
+
+def test_a_rod_and_a_compensator_are_drawn_where_there_are_such() -> None:
+    """Every robot had both."""
+    gear, spring = [cause("backlash", 1)], [cause("gravity_compensator", 2)]
+    bare, rod, compensated = (str(arm_drawing(causes, True, rod=rod)) for causes, rod in (
+        (gear, False), (gear, True), (spring, False)))
+    assert [picture.count("<path") for picture in (rod, compensated)] == [bare.count("<path") + 1] * 2
+    assert rod != compensated

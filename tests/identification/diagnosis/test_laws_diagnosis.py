@@ -15,6 +15,7 @@ from identification.diagnosis.detect import Detection, FittedNoise, detect
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.discrimination import candidate_rows, next_loads
+from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.patterns import patterns_of
 from identification.diagnosis.plan import judge_plan
 from identification.diagnosis.procedure import ALARM, doubt_of
@@ -46,9 +47,15 @@ def test_a_bad_row_is_named_and_left_out(tmp_path: Path) -> None:
     case = simulate(4, "ladder12")
     case.deflection_um[99] += [60, 0, -30]
     cell, rows = read(case, tmp_path)
-    found = diagnose(cell, rows).judgement
+    diagnosis = diagnose(cell, rows)
+    found = diagnosis.judgement
     assert found.verdict == "named"
     assert [bad.row for bad in found.bad_rows] == [100]
+    page = diagnosis_report(diagnosis)
+    for words in ("READINGS LEFT OUT", "they do not fit the others: row 100.", "Measure again: row 100."):
+        assert words in page
+    # Nothing is gained where nothing is named.
+    assert "On rows that were not fitted" not in page
     np.testing.assert_allclose(found.bad_rows[0].off, [60e-6, 0, -30e-6], atol=4 * found.bad_rows[0].std.max())
     assert not found.causes
     assert 100 not in found.rows.row

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.axes import axes_mistakes, signed_permutations
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.screen import linear, sums
-from identification.fit.mistakes.sizes import SIZES, Size
+from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
 from identification.fit.mistakes.units import time_mistake
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -99,3 +101,9 @@ def test_times_of_another_unit(data: LoadTest) -> None:
     assert said(1.0, 1000.0) == "time_unit[dwell ms]"
 
 
+def test_mistakes_of_a_size_are_told_from_where_the_documentation_says() -> None:
+    text = " ".join((Path(__file__).parents[3] / "docs" / "effects.md").read_text(encoding="utf-8").split())
+    said = [re.search(words, text) for words in (
+        r"the TCP elsewhere \(from (\S+) mm\)", r"a joint's zero \(from (\S+) degrees\)", r"taken under load \(from (\S+) N\)")]
+    sizes = [float(found.group(1)) for found in said if found]
+    np.testing.assert_allclose([1e3 * ToolOffset.smallest, np.degrees(JointZero.smallest), ReferenceLoad.smallest], sizes)
