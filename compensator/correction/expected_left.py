@@ -80,8 +80,8 @@ class ExpectedLeft:
         """The same for the report."""
         figures = self.as_dict()
         causes = ", ".join(words for cause, words in CAUSES.items() if figures[cause])
-        return (f"On the part {figures['rms']:.1f} um RMS are expected to be left, {figures['largest']:.1f} um at most (1 "
-                f"sigma), by these causes: {causes}{self._remedy(depth)}.")
+        return (f"On the part {2 * figures['rms']:.1f} um RMS are expected to be left, {2 * figures['largest']:.1f} um at most "
+                f"(2 sigma), by these causes: {causes}{self._remedy(depth)}.")
 
     def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""

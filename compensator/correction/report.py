@@ -32,7 +32,7 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
     lead = [
         f"{figures['predicted']} of {figures['targets']} targets of {name} carry force. Without correction the tool is pushed "
         f"off its path by up to {deviation['largest']:.0f} um ({deviation['rms']:.0f} um RMS); that prediction is uncertain "
-        f"by up to {std['largest']:.1f} um (1 sigma)."]
+        f"by up to {2 * std['largest']:.1f} um (2 sigma)."]
     rows = [["targets", f"{figures['targets']}"], ["with force", f"{figures['with_force']}"],
             ["without a sample", f"{figures['without_sample']}"],
             ["predicted deviation, largest / RMS [um]", f"{deviation['largest']:.1f} / {deviation['rms']:.1f}"],
@@ -134,6 +134,6 @@ def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:
                    for sign in (-2, 2)]
     if corrected is not None:
         series.append(Line("left, same model", length, spread(1e6 * corrected.residual, targets, count), "ink"))
-    return Figure("Deviation along the path", "Predicted deviation of the uncorrected program, base frame; dashed: 2 sigma. Of "
-                  "very many targets the lowest and highest of each stretch are drawn.",
+    return Figure("Deviation along the path", "Predicted deviation of the uncorrected program, base frame; dashed: 2 sigma, "
+                  "where it is wide enough to see. Of very many targets the lowest and highest of each stretch are drawn.",
                   [Panel(series, Axis("path length [mm]"), Axis("deviation [um]"))])

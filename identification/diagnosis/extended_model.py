@@ -28,7 +28,7 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
         place += len(term.start)
     # Parameters that do not enter linearly can trade with the springs along a curve: then the posterior's mean lies off it, and
     # the model with it is none of those that are likely.
-    centre = fitted.map if inside else fitted.mean
+    centre = fitted.likeliest if inside else fitted.mean
     mean, covariance = centre[kept], fitted.covariance[np.ix_(kept, kept)]
     interval = fitted.draws.interval(0.95)[kept]
     check = _check(judgement)

@@ -33,7 +33,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
 from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model
 from identification.fit.priors import PriorModel
-from identification.fit.sag import sag_columns
+from identification.fit.sag import BesideWeight, sag_columns
 from identification.fit.student import student_weights
 from identification.fit.variance_components import ComponentPosterior, asked_for, likeliest, log_covariance, trial_components
 from identification.model.compliance import regressor
@@ -68,12 +68,24 @@ class Posterior:
     @cached_property
     def draws(self) -> Draws:
         """Weighted draws of x, the variance components integrated out."""
-        sag = sag_columns(self.load_state, self.at_map.noise)
-        if self.prior.kind == "gaussian":
-            sag = sag[:, :, :0]     # as published
+        sag = self._sag
         of_components = ComponentPosterior(self.at_map, sag)
         return posterior_draws(self.at_map, self.components, trial_components(
             of_components, self.components, self.components_covariance), sag)
+
+    @cached_property
+    def _sag(self) -> Array:
+        """Columns (n, 3, m) of the arm's unknown weight, in the noise's coordinates; none with the published prior."""
+        sag = sag_columns(self.load_state, self.at_map.noise)
+        return sag[:, :, :0] if self.prior.kind == "gaussian" else sag
+
+    @cached_property
+    def likeliest(self) -> Array:
+        """x (6 + P,) at which the rows are likeliest with the arm's unknown weight free beside it."""
+        if not self._sag.shape[2]:
+            return self.map
+        model = _FittedModel(self.data, self.terms, np.nan_to_num(self.data.rows.deflection), self.prior)
+        return _read_only(_maximise(model, self.at_map, BesideWeight(self.weights, self._sag)).x)
 
     @cached_property
     def mean(self) -> Array:
@@ -243,7 +255,7 @@ class _FittedModel:
         return np.concatenate([np.ones(6), *(3.0 * term.scale for term in self.terms)])
 
 
-def _maximise(model: _FittedModel, at: Linearised, weights: Weights) -> Linearised:
+def _maximise(model: _FittedModel, at: Linearised, weights: Weights | BesideWeight) -> Linearised:
     """The model at the MAP of x for one noise (paper eq. 12), by damped Gauss-Newton from `at`. Raises CS1011."""
     prior, step_limit, joints = at.prior, model.step_limit, np.arange(6)
 

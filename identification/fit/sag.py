@@ -8,11 +8,13 @@ of a few hundred kilograms makes, are free beside every model, and integrated ou
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.fit.noise import Weights
 from identification.fit.sight import Sight
 from identification.model.load_state import LoadState
 
@@ -40,3 +42,20 @@ def sag_columns(state: LoadState, sight: Sight) -> Array:
         columns += [sag * slope, sag * slope * np.sin(angle)[:, None], sag * slope * np.cos(angle)[:, None],
                     sag * spring * np.sin(angle)[:, None], sag * spring * np.cos(angle)[:, None]]
     return sight.whitened(np.stack(columns, axis=2))
+
+
+@dataclass(frozen=True, eq=False)
+class BesideWeight:
+    """Sigma^-1 of the rows with what the arm's own weight may do among their errors: columns (n, 3, m) of 1 sigma each."""
+
+    weights: Weights
+    columns: Array
+
+    @cached_property
+    def _own(self) -> Array:
+        return self.weights.inner(self.columns, self.columns) + np.eye(self.columns.shape[2])
+
+    def inner(self, left: Array, right: Array) -> Array:
+        """left^T Sigma^-1 right (p, q) of columns (n, 3, p) and (n, 3, q)."""
+        taken = np.linalg.solve(self._own, self.weights.inner(self.columns, right))
+        return np.asarray(self.weights.inner(left, right) - self.weights.inner(self.columns, left).T @ taken)

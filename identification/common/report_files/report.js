@@ -15,9 +15,9 @@ const isDark = () => (document.documentElement.dataset.theme ||
   (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
 const themeChanged = new Set();     // what to draw anew
 const colour = name => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-// Thin blanks between thousands, a point for the decimals, whatever the language of the browser.
+// Thin blanks between thousands from five digits on, a point for the decimals, whatever the language of the browser.
 const shown = (value, digits) => value.toFixed(digits).replace(/^-(?=0\.?0*$)/, "").replace("-", "\u2212")
-  .replace(/\B(?=(\d{3})+(?!\d))(?<!\.\d*)/g, "\u202f");
+  .replace(/^\u2212?\d{5,}/, whole => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
 
 async function inflated(text) {
   const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));

@@ -10,6 +10,8 @@ from scipy.optimize import minimize
 
 from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
+from identification.fit.fitted_model import response
+from identification.fit.sag import sag_columns
 from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.compliance import equilibrium, regressor
@@ -92,6 +94,28 @@ def test_the_map_is_the_minimum(tmp_path) -> None:
     # Averaging over the variance components and the shape of the prior moves the centre by less than its uncertainty.
     assert np.max(np.abs(fit.model.mean - found.map) / fit.model.log_std) < 0.6
     assert columns.shape == (len(rows), 6, 6)
+
+
+def test_the_likeliest_springs_are_those_with_the_weight_free_beside_them(tmp_path) -> None:
+    """At the top of the likelihood over springs and weight together the rows pull at neither; the plain MAP is none."""
+    cell, rows = simulate(tmp_path, np.random.default_rng(8), poses=16)
+    bare = fit_stiffness(cell, rows).posterior
+    hanging = np.linalg.inv(bare.at_map.noise.whitening) @ sag_columns(bare.load_state, bare.at_map.noise)
+    rows = replace(rows, deflection=rows.deflection + hanging.sum(axis=2))
+    found = fit_stiffness(cell, rows).posterior
+    noise, weights = found.at_map.noise, found.weights
+    weight = sag_columns(found.load_state, noise)
+
+    def pull(x: np.ndarray) -> np.ndarray:
+        """On the springs, in their own standard deviations, the weight where it is likeliest with these springs."""
+        position, slope = response(found.data, x)
+        residual = noise.whitened((rows.deflection - position)[:, :, None])
+        taken = np.linalg.solve(weights.inner(weight, weight) + np.eye(10), weights.inner(weight, residual))
+        left = residual - (weight @ taken)
+        return np.sqrt(np.diag(found.laplace)) * (weights.inner(noise.whitened(slope), left)[:, 0] - found.prior.gradient(x))
+
+    assert np.abs(pull(found.map)).max() > 0.2
+    assert np.abs(pull(found.likeliest)).max() < 0.01
 
 
 def test_coverage_under_the_stated_noise(tmp_path) -> None:
