@@ -60,6 +60,10 @@ class Dictionary:
                        if weight / ALIKE <= self.signatures[k].weight <= weight * ALIKE]
         return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
 
+    def unweighed(self, entry: Entry) -> list[int]:
+        """The signatures of an entry but those under a weight that is searched: a plan is judged as if nothing hung there."""
+        return [k for k in entry.signatures if not self.signatures[k].weight]
+
     def nearest(self, entry: int, effect: Effect, values: Array) -> int:
         """The signature of an entry that is most like its effect in force with values (P,)."""
         weight = values[-1] if effect.weighed else 0.0

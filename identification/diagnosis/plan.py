@@ -144,7 +144,7 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
     base, dictionary = _linearised(cell, rows, log_compliance, catalogue)
     columns, labels = [base.design], []
     for entry in dictionary.entries:
-        shapes = list(entry.signatures)
+        shapes = dictionary.unweighed(entry)
         strength = np.sum(dictionary.columns[:, :, shapes] ** 2, axis=(0, 1, 3))
         middle = shapes[int(np.argsort(strength)[len(shapes) // 2])]
         columns.append(dictionary.columns[:, :, middle, : dictionary.widths[middle]])
@@ -193,7 +193,7 @@ def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
     """Information of all signatures together, and where each stands in it; of an effect with very many, some."""
     kept: list[int] = []
     for entry in dictionary.entries:
-        members = np.arange(entry.signatures.start, entry.signatures.stop)
+        members = np.array(dictionary.unweighed(entry))
         if len(members) > MOST_PLACES:
             members = members[np.linspace(0, len(members) - 1, MOST_PLACES).astype(int)]
         kept += members.tolist()
