@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.dictionary import Dictionary, dictionary_of
+from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.projection import PRIOR_SIZES, Base, own_grams, scores
 from identification.fit.fitted_model import Term, response
@@ -180,9 +180,9 @@ class _Scan:
         evidence, visible = self._without_doubt(base)
         grown = []
         # Two laws of one gear are one law that is not exactly the dictionary's.
-        geared = {dictionary.entries[k].joint for k in hypothesis.entries if dictionary.entries[k].effect.gear_law}
+        geared = {dictionary.entries[k].joint for k in hypothesis.entries if self._of_gear(dictionary.entries[k])}
         for k, entry in enumerate(dictionary.entries):
-            if k in hypothesis.entries or (entry.effect.gear_law and entry.joint in geared):
+            if k in hypothesis.entries or (self._of_gear(entry) and entry.joint in geared):
                 continue
             members = np.arange(entry.signatures.start, entry.signatures.stop)
             if not visible[members].any():
@@ -191,6 +191,11 @@ class _Scan:
             grown.append(Hypothesis((*hypothesis.entries, k), (*hypothesis.signatures, best),
                                     hypothesis.log_evidence + value))
         return grown
+
+    def _of_gear(self, entry: Entry) -> bool:
+        """Whether an entry is a law of its joint's gear; in an arm of unknown weight, which the gear may stiffen under, what
+        carries that weight looks like one."""
+        return entry.effect.gear_law or (entry.effect.carries_weight and self.state.robot.link_mass is None)
 
     def _other_ways(self, hypothesis: Hypothesis) -> Array:
         """What the structures of a hypothesis may do otherwise than their linear law (n, 3, m)."""

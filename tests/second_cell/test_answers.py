@@ -109,6 +109,12 @@ def test_a_gear_under_a_weight_that_nobody_stated_is_named_and_weighs_it(
     assert fresh.named < fresh.plain / 4
 
 
+def test_a_gear_that_stiffens_under_a_weight_that_nobody_stated_has_no_compensator_beside_it() -> None:
+    """The two share out what one gear does: they were named together."""
+    found = diagnosed(simulate(196037, "cycles", "near", (Hidden("cubic_gear", 2, 0.84),), weight="unknown"))
+    assert [cause.label for cause in found.causes] == ["soft_zone[2]"]
+
+
 def test_where_teeth_rest_anywhere_no_reading_is_bad() -> None:
     """Without load, or one across the joint, a gear with play may stand anywhere in its gap: those rows were bad readings."""
     found = diagnosed(simulate(192035, "few", "near", (Hidden("backlash", 1, 1.67),), weight="unknown"))

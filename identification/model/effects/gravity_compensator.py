@@ -13,6 +13,7 @@ from identification.model.load_state import LoadState
 class GravityCompensator(SizeAndAngle, GearTwist):
     """`J_2 tau_2 c_2 alpha cos(2 q2 + phi)`; linear in alpha cos phi and alpha sin phi."""
 
+    carries_weight = True
     name = "gravity_compensator"
     joints = (2,)
     gear_law = False
