@@ -18,7 +18,7 @@ from identification.design.task import Task
 from identification.fit.fitted_model import response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import VarianceComponents, noise_model
-from identification.fit.sag import sag_columns
+from identification.fit.sag import BesideWeight, sag_columns
 
 Array = NDArray[np.float64]
 
@@ -40,5 +40,4 @@ def _taken(task: Task, runs: Pool) -> Array:
     design = noise.whitened(response(data, np.log(rig.compliance))[1])
     weight = sag_columns(data.load_state(rig.compliance), noise)
     weights = noise.weights(VarianceComponents())
-    cross = weights.inner(weight, design)
-    return np.asarray(cross.T @ np.linalg.solve(weights.inner(weight, weight) + np.eye(weight.shape[2]), cross))
+    return np.asarray(weights.inner(design, design) - BesideWeight(weights, weight).inner(design, design))

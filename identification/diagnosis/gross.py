@@ -59,7 +59,7 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     # A row that is alone at its pose may be off for any reason that pose has.
     kept = (count > 0) & (np.bincount(visit)[visit] >= COMPANY)
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
-        kept &= ~term.effect.undecided(fitted.load_state, term.joint, values)
+        kept &= ~term.effect.loose(fitted.load_state, term.joint, values)
     bad: dict[int, float] = {}
     while len(bad) <= MOST * len(rows):
         candidates = np.flatnonzero(kept)

@@ -62,7 +62,7 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     if diagnosis.verdict == "adequate":
         return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}.")
     if before <= allowed and judgement.detection.p_value <= ALARM:
-        sizes += f"; not the size is too large but its pattern no chance ({_probability(judgement)})"
+        sizes += f": its size would pass, but noise does not make such a pattern ({_probability(judgement)})"
     if diagnosis.verdict == "mistake":
         mistake = judgement.mistakes[0]
         return Verdict("bad", "A MISTAKE IN THE FILES", f"{mistake.sentence}. Each pose is predicted from the others to "

@@ -8,16 +8,7 @@ from numpy.typing import NDArray
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import NABTESCO
-from identification.model.effects.kinds import (
-    OF_ARM,
-    OF_TOOL,
-    SOFTER_NEAR_ZERO,
-    GearTwist,
-    UnderTheArm,
-    UnderTheTool,
-    of_arm,
-    of_tool,
-)
+from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist, UnderTheArm, UnderTheTool, of_arm, of_tool
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -52,14 +43,22 @@ class Play(GearTwist):
         i = self.index(joint)
         return np.trunc(_sign(self.preload(rows, i, values) + rows.torque[:, i]))
 
-    def undecided(self, rows: LoadState, joint: int | None, values: Array | None = None) -> NDArray[np.bool_]:
+    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
         i = self.index(joint)
-        lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
-        doubt = np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1))
-        if values is None:
-            return np.asarray((np.abs(rows.gravity[:, i] + rows.torque[:, i]) < doubt) & np.any(rows.wrench != 0, axis=1))
+        near = np.abs(rows.gravity[:, i] + rows.torque[:, i]) < self._doubt(rows, i)
+        return np.asarray(near & np.any(rows.wrench != 0, axis=1))
+
+    def loose(self, rows: LoadState, joint: int | None, values: Array) -> NDArray[np.bool_]:
+        i = self.index(joint)
         preload = self.preload(rows, i, values)
-        return np.asarray(np.abs(preload + rows.torque[:, i]) < doubt + self.weighed * WEIGHT_OFF * np.abs(preload))
+        doubt = self._doubt(rows, i) + self.weighed * WEIGHT_OFF * np.abs(preload)
+        return np.asarray(np.abs(preload + rows.torque[:, i]) < doubt)
+
+    @staticmethod
+    def _doubt(rows: LoadState, i: int) -> Array:
+        """Torque (n,) [N m] under which the teeth may be on either side."""
+        lever = np.linalg.norm(rows.jacobian[:, :3, i], axis=1)
+        return np.asarray(np.maximum(FRICTION_NM, MISALIGNED * lever * np.linalg.norm(rows.wrench[:, :3], axis=1)))
 
 
 class HeldPlay(Play):
@@ -99,7 +98,7 @@ class WristPlay(UnderTheTool, Play):
     """The first law in a wrist of unknown weight."""
 
     name = "backlash"
-    parameters = (HALF_GAP, of_tool(OF_TOOL))
+    parameters = (HALF_GAP, of_tool())
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return self.crossed(rows, i, values)
@@ -109,7 +108,7 @@ class ArmPlay(UnderTheArm, Play):
     """The first law in an arm of unknown weight."""
 
     name = "backlash"
-    parameters = (HALF_GAP, of_arm(OF_ARM))
+    parameters = (HALF_GAP, of_arm())
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return self.crossed(rows, i, values)

@@ -127,10 +127,13 @@ class Effect(ABC):
         """Why these rows cannot show it at all, "" where they can."""
         return ""
 
-    def undecided(self, rows: LoadState, joint: int | None, values: Array | None = None) -> NDArray[np.bool_]:
-        """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it; values (P,):
-        where they are known, those in which it may rest anywhere too, though nothing pushes."""
+    def undecided(self, rows: LoadState, joint: int | None) -> NDArray[np.bool_]:
+        """Rows (n,) in which an error of the force decides what the effect does, so that they tell nothing of it."""
         return np.zeros(len(rows), dtype=bool)
+
+    def loose(self, rows: LoadState, joint: int | None, values: Array) -> NDArray[np.bool_]:
+        """Rows (n,) in which the effect in force with values (P,) may rest anywhere, so that none of them is a bad reading."""
+        return self.undecided(rows, joint)
 
     def brings(self, values: Array) -> dict[str, float]:
         """Other effects' names, each with the size of its parameters up to which this one, with parameters (P,), brings it

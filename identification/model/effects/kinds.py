@@ -140,20 +140,18 @@ class UnderTheArm(UnderUnknownWeight):
         return rows.hung_on_forearm
 
 
-def weight_of(tried: tuple[float, ...], typical: float, high: float, source: str, bounds_source: str) -> Parameter:
-    """The last parameter of a gear under an unknown weight."""
-    return Parameter("weight_nm", "N*m", typical, 0.0, high, grid=tried, shape=True, source=f"engineering judgement: {source}",
-                     bounds_source=f"engineering judgement: none, to {bounds_source}")
+def of_tool(every: int = 1) -> Parameter:
+    """What hangs on the wrist; every: so many of the torques that are tried are one."""
+    return Parameter("weight_nm", "N*m", 200.0, 0.0, 2000.0, grid=OF_TOOL[::every], shape=True,
+                     source="engineering judgement: a spindle of 70 kg, 0.3 m before the wrist",
+                     bounds_source="engineering judgement: none, to 400 kg half a metre before the wrist")
 
 
-def of_tool(tried: tuple[float, ...]) -> Parameter:
-    """The torque of what hangs on the wrist."""
-    return weight_of(tried, 200.0, 2000.0, "a spindle of 70 kg, 0.3 m before the wrist", "400 kg half a metre before the wrist")
-
-
-def of_arm(tried: tuple[float, ...]) -> Parameter:
-    """The torque of what hangs on the forearm."""
-    return weight_of(tried, 2000.0, 20000.0, "200 kg a metre out", "two tonnes a metre out")
+def of_arm(every: int = 1) -> Parameter:
+    """What hangs on the forearm."""
+    return Parameter("weight_nm", "N*m", 2000.0, 0.0, 20000.0, grid=OF_ARM[::every], shape=True,
+                     source="engineering judgement: 200 kg a metre out",
+                     bounds_source="engineering judgement: none, to two tonnes a metre out")
 
 
 class OfWrench(Effect):

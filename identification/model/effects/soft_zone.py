@@ -8,16 +8,7 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, saturated
 from identification.model.effects.documents import HARMONIC_DRIVE
-from identification.model.effects.kinds import (
-    OF_ARM,
-    OF_TOOL,
-    SOFTER_NEAR_ZERO,
-    GearTwist,
-    UnderTheArm,
-    UnderTheTool,
-    of_arm,
-    of_tool,
-)
+from identification.model.effects.kinds import SOFTER_NEAR_ZERO, GearTwist, UnderTheArm, UnderTheTool, of_arm, of_tool
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -91,7 +82,7 @@ class WristZone(UnderTheTool, TwoSlopes):
     """The first law in a wrist of unknown weight."""
 
     name = "soft_zone"
-    parameters = (EXTRA, zone_of(12.0, 25.0, 50.0, 90.0, 160.0), of_tool(OF_TOOL[::3]))
+    parameters = (EXTRA, zone_of(12.0, 25.0, 50.0, 90.0, 160.0), of_tool(every=3))
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return self.two_slopes(rows, i, values)
@@ -101,7 +92,7 @@ class ArmZone(UnderTheArm, TwoSlopes):
     """The first law in an arm of unknown weight."""
 
     name = "soft_zone"
-    parameters = (EXTRA, zone_of(50.0, 90.0, 160.0, 280.0), of_arm(OF_ARM[::3]))
+    parameters = (EXTRA, zone_of(50.0, 90.0, 160.0, 280.0), of_arm(every=3))
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         return self.two_slopes(rows, i, values)
