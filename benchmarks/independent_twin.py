@@ -2,6 +2,7 @@
 
     OMP_NUM_THREADS=1 python benchmarks/independent_twin.py --nulls N [--stratum S ...] [--design D ...] [--seed FIRST]
     OMP_NUM_THREADS=1 python benchmarks/independent_twin.py --cases N [--kind K ...] [--stratum S ...] [--design D ...] ...
+    OMP_NUM_THREADS=1 python benchmarks/independent_twin.py --showing N [--stratum S ...] [--design D ...] [--seed FIRST]
 
 tests/second_cell shares neither code nor laws with the packages or with the virtual cell: finite motions of a chain by screws,
 rest as a minimum of energy, and for every effect mechanics of its own (Bouc-Wen and stick friction, smooth zones, lumped beams,
@@ -12,12 +13,16 @@ of the cells know it (robot.yaml).
 as the posterior's own draws make it) and its single intervals hold the truth. Alarms and names are listed one by one.
 
 --cases, one effect of the dictionary (`single`), two (`pair`), one of no dictionary (`outside`), a gear that is softer near
-zero in an arm whose weight nobody states (`play`), 0.5 to 2 times typical:
+zero in an arm whose weight nobody states (`play`), 0.5 to 2 times typical (--times LOW HIGH):
 outcomes as in hidden_effects.py, over all, and over those whose signal, by the generator alone and with the springs free, is 5
 (10) sigmas of the true noise at least. Then, for a named cause, 30 fresh poses with loads in any direction: the error of the
 extended model against the robot's true motion, relative to the plain model's and to that of the dictionary's law told the
 name; how often the stated 95 % hold single components and points. Listed: names that gain less than a tenth, wrong names, sets
 without the truth, refusals.
+
+--showing: what an `adequate` is worth. Where nothing is hidden the diagnosis says from which size on each cause would have been
+noticed, in four of five cases; one of these (up to three typical sizes) is drawn and hidden at that size, a half and twice of
+it, in the same load test: how often is it noticed?
 """
 
 from __future__ import annotations
@@ -48,9 +53,9 @@ from identification.model.effects import effects
 from identification.model.effects_in_force import SPRINGS
 from identification.model.stiffness import IdentifiedModel
 from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, truth_names
-from tests.second_cell.cell import Case, drawn, simulate
+from tests.second_cell.cell import Case, Hidden, drawn, simulate
 from tests.second_cell.detectable import CLEAR, DETECTABLE, signal
-from tests.second_cell.effects import DICTIONARY, OUTSIDE
+from tests.second_cell.effects import DICTIONARY, EFFECTS, OUTSIDE
 from tests.second_cell.noise import STRATA
 from tests.second_cell.plans import PLANS
 
@@ -136,10 +141,10 @@ class Result:
     seconds: float
 
 
-def one(arguments: tuple[str, str, str, int]) -> Result:
-    design, stratum, kind, seed = arguments
+def one(arguments: tuple[str, str, str, tuple[float, float], int]) -> Result:
+    design, stratum, kind, times, seed = arguments
     names, count = KINDS[kind]
-    hidden, weight = drawn(seed, design, names, count)
+    hidden, weight = drawn(seed, design, names, count, times)
     weight = "unknown" if kind == "play" else weight
     case = simulate(seed, design, stratum, hidden, weight=weight)
     truth = truth_names([part.truth for part in hidden])
@@ -182,6 +187,52 @@ def at_fresh_poses(case: Case, found: Diagnosis) -> Fresh:
 
     (before, *was), (after, *now) = tried(plain), tried(extended_model(judgement))
     return Fresh(before, after, tried(told)[0] if told else np.nan, (was[0], now[0]), (was[1], now[1]))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A cause hidden at what it is said to be noticed from (typical sizes), times TIMES: whether it was."""
+
+    seed: int
+    case: str
+    size: float
+    noticed: tuple[bool, ...]
+
+
+TIMES, LARGEST = (0.5, 1.0, 2.0), 3.0
+
+
+def shown(arguments: tuple[str, str, int]) -> Shown | None:
+    """None where nothing hidden alarms, or where no cause is in reach."""
+    design, stratum, seed = arguments
+    weight = drawn(seed, design, DICTIONARY)[1]
+    quiet = diagnosed(simulate(seed, design, stratum, weight=weight))
+    said = {(each.entry.effect.name, each.entry.joint): each.size for each in quiet.judgement.showing}
+    places = [(name, joint) for name in DICTIONARY for joint in EFFECTS[name].joints or (0,)
+              if said.get((EFFECTS[name].known_as, joint or None), LARGEST + 1) <= LARGEST]
+    if quiet.verdict != "adequate" or not places:
+        return None
+    name, joint = places[int(np.random.default_rng([seed, 8]).integers(len(places)))]
+    size = said[EFFECTS[name].known_as, joint or None]
+    noticed = []
+    for times in TIMES:
+        try:
+            noticed.append(diagnosed(simulate(seed, design, stratum, (Hidden(name, joint, times * size),), weight=weight)
+                                     ).verdict != "adequate")
+        except CompstiffError:
+            noticed.append(True)
+    return Shown(seed, f"{name}{[joint] if joint else ''}, weight {weight}", size, tuple(noticed))
+
+
+def shown_report(title: str, results: Iterable[Shown | None]) -> None:
+    tried = [r for r in results if r is not None]
+    print(f"{title}: noticed at the size that is said, of {len(tried)}")
+    for k, times in enumerate(TIMES):
+        print(f"    {times:g} times that size: {share(sum(r.noticed[k] for r in tried), len(tried))}")
+    for r in tried:
+        if r.noticed != (False, True, True):
+            print(f"    seed {r.seed}: {r.case}, from {r.size:.2g} typical: {r.noticed}")
+    sys.stdout.flush()
 
 
 def share(count: int, total: int) -> str:
@@ -260,7 +311,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--nulls", type=int, default=0, metavar="N", help="data sets with nothing hidden, a design and stratum")
     parser.add_argument("--cases", type=int, default=0, metavar="N", help="data sets with something hidden, a design and kind")
+    parser.add_argument("--showing", type=int, default=0, metavar="N", help="causes hidden at the size said to be noticed")
     parser.add_argument("--kind", choices=KINDS, nargs="+", default=list(KINDS))
+    parser.add_argument("--times", type=float, nargs=2, default=(0.5, 2.0), metavar=("LOW", "HIGH"), help="typical sizes")
     parser.add_argument("--stratum", choices=STRATA, nargs="+", help="default: all for nulls, near for cases")
     parser.add_argument("--design", choices=PLANS, nargs="+", default=list(PLANS))
     parser.add_argument("--seed", type=int, default=0, metavar="FIRST")
@@ -268,12 +321,15 @@ def main() -> None:
     wanted = parser.parse_args()
     with ProcessPoolExecutor(wanted.processes) as pool:
         for design in wanted.design:
-            seeds = range(wanted.seed, wanted.seed + max(wanted.nulls, wanted.cases))
+            seeds = range(wanted.seed, wanted.seed + max(wanted.nulls, wanted.cases, wanted.showing))
             for stratum in (wanted.stratum or STRATA) if wanted.nulls else ():
                 nulls_report(design, stratum, pool.map(null, [(design, stratum, seed) for seed in seeds[:wanted.nulls]]))
+            for stratum in (wanted.stratum or ("near",)) if wanted.showing else ():
+                shown_report(f"{design}, {stratum}", pool.map(
+                    shown, [(design, stratum, seed) for seed in seeds[:wanted.showing]]))
             for kind in wanted.kind if wanted.cases else ():
                 for stratum in wanted.stratum or ("near",):
-                    jobs = [(design, stratum, kind, seed) for seed in seeds[:wanted.cases]]
+                    jobs = [(design, stratum, kind, tuple(wanted.times), seed) for seed in seeds[:wanted.cases]]
                     cases_report(f"{design}, {kind}, {stratum}", pool.map(one, jobs))
 
 

@@ -65,12 +65,11 @@ class FittedNoise:
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """p_value: family-wise, resolution: the smallest it can be. entries, patterns: surprise of each,
-    -log10 of its own probability; critical: the surprise that 5 % of the replicates reach."""
+    """p_value: family-wise, resolution: the smallest it can be. patterns: surprise of each, -log10 of its own probability;
+    critical: the surprise that 5 % of the replicates reach."""
 
     p_value: float
     resolution: float
-    entries: Array
     patterns: dict[str, float]
     critical: float
 
@@ -87,9 +86,7 @@ def goodness_of_fit(
     """Whether the fitted model explains its rows, the laws of its terms free within their shapes."""
     state, at = fitted.load_state, fitted.at_map
     dictionary = dictionary_of(state, at.noise, catalogue)
-    precision = fitted.prior.precision(fitted.map)
-    shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
-    base = Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(state, at.noise))
+    base = base_of(fitted)
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
         base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
@@ -100,6 +97,13 @@ def goodness_of_fit(
     base = base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
     noise = FittedNoise(at.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
     return detect(base, dictionary, patterns_of(state, at.noise), noise, rng, replicates)
+
+
+def base_of(fitted: Posterior) -> Base:
+    """The fitted model linearised, what the arm's unknown weight may do free beside it."""
+    at, precision = fitted.at_map, fitted.prior.precision(fitted.map)
+    shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
+    return Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(fitted.load_state, at.noise))
 
 
 def detect(
@@ -124,7 +128,7 @@ def detect(
     total = np.maximum(entries.max(axis=0, initial=0.0), observed_patterns.max(axis=0, initial=0.0))
     p_value = (1 + int(np.sum(total[1:] >= total[0]))) / (replicates + 1)
     named = {pattern.name: float(value) for pattern, value in zip(patterns, observed_patterns[:, 0], strict=True)}
-    return Detection(p_value, 1 / (replicates + 1), entries[:, 0], named, float(np.quantile(total[1:], 0.95)))
+    return Detection(p_value, 1 / (replicates + 1), named, float(np.quantile(total[1:], 0.95)))
 
 
 def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Array, variance: Array) -> Array:
@@ -138,17 +142,22 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
     inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(width))
     coefficients = inverse @ b
     ratio = np.sum(b * coefficients, axis=1) / variance
-    positive = dictionary.positive
+    positive, log_shares = dictionary.positive, np.log(shares(dictionary))
     ratio[positive] *= coefficients[positive, 0] > 0
     result = np.zeros((len(dictionary.entries), ratio.shape[1]))
     for k, entry in enumerate(dictionary.entries):
-        members, tried = np.array(entry.signatures), max(1.0, 0.5 * len(entry.signatures))
+        members = np.array(entry.signatures)
         for degrees, half in {(int(dictionary.widths[s]), bool(positive[s])) for s in members}:
             # Of signatures alike the largest ratio is the least probable: one tail, which costs more than all before it.
             alike = members[(dictionary.widths[members] == degrees) & (positive[members] == half)]
             # chi2.logsf works out the median of every element first, which takes longer than the tail.
             with np.errstate(divide="ignore"):
                 log_tail = np.log(chdtrc(degrees, ratio[alike].max(axis=0)))
-            log_p = np.maximum(log_tail + np.log(0.5) * half, SMALLEST)
-            result[k] = np.maximum(result[k], -(log_p + np.log(tried)) / np.log(10))
+            result[k] = np.maximum(result[k], -np.maximum(log_tail + log_shares[alike[0]], SMALLEST) / np.log(10))
     return result
+
+
+def shares(dictionary: Dictionary) -> Array:
+    """By what a signature's own probability (S,) is multiplied: how many its entry has, half where its sign is known."""
+    tried = np.array([max(1.0, 0.5 * len(entry.signatures)) for entry in dictionary.entries])
+    return np.asarray(tried[dictionary.entry_of] * np.where(dictionary.positive, 0.5, 1.0))

@@ -13,6 +13,7 @@ from identification.diagnosis.detect import Detection
 from identification.diagnosis.discrimination import NextLoad
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.gross import BadRow
+from identification.diagnosis.power import Showing
 from identification.diagnosis.share import Share
 from identification.diagnosis.swing import Swing
 from identification.fit.mending import BadVisit
@@ -44,7 +45,7 @@ class Cause(EffectInForce):
         """The cause in plain words."""
         if self.open_laws:
             return self.effect.law_family.format(joint=self.joint)
-        return self.effect.sentence.format(joint=self.joint)
+        return super().sentence
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ class Judgement:
     hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others;
     bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose explains as well.
     validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one where the
-    verdict is one, else rivals of the alternatives."""
+    verdict is one, else rivals of the alternatives. showing: where six springs are enough, from which size on each cause would
+    have been noticed."""
 
     verdict: Verdict
     plain: Posterior
@@ -94,6 +96,7 @@ class Judgement:
     suspects: tuple[BadVisit, ...] = ()
     validation: Validation | None = None
     mistakes: tuple[NamedMistake, ...] = ()
+    showing: tuple[Showing, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuses (ValueError) a verdict whose names contradict it: no such answer may leave the program."""
@@ -123,6 +126,13 @@ class Judgement:
         named += [f"row {bad.row}" for bad in self.bad_rows]
         count = sum(len(bad.score.rows) for bad in self.bad_visits) + len(self.bad_rows)
         return ", ".join(named[:MOST_NAMED]) + (f" and {len(named) - MOST_NAMED} more" if named[MOST_NAMED:] else ""), count
+
+    @property
+    def overlooked(self) -> tuple[Showing, ...]:
+        """Where six springs are enough: the causes that would not have been noticed at their typical size, what moves the tool
+        most first."""
+        return tuple(sorted((each for each in self.showing if not each.of_typical_size),
+                            key=lambda each: -each.typical_largest))
 
     @property
     def rows(self) -> Measurements:

@@ -15,8 +15,10 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     listed = next_measurements(diagnosis.judgement)
     checks = [Step(f"Check: {what} ({about}).") for what, about in checks_of(listed)[:MOST_CHECKS]]
     if verdict == "adequate":
-        return [Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report",
-                                                  "identify.html"))]
+        use = Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report", "identify.html"))
+        further = Step("To look for what these rows would not have shown, plan further runs; measure them, add the rows, "
+                       "diagnose again:", call("design", cell, "--add", 4, source, "--criterion", "C", "-o", "more.csv"))
+        return [use, further] if diagnosis.judgement.overlooked else [use]
     if verdict == "mistake":
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
                                   call(*again, "--mend", "MENDED", "--force"))]

@@ -36,7 +36,7 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
     before, allowed = judgement.plain.residual, judgement.expected_std
     after = judgement.extended.residual if named else None
     tables = [table for table in (_mistakes(judgement), _causes(content), _ranking(judgement), _next(content),
-                                  _parts(judgement)) if table]
+                                  _parts(judgement), _showing(judgement)) if table]
     first: list[Figure | View] = [*_where(judgement), *_probabilities(judgement)]
     if judgement.gain is not None and judgement.causes:
         first.append(_held_out(judgement.gain, judgement))
@@ -60,7 +60,9 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
     before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
     sizes = f"six springs leave {before:.1f} µm RMS, the noise allows {allowed:.1f} µm"
     if diagnosis.verdict == "adequate":
-        return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}.")
+        return Verdict("good", "ADEQUATE", f"Six springs explain these measurements to their noise: {sizes}. Of "
+                       f"{len(judgement.showing)} possible causes of typical size these rows would have shown "
+                       f"{len(judgement.showing) - len(judgement.overlooked)}, four times in five.")
     if before <= allowed and judgement.detection.p_value <= ALARM:
         sizes += f": its size would pass, but noise does not make such a pattern ({_probability(judgement)})"
     if diagnosis.verdict == "mistake":
@@ -112,6 +114,10 @@ def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     names, count = judgement.dropped
     if count:
         keys.append(Key("left out", str(count), "reading" if count == 1 else "readings", names))
+    missed = judgement.overlooked
+    if missed:
+        keys.append(Key("most that may hide", f"{1e6 * missed[0].typical_largest:.0f}", "µm", "in these rows, by a cause of "
+                        f"typical size that they would not have shown: {missed[0].entry.sentence}"))
     gain = judgement.gain
     if gain is not None and judgement.causes:
         keys.append(Key("on poses not fitted", f"{1e6 * gain.before:.1f} → {1e6 * gain.after:.1f}", "µm",
@@ -188,6 +194,21 @@ def _parts(judgement: Judgement) -> ReportTable | None:
             for conflict in judgement.conflicts][:8]
     header = ["rows", "against", "Mahalanobis distance", "p, corrected"]
     return ReportTable("Parts of the data that want different springs", header, rows, numbers=(2, 3)) if rows else None
+
+
+def _showing(judgement: Judgement) -> ReportTable | None:
+    rows = []
+    for each in sorted(judgement.showing, key=lambda each: (each.of_typical_size, -each.typical_largest)):
+        said, unit = each.as_dict(), each.entry.effect.size_parameter.unit
+        never = said["noticed_from"] is None
+        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no", f"{each.typical:.2g}",
+                     "never" if never else f"{said['noticed_from']:.2g}", unit, f"{said['typical_um']:.1f}",
+                     "never" if never else f"{said['noticed_from_um']:.1f}", each.entry.label])
+    if not rows:
+        return None
+    header = ["cause", "typical one would have shown", "typical size", "shows from", "unit",
+              "typical one moves the tool by [um]", "shows from [um]", "name"]
+    return ReportTable("What these rows would have shown, four times in five", header, rows, numbers=(2, 3, 5, 6))
 
 
 def _thinned(count: int) -> NDArray[np.intp]:

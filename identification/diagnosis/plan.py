@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
+from identification.diagnosis.power import NEVER, POWER, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
@@ -29,8 +29,6 @@ from identification.model.effects_in_force import SPRINGS
 
 Array = NDArray[np.float64]
 ALARM = 0.05
-# What is called found or named is so with this probability, over the noise (quantile of the normal law) and over its direction.
-POWER, POWER_QUANTILE = 0.8, 0.8416
 # Places of a step are tried up to so many, evenly over the plan.
 MOST_PLACES = 12
 # So many effects that look alike are listed.
@@ -60,7 +58,7 @@ class Outlook:
 
     def shown(self, size: float) -> str:
         """A size [typical sizes] in the unit of the parameter; never, where it is beyond a thousand typical ones."""
-        return f"{size * self.typical:.2g}" if size < 1e3 else "never"
+        return f"{size * self.typical:.2g}" if size < NEVER else "never"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes beyond 1e6 typical ones are null."""
@@ -121,7 +119,7 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
     rows = planned.select(~planned.validate)
     base, dictionary = _linearised(cell, rows, -np.log(cell.prior.stiffness), effects())
     gram, slices = _gram(base, dictionary)
-    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + POWER_QUANTILE
+    needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + float(norm.ppf(POWER))
     outlooks = tuple(_outlook(dictionary, k, gram, slices, needed) for k in range(len(dictionary.entries)))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 
@@ -176,17 +174,18 @@ def _outlook(dictionary: Dictionary, number: int, gram: Array, slices: dict[int,
     entry = dictionary.entries[number]
     own = [slices[s] for s in entry.signatures if s in slices]
     # The shape in the middle of the range: not the easiest, not the hardest.
-    by_strength = sorted(own, key=lambda block: _weakest(gram[block, block]))
+    by_strength = sorted(own, key=lambda block: weakest(gram[block, block])[0])
     mine = by_strength[len(by_strength) // 2]
-    detectable = needed / _weakest(gram[mine, mine])
+    detectable = needed / weakest(gram[mine, mine])[0]
     left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
             for k, other in enumerate(dictionary.entries) if k != number}
     worst = min(left.values(), default=np.inf)
     alike = tuple(label for label, value in sorted(left.items(), key=lambda item: item[1])
                   if needed / max(value, 1e-12) > max(1.0, detectable))
-    parameter = next(parameter for parameter in entry.effect.parameters if not parameter.shape)
+    parameter = entry.effect.size_parameter
     return Outlook(entry, detectable, max(detectable, needed / max(worst, 1e-12)),
-                   alike[:MOST_ALIKE] if detectable <= 1 else (), parameter.name, parameter.typical, parameter.unit)
+                   alike[:MOST_ALIKE] if detectable <= 1 else (), parameter.name,
+                   dictionary.amplitude(entry.signatures.start), parameter.unit)
 
 
 def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
@@ -206,28 +205,11 @@ def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
     return base.gram(np.concatenate(columns, axis=2)), slices
 
 
-def _weakest(information: Array) -> float:
-    """Root of the information of a block: what an effect of unit size gives in all but the worst fifth of the directions that
-    it may have."""
-    if len(information) == 1:
-        return float(np.sqrt(max(information[0, 0], 1e-12)))
-    directions = _directions(len(information))
-    along = np.einsum("di,ij,dj->d", directions, information, directions)
-    return float(np.sqrt(max(np.quantile(along, 1.0 - POWER), 1e-12)))
-
-
-@cache
-def _directions(width: int) -> Array:
-    """Unit vectors (400, width), evenly at random."""
-    drawn = np.random.default_rng(0).standard_normal((400, width))
-    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
-
-
 def _left(gram: Array, mine: slice, other: slice) -> float:
     """The same once the other block is free."""
     cross = gram[mine, other]
     free = gram[other, other] + 1e-9 * (np.trace(gram[other, other]) + 1e-12) * np.eye(other.stop - other.start)
-    return _weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))
+    return weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))[0]
 
 
 def not_told_apart(outlooks: Iterable[Outlook]) -> list[str]:

@@ -29,6 +29,7 @@ from identification.diagnosis.naming import (
     with_open_laws,
     without_slight,
 )
+from identification.diagnosis.power import showing
 from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
@@ -91,8 +92,12 @@ def judge(
     """
     averaged, thinning = in_blocks(cell, measurements)
     looked_at, share = share_of(averaged)
-    procedure = Procedure(LoadTest.of(cell, looked_at), effects() if catalogue is None else catalogue, alarm, replicates, seed)
-    return replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
+    catalogue = effects() if catalogue is None else catalogue
+    procedure = Procedure(LoadTest.of(cell, looked_at), catalogue, alarm, replicates, seed)
+    found = replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
+    if found.causes or found.verdict not in ("adequate", "named"):
+        return found
+    return replace(found, showing=showing(found.plain, catalogue, found.detection.critical))
 
 
 @dataclass(frozen=True, eq=False)

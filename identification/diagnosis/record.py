@@ -21,8 +21,8 @@ from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
 from identification.model.effects.kinds import OF_THE_KIND
 
-# So many checks are told on the terminal.
-MOST_CHECKS = 4
+# So many checks, and causes that would not have been noticed, are told on the terminal.
+MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 FORMAT = "compstiff-diagnosis"
 
 
@@ -49,7 +49,7 @@ def record(judgement: Judgement) -> dict[str, Any]:
         "law_differs": judgement.law_differs, "log10_odds_against_nothing": _decades(judgement),
         "effective_rows": None if thinning is None else thinning.rows / thinning.autocorrelation_time,
         "correction_difference_um": None if difference is None else 1e6 * difference,
-        "not_offered": judgement.left_out,
+        "not_offered": judgement.left_out, "showing": [each.as_dict() for each in judgement.showing],
         "rows_looked_at": len(judgement.rows), "visits": _visits(judgement), "validation": _validation(judgement),
     }
 
@@ -160,7 +160,7 @@ def answer(judgement: Judgement) -> list[str]:
     lines = [*_verdict(judgement),
              f"the plain model leaves {before:.2f} um RMS{others}, the noise allows {allowed:.2f} um "
              f"(p = {judgement.detection.p_value:.3g}, resolution {judgement.detection.resolution:.2g})"]
-    lines += _beside_the_names(judgement)
+    lines += [*_beside_the_names(judgement), *_overlooked(judgement)]
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:
         lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
@@ -224,6 +224,17 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
         lines.append(f"  what is left then is more than {1 - judgement.adequacy.p_value:.1%} of data sets show without a "
                      f"further cause: something more may be at work{f' ({further})' if further else ''}")
     return lines
+
+
+def _overlooked(judgement: Judgement) -> list[str]:
+    """What springs that are enough are worth."""
+    every, missed = judgement.showing, judgement.overlooked
+    if not every:
+        return []
+    names = ", ".join(f"{each.entry.label} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
+    more = f" and {len(missed) - MOST_OVERLOOKED} more" if missed[MOST_OVERLOOKED:] else ""
+    return [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} possible causes of typical size, four "
+            f"times in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
 
 
 def _cause_line(judgement: Judgement, cause: Cause) -> str:

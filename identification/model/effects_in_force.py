@@ -38,6 +38,11 @@ class EffectInForce:
         return self.effect.name if self.joint is None else f"{self.effect.name}[{self.joint}]"
 
     @property
+    def sentence(self) -> str:
+        """The cause in plain words."""
+        return self.effect.sentence.format(joint=self.joint)
+
+    @property
     def names(self) -> list[str]:
         """The parameters' names as in stiffness.json: backlash[1].half_gap_rad."""
         return [f"{self.label}.{parameter.name}" for parameter in self.effect.parameters]

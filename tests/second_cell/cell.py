@@ -170,14 +170,16 @@ def measured(seed: int, model: Robot, tool: np.ndarray, stiffness: np.ndarray, p
     return Case(seed, model, tool, stiffness, noise, tuple(hidden), weight, planned, table, world)
 
 
-def drawn(seed: int, plan: str, names: Sequence[str], count: int = 1) -> tuple[tuple[Hidden, ...], str]:
-    """What is hidden in the case of that seed, 0.5 to 2 times typical, `count` different effects; and the arm's weight."""
+def drawn(seed: int, plan: str, names: Sequence[str], count: int = 1,
+          times: tuple[float, float] = (0.5, 2.0)) -> tuple[tuple[Hidden, ...], str]:
+    """What is hidden in the case of that seed, `count` different effects, so many `times` typical; and the arm's weight."""
     rng, model = np.random.default_rng([seed, 6]), simulated_robot(seed, plan)
     fit = [name for name in names if model.rod or not EFFECTS[name].rod]
     hidden: list[Hidden] = []
     for name in rng.permutation(fit)[:count]:
         joints = EFFECTS[name].joints
-        hidden.append(Hidden(str(name), int(rng.choice(joints)) if joints else 0, float(0.5 * 4 ** rng.random())))
+        joint = int(rng.choice(joints)) if joints else 0
+        hidden.append(Hidden(str(name), joint, float(times[0] * (times[1] / times[0]) ** rng.random())))
     return tuple(hidden), str(rng.choice(["known", "unknown"]))
 
 

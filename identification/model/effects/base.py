@@ -106,6 +106,11 @@ class Effect(ABC):
         return f"{self.name}.{self.law}" if self.law else self.name
 
     @property
+    def size_parameter(self) -> Parameter:
+        """The first parameter that says how large it is."""
+        return next(parameter for parameter in self.parameters if not parameter.shape)
+
+    @property
     def where(self) -> dict[str, int | str | float]:
         """What says, beside the joint, which one it is (the row of a step)."""
         return {}

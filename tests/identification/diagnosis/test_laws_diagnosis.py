@@ -302,7 +302,7 @@ def test_what_is_not_named_is_not_carried_on(tmp_path: Path) -> None:
 
 
 def detected(p_value):
-    return Detection(p_value, 0.005, np.zeros(1), {}, 1.0)
+    return Detection(p_value, 0.005, {}, 1.0)
 
 
 @pytest.mark.parametrize(("p_value", "odds", "says"), [

@@ -86,7 +86,7 @@ def test_a_name_needs_a_clear_detection_and_a_model_that_is_enough(before: float
     state = state_of_a_path()
     rows = rows_of(state, play(state, 1, 4.6e-5), np.random.default_rng(1))
     seen = best_of(rows, rows.dictionary(effects_of_parts()))
-    first, then = (Detection(p_value, 1 / (REPLICATES + 1), np.zeros(0), {}, 1.0) for p_value in (before, after))
+    first, then = (Detection(p_value, 1 / (REPLICATES + 1), {}, 1.0) for p_value in (before, after))
     found = judged(rows, seen, first, then)
     assert (found.verdict, bool(found.terms)) == (verdict, verdict == "named")
 
