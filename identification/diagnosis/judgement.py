@@ -29,6 +29,8 @@ from identification.model.effects_in_force import EffectInForce
 Array = NDArray[np.float64]
 # Of the readings that were left out so many poses and rows are told by name.
 MOST_NAMED = 4
+# What would not show at so many times its typical size (force_gain never does) is no matter of some further rows.
+FAR = 10.0
 Verdict = Literal["adequate", "named", "ambiguous", "unknown", "mistake"]
 
 
@@ -130,9 +132,9 @@ class Judgement:
     @property
     def overlooked(self) -> tuple[Showing, ...]:
         """Where six springs are enough: the causes that would not have been noticed at their typical size, what moves the tool
-        most first."""
+        most first; last what other loads would hardly show either."""
         return tuple(sorted((each for each in self.showing if not each.of_typical_size),
-                            key=lambda each: -each.typical_largest))
+                            key=lambda each: (each.size > FAR, -each.typical_largest)))
 
     @property
     def rows(self) -> Measurements:
