@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 from dataclasses import dataclass, field
 
@@ -15,6 +14,7 @@ from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reports import Places
 from compensator.toolpath import Move
+from identification.common.files import with_room
 from identification.common.findings import Finding
 
 Edit = tuple[int, int, bytes]           # source.data[start:end] becomes the bytes
@@ -229,7 +229,7 @@ def _note(job: _Job, written: Written, target: int) -> None:
 def apply(data: bytes, edits: list[Edit]) -> bytes:
     """The text with all edits made; those at one place in the order they were entered. Takes the edits out of their list: what
     is written need not be held twice."""
-    stream = io.BytesIO()
+    stream = with_room(len(data) + sum(len(text) - (end - start) for start, end, text in edits))
     at = 0
     edits.sort(key=lambda edit: edit[:2])
     edits.reverse()
@@ -239,6 +239,7 @@ def apply(data: bytes, edits: list[Edit]) -> bytes:
         stream.write(text)
         at = end
     stream.write(data[at:])
+    stream.truncate()
     return stream.getvalue()
 
 

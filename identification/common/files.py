@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import glob
 import hashlib
+import io
 import json
 import os
 import shutil
@@ -62,6 +63,16 @@ def sha256(file: str | Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with open(file, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def with_room(size: int) -> io.BytesIO:
+    """A stream with room for about so many bytes, to be truncated where its content ends: one that grows is copied on the way,
+    and held twice meanwhile."""
+    stream = io.BytesIO()
+    stream.seek(size)
+    stream.write(b"\n")
+    stream.seek(0)
+    return stream
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
