@@ -143,12 +143,14 @@ def correct(planned: Predicted) -> Corrected:
     logged = logged_pass(planned)
     cornered, of_corners = with_zones(planned)
     predicted, kept, looked_at = with_intermediate_targets(cornered)
+    del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
     correction = correct_path(cut.loaded, Restraint(prediction, settings.confidence, predicted.slope))
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
                       correction.confdata)
+    planned, predicted = planned.written(), predicted.written()
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)
@@ -157,7 +159,7 @@ def correct(planned: Predicted) -> Corrected:
     wanted = np.arange(len(predicted.path.toolpath)) if of_feed else beside
     commanded, residual = read_back(cut.loaded, correction, content, wanted)
     between = (left_between(looked_at, commanded.base_from_tcp[np.searchsorted(wanted, beside)], logged) if looked_at else None)
-    del looked_at, cornered
+    del looked_at
     feed = None
     if of_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),

@@ -161,13 +161,17 @@ def _bent(predicted: Predicted, prediction: Prediction) -> Array:
         return np.full(count, np.inf)
     with np.errstate(invalid="ignore", over="ignore"):
         step = np.maximum(np.diff(path.length), 1e-9)
-        slope = np.diff(deviation, axis=0) / step[:, None]
-        bend = np.linalg.norm(np.diff(slope, axis=0), axis=1) / (0.5 * (step[1:] + step[:-1]))
-        at_target = np.concatenate([[np.nan], bend, [np.nan]])
-        bent = np.maximum(at_target[:-1], at_target[1:]) * step**2 / np.sqrt(120.0)
-        along = np.diff(path.rest_from_tcp.position, axis=0)
-        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
-        turn = np.concatenate([[0.0], np.linalg.norm(np.diff(along, axis=0), axis=1), [0.0]])
-        turn *= np.linalg.norm(deviation, axis=1)
+        way = np.diff(path.rest_from_tcp.position, axis=0)
+        way /= np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
+        # Squares at each target by component: of a long program what all three take at once would be much.
+        bend, turn, size = np.zeros((3, count))
+        for off, towards in zip(deviation.T, way.T, strict=True):
+            bend[1:-1] += np.diff(np.diff(off) / step) ** 2
+            turn[1:-1] += np.diff(towards) ** 2
+            size += off**2
+        bend[1:-1] = np.sqrt(bend[1:-1]) / (0.5 * (step[1:] + step[:-1]))
+        bend[[0, -1]] = np.nan
+        turn = np.sqrt(turn) * np.sqrt(size)
+        bent = np.maximum(bend[:-1], bend[1:]) * step**2 / np.sqrt(120.0)
         bent = np.hypot(bent, np.maximum(turn[:-1], turn[1:]) / np.sqrt(12.0))
     return np.asarray(np.nan_to_num(np.concatenate([[np.inf], bent]), nan=np.inf, posinf=np.inf))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +12,10 @@ from numpy.typing import NDArray
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from identification.common.arrow import number_column, text_column
-from identification.common.files import with_room
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 CHUNK = 8192        # targets written at a time: bounds the memory their columns take
-CELL_BYTES = 9      # about
 
 
 def offsets_csv(corrected: Corrected) -> bytes:
@@ -32,14 +32,19 @@ def offsets_csv(corrected: Corrected) -> bytes:
     >>> compstiff.offsets_csv(compstiff.correct(predicted)).count(b"\\n")
     3587
     """
+    return b"".join(offset_blocks(corrected))
+
+
+def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
+    """The same, some thousand rows at a time."""
     correction, kept, left = corrected.correction, corrected.kept, corrected.left
     # Which of the targets as given each corrected one is, and which of these are such.
     given = np.searchsorted(kept, correction.targets)
     own = np.flatnonzero(kept[np.minimum(given, len(kept) - 1)] == correction.targets)
     at = given[own]
-    return _csv(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
-                                    _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
-                [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own)])
+    return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
+                                       _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
+                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own)])
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -52,7 +57,7 @@ def deviation_csv(predicted: Predicted) -> bytes:
     >>> compstiff.deviation_csv(predicted).split(b",")[:3]
     [b'target', b'line', b'x_mm']
     """
-    return _csv(predicted, [], [])
+    return b"".join(_blocks(predicted, [], []))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,7 @@ class _Columns:
         return dict(zip(self.names.split(), rounded.T, strict=True))
 
 
-def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> bytes:
+def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> Iterator[bytes]:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -94,7 +99,6 @@ def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> by
                *(_Columns(names, values, 4, 1e6, targets, np.arange(len(targets)), left)
                  for names, values in (("dx_um dy_um dz_um", prediction.position), ("sx_um sy_um sz_um", prediction.std)))]
     notes = _notes(predicted, left)
-    stream = with_room(CELL_BYTES * len(toolpath) * (5 + sum(some.values.shape[1] for some in (*columns, *last))))
     for start in range(0, max(len(toolpath), 1), CHUNK):
         rows = slice(start, min(start + CHUNK, len(toolpath)))
         table = pa.table({
@@ -106,11 +110,11 @@ def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> by
             "note": text_column(notes[rows].tolist()),
             **{name: number_column(values) for some in last for name, values in some.rounded(rows).items()},
         })
-        if not rows.start:
+        stream = io.BytesIO()
+        if not start:
             stream.write((",".join(table.column_names) + "\n").encode())
         csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
-    stream.truncate()
-    return stream.getvalue()
+        yield stream.getvalue()
 
 
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:

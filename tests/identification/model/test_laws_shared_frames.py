@@ -12,7 +12,8 @@ SHARED = Frame.shared(Frame(TURN.as_matrix(), PLACE), 5)
 
 
 @pytest.mark.parametrize(("rows", "count"), [
-    (np.array([4, 0, 0]), 3), (np.array([True, False, True, True, False]), 3), (slice(1, 5), 4), (np.array([], dtype=np.intp), 0)])
+    (np.array([4, 0, 0]), 3), (np.array([True, False, True, True, False]), 3), (slice(1, 5), 4),
+    (np.array([], dtype=np.intp), 0)])
 def test_some_of_them_are_so_many(rows: slice | np.ndarray, count: int) -> None:
     some = SHARED[rows]
     assert some.rotation.shape == (count, 3, 3)
