@@ -150,7 +150,6 @@ def correct(planned: Predicted) -> Corrected:
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
                       correction.confdata)
-    planned, predicted = planned.written(), predicted.written()
     content, of_marks = written.content, tuple[Finding, ...]()
     if planned.settings.posting.mark:
         content, of_marks = with_marks(read_rapid(content, predicted.program.text.source.name), planned.settings.posting.mark)

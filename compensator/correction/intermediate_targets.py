@@ -118,7 +118,7 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     have, arcs = needed_points(grid, Wanted(
         axes.turned_to_rest(deviation), axes.turned_to_rest(own), AIM * planned.settings.correction.tolerance, noise,
         planned.slope, known, place_of(path), weight_of(placed), path.rest_from_tcp.position))
-    fine = replace(planned.written(), loaded=replace(loaded, forces=placed), prediction=prediction)
+    fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
 
 

@@ -80,10 +80,6 @@ class Predicted:
         force's own then."""
         return self.settings.correction.slope or (np.inf if self.forces.named else SLOPE)
 
-    def written(self) -> Predicted:
-        """The same once its program is written: where the numbers stand in the text is let go."""
-        return replace(self, program=replace(self.program, text=self.program.text.without_rows()))
-
     def as_dict(self) -> dict[str, Any]:
         """The figures of the prediction, JSON values."""
         size = np.linalg.norm(self.prediction.position, axis=1)

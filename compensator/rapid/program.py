@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from compensator.rapid.rows import NO_ROWS, Rows
+from compensator.rapid.rows import Rows
 from compensator.rapid.scan import Scan
 from compensator.rapid.text import Source
 from compensator.rapid.values import Values
@@ -20,7 +20,3 @@ class RapidProgram:
     scan: Scan
     values: Values
     rows: Rows
-
-    def without_rows(self) -> RapidProgram:
-        """What is known of it, without where in the text its numbers stand, which nobody asks for who does not write it."""
-        return replace(self, scan=Scan(self.source), rows=NO_ROWS)

@@ -40,10 +40,6 @@ class Rows:
     problems: tuple[Unsettled, ...]
 
 
-NO_ROWS = Rows(np.empty(0, dtype=np.int64), Numbers.of(np.empty((0, WIDTH))), *3 * (np.empty(0, dtype=np.int64),),
-               np.empty(0, dtype=bool), np.empty(0, dtype=np.int64), ())
-
-
 @dataclass(slots=True)
 class _Late:
     """Rows behind those of the inline targets."""

@@ -77,11 +77,8 @@ def rewrite(
     work object. confdata (M, 4): cf1 cf4 cf6 cfx, None to leave them.
     Positions are written with 4 decimals of a millimetre, quaternions with 8, or with as many as the number had before if
     that is more; a number that is the same to those decimals stays as it is spelled. The quaternion's sign is the one
-    nearest to the original. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ), and for a
-    program without its rows.
+    nearest to the original. Raises ValueError for a target that cannot be corrected (`toolpath.block`, MoveAbsJ).
     """
-    if len(program.rows.row) != len(program.toolpath):
-        raise ValueError("the program is without its rows: where its numbers stand is no longer known")
     which = np.asarray(targets, dtype=np.int64).reshape(-1)
     poses = _commanded(program, which, position, quaternion, confdata)
     if not len(which):

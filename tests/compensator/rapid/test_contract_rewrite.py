@@ -23,15 +23,6 @@ def test_no_targets_gives_the_same_bytes():
     assert (written.findings, written.numbers, written.declarations) == ((), 0, 0)
 
 
-def test_a_program_without_its_rows_is_not_written():
-    """Not even where nothing is to be changed in it."""
-    known = read_rapid(program(f"MoveL {target(1)},{MOVE}").encode()).without_rows()
-    assert len(known.toolpath) == 1
-    for targets in ([0], []):
-        with pytest.raises(ValueError, match="without its rows"):
-            rewrite(known, targets, [[0.1, 0, 0]] * len(targets), [[1, 0, 0, 0]] * len(targets))
-
-
 def test_inline_numbers_are_replaced_and_their_surroundings_kept():
     text = "MoveL [ [10.5, -3 ,\t.25],[1,0, 0,0 ],[0,-1,0,0],[9E9,9E+09,9E9,9E9,9E9,9E9] ] , v100,z1,tool0; ! keep 10.5\r\n"
     written = shift(text, [0], [TENTH])
