@@ -16,7 +16,7 @@ freedom (each component on its own), 1 % force error, 5 um re-seating a pose, wh
 it states the sensor's 2 um alone (`unstated`). Proper simulation-based calibration: sizes and degrees of freedom are drawn from
 their own priors too, about what the cell file states (`drawn`), or states of the sensor alone (`drawn bare`); a miss there is a
 defect of the computation. Baselines: unweighted least squares in k, and the paper's MAP in k (Gaussian prior, its symmetric
-interval).
+interval). --scheduler: on a cluster (pool.py).
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +32,7 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.pool import pool, pool_options
 from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements
 from identification.model.cell import Cell, read_cell
@@ -221,7 +221,7 @@ def main() -> None:
     parser.add_argument("count", nargs="?", type=int, default=200)
     parser.add_argument("first", nargs="?", type=int, default=500_000)
     parser.add_argument("--baselines", action="store_true")
-    parser.add_argument("--processes", type=int, default=2)
+    pool_options(parser)
     parser.add_argument("--designs", nargs="+", choices=DESIGNS, default=list(DESIGNS))
     parser.add_argument("--noises", nargs="+", choices=STATED, default=list(STATED))
     wanted = parser.parse_args()
@@ -231,12 +231,12 @@ def main() -> None:
           f"joint; 99 % band of one rank distance {band:.3f}\n"
           f"{'design':<9}{'noise':<11}{'50 %':>6}{'':10}{'80 %':>6}{'':10}{'95 %':>6}{'':10}{'ellipsoid 50 80 95':>21}"
           f"{'out':>6}{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}")
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(wanted.processes) as pool:
+    with tempfile.TemporaryDirectory() as folder, pool(wanted) as workers:
         write_cells(Path(folder))
         for design in wanted.designs:
             for noise in wanted.noises:
                 jobs = [(design, noise, seed, folder, wanted.baselines) for seed in range(first, first + count)]
-                report(design, noise, list(pool.map(one, jobs, chunksize=10)))
+                report(design, noise, list(workers.map(one, jobs, chunksize=10)))
 
 
 if __name__ == "__main__":

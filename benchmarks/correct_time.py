@@ -46,8 +46,8 @@ STAGES = {
     "targets_to_correct": "predict", "predict_path": "predict", "with_zones": "corners",
     "with_intermediate_targets": "intermediate targets", "correct_path": "correct", "rewrite": "write program text",
     "read_back": "read back", "logged_pass": "force that follows the cut", "following_the_cut": "force that follows the cut",
-    "left_between": "what is left", "expected_left": "what is left", "offsets_csv": "offsets.csv",
-    "record": "record, files", "write_whole": "record, files",
+    "left_between": "what is left", "foreseen": "what is left", "expected_left": "what is left",
+    "record": "offsets.csv, record, files", "write_whole": "offsets.csv, record, files",
 }
 MODULES = (predict_module, correct_module, files_module)
 OTHER = "between the stages"
@@ -137,7 +137,7 @@ def job(folder: Path, inputs: Inputs) -> None:
     corrected = files_module.correct(files_module.predict_files(inputs))
     output = folder / "out.mod"
     files_module.write_whole({
-        output: corrected.content, folder / "offsets.csv": files_module.offsets_csv(corrected),
+        output: corrected.content, folder / "offsets.csv": files_module.offset_blocks(corrected),
         folder / "out.mod.json": json.dumps(files_module.record(corrected, {output: corrected.content})).encode()})
 
 

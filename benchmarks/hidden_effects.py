@@ -12,7 +12,7 @@ Before anything is diagnosed, the noise-free truth says what the data could tell
 come first over everything that was drawn, then over what the design can identify at all. Brackets: 95 % binomial band.
 Baselines, on the same data, for single effects, under the stated sigma alone: `t-tests` 5 % each, the strongest is the name;
 `max-GLR` the same with Bonferroni's threshold; `BIC` one effect or none, sigma estimated. How many further loads a set of
-names takes until one is certain: benchmarks/next_loads.py.
+names takes until one is certain: benchmarks/next_loads.py. --scheduler: on a cluster (pool.py).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from scipy.stats import beta, chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.pool import pool, pool_options
 from identification.diagnosis.diagnose import Diagnosis, diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.projection import Base, scores
@@ -322,13 +322,14 @@ def main() -> None:
     parser.add_argument("--design", choices=DESIGNS, action="append")
     parser.add_argument("--noise", choices=("realistic", *STRATA), default="realistic")
     parser.add_argument("--kind", choices=KINDS, action="append", help="only these kinds of data")
+    pool_options(parser)
     options = parser.parse_args()
-    with ProcessPoolExecutor(2) as pool:
+    with pool(options) as workers:
         for design in options.design or DESIGNS:
             jobs = [(design, options.noise, kind, seed) for kind in options.kind or KINDS
                     for seed in range(options.first, options.first + options.cases)]
             of: dict[str, list[Result]] = {kind: [] for kind in KINDS}
-            for result in pool.map(one, jobs):
+            for result in workers.map(one, jobs):
                 of[result.kind].append(result)
             everything = [result for kind in KINDS for result in of[kind]]
             print(f"{design}, {options.noise}: {options.cases} cases of each kind, seeds from {options.first}", flush=True)

@@ -63,7 +63,7 @@ def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> B
     grid, fine, path = looked_at.grid, looked_at.fine, looked_at.fine.path
     points = fine.targets[grid.further[fine.targets]]
     offsets = None if logged.offsets is None else logged.offsets[grid.targets]
-    under = following_the_cut(fine, grid.kept, replace(logged, offsets=offsets))
+    under, prediction = following_the_cut(fine, grid.kept, replace(logged, offsets=offsets))
     target = path.axes.to_rest(commanded, looked_at.at)
     pose = path.axes.to_base(_commanded(looked_at, target, points), points)
     theta = nearest_angles(path.cell.robot, pose @ path.flange_from_tcp[points].inverse(), path.theta[points])
@@ -73,7 +73,7 @@ def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> B
     rest = loaded_tool(loaded, theta[reached])
     off = _across(rest.position - loaded.goal_position, path, points)
     left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
-    beside, steps = _steps(looked_at, under.prediction)
+    beside, steps = _steps(looked_at, prediction)
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])
     owner, noise = grid.owner[where], looked_at.noise[points]
     read_only(left, owner, noise)

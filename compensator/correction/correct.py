@@ -13,7 +13,7 @@ from compensator.correction.corners import with_zones
 from compensator.correction.correction import Correction, Restraint, correct_path
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, following_the_cut
-from compensator.correction.expected_left import ExpectedLeft, expected_left
+from compensator.correction.expected_left import ExpectedLeft, expected_left, foreseen
 from compensator.correction.intermediate_targets import with_intermediate_targets
 from compensator.correction.logged_pass import logged_pass
 from compensator.correction.nothing_corrected import nothing_corrected
@@ -143,8 +143,11 @@ def correct(planned: Predicted) -> Corrected:
     logged = logged_pass(planned)
     cornered, of_corners = with_zones(planned)
     predicted, kept, looked_at = with_intermediate_targets(cornered)
-    cut = following_the_cut(predicted, kept, logged)
-    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope))
+    del cornered
+    cut, prediction = following_the_cut(predicted, kept, logged)
+    correction = correct_path(cut.loaded, Restraint(prediction, settings.confidence, predicted.slope))
+    known = foreseen(predicted, cut, prediction)
+    del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
                       correction.confdata)
     content, of_marks = written.content, tuple[Finding, ...]()
@@ -155,7 +158,7 @@ def correct(planned: Predicted) -> Corrected:
     wanted = np.arange(len(predicted.path.toolpath)) if of_feed else beside
     commanded, residual = read_back(cut.loaded, correction, content, wanted)
     between = (left_between(looked_at, commanded.base_from_tcp[np.searchsorted(wanted, beside)], logged) if looked_at else None)
-    del looked_at, cornered
+    del looked_at
     feed = None
     if of_feed:
         feed = check_feed(judge(planned.path, planned.forces.forced),
@@ -165,6 +168,6 @@ def correct(planned: Predicted) -> Corrected:
     if written.content == planned.program.text.source.data:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
-    left = expected_left(predicted, kept, cut, residual, between)
+    left = expected_left(predicted, kept, known, residual, between)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
                      logged, cut.gain, feed, advice, findings)

@@ -14,6 +14,7 @@ from identification.common.findings import CompstiffError, Finding, Refused
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+BEYOND = 1e-7       # joint limits that are exceeded by more [rad] are exceeded
 
 
 def targets_to_correct(path: RobotPath, forces: TargetForces) -> tuple[Indices, list[Finding]]:
@@ -86,8 +87,10 @@ def _nowhere_declared(path: RobotPath, targets: Indices) -> list[Finding]:
 def refuse_outside(path: RobotPath, targets: Indices, theta: Array, when: str) -> None:
     """Refused (CS4105) where joint angles are outside the robot's limits: a finding a joint, at the target farthest out."""
     robot = path.cell.robot
+    if robot.within_limits(theta, BEYOND).all():
+        return
     excess = robot.limit_excess(theta)
-    over = excess > 1e-7
+    over = excess > BEYOND
     findings = []
     for joint in np.flatnonzero(over.any(axis=0)):
         row = int(np.argmax(excess[:, joint]))

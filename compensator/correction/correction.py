@@ -100,10 +100,12 @@ def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Corr
     refuse_outside(path, targets, theta, "after correction")
     findings += _singularity(path, targets, theta)
     _check_size(path, targets, offset, turn)
-    confdata = path.toolpath.confdata[targets]
+    confdata = path.toolpath.confdata if len(targets) == len(path.toolpath) else path.toolpath.confdata[targets]
     for part in chunks(len(targets), CHUNK):
         now, then = (configuration(loaded.model.robot, angles) for angles in (theta[part], path.theta[targets[part]]))
-        confdata[part, :3] += (now - then)[:, :3]
+        if (now != then)[:, :3].any():
+            confdata = confdata if confdata is not path.toolpath.confdata else confdata.copy()
+            confdata[part, :3] += (now - then)[:, :3]
     read_only(position, quaternion, offset, turn, theta, confdata, residual, share, harm)
     return Correction(targets, position, quaternion, offset, turn, theta, confdata, residual, share, harm, tuple(findings))
 

@@ -76,13 +76,12 @@ class LoggedPass:
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPass:
-    """The path under the forces that the corrected pass meets, and the deviation that they cause, the error of the cutting
-    stiffness in its covariance. left (M,) [m]: 1 sigma of how far off the plan the force that follows the cut leaves the tool;
-    in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]: what a cutting stiffness of ASSUMED
-    would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where the force is as logged."""
+    """The path under the forces that the corrected pass meets. left (M,) [m]: 1 sigma of how far off the plan the force that
+    follows the cut leaves the tool; in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]:
+    what a cutting stiffness of ASSUMED would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where
+    the force is as logged."""
 
     loaded: LoadedPath
-    prediction: Prediction
     left: Array
     in_covariance: Array
     left_as_logged: Array | None
@@ -90,11 +89,12 @@ class CorrectedPass:
     findings: tuple[Finding, ...] = ()
 
 
-def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> CorrectedPass:
-    """The corrected pass of a program whose targets as given stand at the places `kept`."""
+def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> tuple[CorrectedPass, Prediction]:
+    """The corrected pass of a program whose targets as given stand at the places `kept`, and the deviation that its forces
+    cause, the error of the cutting stiffness in its covariance."""
     if logged.on_plan:
         nothing = np.zeros(len(predicted.targets))
-        return CorrectedPass(predicted.loaded, predicted.prediction, nothing, nothing, None, 0.0)
+        return CorrectedPass(predicted.loaded, nothing, nothing, None, 0.0), predicted.prediction
     offsets = _at_all(logged.offsets, kept, predicted)
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
@@ -102,8 +102,8 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
         follows, left_over = _here(predicted, logged.stiffness, across)
         left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
         if not follows.any():
-            return CorrectedPass(predicted.loaded, predicted.prediction, left, np.zeros(len(left)),
-                                 _left(predicted, np.abs(ASSUMED * per_newton)), 0.0)
+            as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
+            return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0), predicted.prediction
     forces, findings = _engaged(predicted, follows, per_newton, chosen)
     gain = _check_gain(predicted, follows, direction)
     loaded = replace(predicted.loaded, forces=forces)
@@ -113,7 +113,7 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     along = prediction.position / np.maximum(np.linalg.norm(prediction.position, axis=1), 1e-300)[:, None]
     covariance = prediction.covariance + np.einsum("n,ni,nj->nij", left**2, along, along)
     covariance.flags.writeable = False
-    return CorrectedPass(loaded, replace(prediction, covariance=covariance), left, left, None, gain, findings)
+    return CorrectedPass(loaded, left, left, None, gain, findings), replace(prediction, covariance=covariance)
 
 
 def _here(predicted: Predicted, stiffness: CuttingStiffness | None, across: Array) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ from compensator.correction.engagement import CorrectedPass
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
 from compensator.correction.settings import EXACTLY_ONE
-from identification.common.arrays import Array, read_only, rms
+from identification.common.arrays import Array, held_once, read_only, rms
 
 Indices = NDArray[np.intp]
 CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force",
@@ -91,35 +91,55 @@ class ExpectedLeft:
         return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
 
 
-def expected_left(
-    predicted: Predicted, kept: Indices, cut: CorrectedPass, residual: Array, between: BetweenTargets | None
-) -> ExpectedLeft:
-    """Of a corrected program whose targets as given stand at `kept` (N,); residual (M,) [m]: what its correction leaves by the
-    model."""
-    targets, prediction, cell = predicted.targets, cut.prediction, predicted.path.cell
-    size = np.linalg.norm(prediction.position, axis=1)
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """What is known of it before anything is written, so that the prediction need not be held any longer: size (M,) [m] of the
+    deviation, its variance (M,) [m^2] by cause, cut (M,) [m], and how far the deviation bends between targets (N + added,)
+    [m]."""
+
+    size: Array
+    of_model: Array
+    of_force: Array
+    of_scatter: Array
+    of_learned: Array
+    cut: Array
+    bent: Array
+
+
+def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -> Foreseen:
+    """Of the pass that the corrected program will be, and the prediction of its deviation."""
     # What is learned of the rest may be known better together with the springs than the springs by themselves.
     of_model = np.trace(prediction.covariance, axis1=1, axis2=2) - cut.in_covariance**2
     of_scatter = np.clip(prediction.of_scatter, 0.0, np.maximum(of_model, 0.0))
     of_force = np.clip(prediction.of_force, 0.0, np.maximum(of_model - of_scatter, 0.0))
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
+    return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
+                    held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), _bent(predicted, prediction))
+
+
+def expected_left(
+    predicted: Predicted, kept: Indices, known: Foreseen, residual: Array, between: BetweenTargets | None
+) -> ExpectedLeft:
+    """Of a corrected program whose targets as given stand at `kept` (N,); residual (M,) [m]: what its correction leaves by the
+    model."""
+    cell = predicted.path.cell
     learned, chosen = predicted.loaded.learned is not None, predicted.settings.correction
     unknown = cell.motion.compliance_std if chosen.scale == EXACTLY_ONE and not learned else 0.0
     gain = 0.0 if learned else cell.force_log.form.gain_std
     return ExpectedLeft(
-        np.sqrt(np.maximum(of_model - of_scatter - of_force - of_learned, 0.0) + residual**2), np.sqrt(of_force),
-        np.sqrt(of_scatter), gain * size,
-        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, cut.prediction, between)[targets])
+        np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
+        unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
+        _between(predicted, kept, known.bent, between)[predicted.targets])
 
 
-def _between(predicted: Predicted, kept: Indices, prediction: Prediction, between: BetweenTargets | None) -> Array:
+def _between(predicted: Predicted, kept: Indices, bent: Array, between: BetweenTargets | None) -> Array:
     """What is left beside each target (N + added,) [m], root mean square over the moves to and from it."""
     count = len(predicted.path.toolpath)
     # The move as given that each target of the program ends, or lies in.
     owner = np.minimum(np.searchsorted(kept, np.arange(count)), len(kept) - 1)
     behind = np.minimum(owner + (kept[owner] == np.arange(count)), len(kept) - 1)
     nothing = 0.5 * predicted.settings.correction.tolerance / np.sqrt(3.0)
-    of_piece = np.minimum(_bent(predicted, prediction), nothing) ** 2
+    of_piece = np.minimum(bent, nothing) ** 2
     of_move = np.bincount(owner, of_piece, minlength=len(kept)) / np.maximum(np.bincount(owner, minlength=len(kept)), 1)
     if between is not None and len(between.left):
         weight = np.bincount(between.owner, minlength=len(kept))
@@ -141,13 +161,17 @@ def _bent(predicted: Predicted, prediction: Prediction) -> Array:
         return np.full(count, np.inf)
     with np.errstate(invalid="ignore", over="ignore"):
         step = np.maximum(np.diff(path.length), 1e-9)
-        slope = np.diff(deviation, axis=0) / step[:, None]
-        bend = np.linalg.norm(np.diff(slope, axis=0), axis=1) / (0.5 * (step[1:] + step[:-1]))
-        at_target = np.concatenate([[np.nan], bend, [np.nan]])
-        bent = np.maximum(at_target[:-1], at_target[1:]) * step**2 / np.sqrt(120.0)
-        along = np.diff(path.rest_from_tcp.position, axis=0)
-        along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
-        turn = np.concatenate([[0.0], np.linalg.norm(np.diff(along, axis=0), axis=1), [0.0]])
-        turn *= np.linalg.norm(deviation, axis=1)
+        way = np.diff(path.rest_from_tcp.position, axis=0)
+        way /= np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
+        # Squares at each target by component: of a long program what all three take at once would be much.
+        bend, turn, size = np.zeros((3, count))
+        for off, towards in zip(deviation.T, way.T, strict=True):
+            bend[1:-1] += np.diff(np.diff(off) / step) ** 2
+            turn[1:-1] += np.diff(towards) ** 2
+            size += off**2
+        bend[1:-1] = np.sqrt(bend[1:-1]) / (0.5 * (step[1:] + step[:-1]))
+        bend[[0, -1]] = np.nan
+        turn = np.sqrt(turn) * np.sqrt(size)
+        bent = np.maximum(bend[:-1], bend[1:]) * step**2 / np.sqrt(120.0)
         bent = np.hypot(bent, np.maximum(turn[:-1], turn[1:]) / np.sqrt(12.0))
     return np.asarray(np.nan_to_num(np.concatenate([[np.inf], bent]), nan=np.inf, posinf=np.inf))

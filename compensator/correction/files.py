@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from compensator.correction.correct import Corrected, correct
-from compensator.correction.offsets import offsets_csv
+from compensator.correction.offsets import offset_blocks
 from compensator.correction.predict import Predicted, predict
 from compensator.correction.record import check_not_corrected, record
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.split_files import split_files
-from identification.common.files import AsRead, check_distinct, check_writable, json_bytes, write_whole
+from identification.common.files import AsRead, Content, check_distinct, check_writable, json_bytes, write_whole
 from identification.model.cell import read_cell
 from identification.model.stiffness_file import read_stiffness
 
@@ -94,14 +94,14 @@ def correct_files(
     check_distinct(read, files)
     corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
     # The record first: killed between two renames, no program is left without what keeps it from being corrected again.
-    files = {outputs.record: json_bytes(record(corrected, files)), **files}
+    written: dict[Path, Content] = {outputs.record: json_bytes(record(corrected, files)), **files}
     if outputs.offsets:
-        files[outputs.offsets] = offsets_csv(corrected)
+        written[outputs.offsets] = offset_blocks(corrected)
     if outputs.report:
         from compensator.correction.report import path_report
 
-        files[outputs.report] = path_report(corrected).encode()
+        written[outputs.report] = path_report(corrected).encode()
     if before_writing:
         before_writing()
-    write_whole(files, overwrite=overwrite, read=as_read)
+    write_whole(written, overwrite=overwrite, read=as_read)
     return corrected

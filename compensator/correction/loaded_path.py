@@ -38,7 +38,13 @@ class LoadedPath:
     @property
     def plan(self) -> Frame:
         """base_from_tcp (M) as planned: where the loaded tool shall stand."""
-        return self.path.base_from_tcp[self.targets]
+        tcp = self.path.base_from_tcp
+        return Frame(self._picked(tcp.rotation), self._picked(tcp.position))
+
+    @property
+    def planned_theta(self) -> Array:
+        """Joint angles (M, 6) [rad] as planned."""
+        return self._picked(self.path.theta)
 
     @property
     def goal(self) -> Frame:
@@ -60,18 +66,22 @@ class LoadedPath:
     @property
     def theta(self) -> Array:
         """Joint angles (M, 6) [rad] at the goal; without anything learned those of the plan."""
-        return self.path.theta[self.targets] if self.rest is None else self._beside_plan
+        return self.planned_theta if self.rest is None else self._beside_plan
 
     @cached_property
     def _beside_plan(self) -> Array:
         """The same where something was learned: worked out once."""
         flange = self.goal @ self.path.flange_from_tcp[self.targets].inverse()
-        return nearest_angles(self.model.robot, flange, self.path.theta[self.targets])
+        return nearest_angles(self.model.robot, flange, self.planned_theta)
 
     @property
     def wrench(self) -> Array:
         """(M, 6) [N, N m] on the tool at the TCP, base frame."""
-        return self.forces.wrench[self.targets]
+        return self._picked(self.forces.wrench)
+
+    def _picked(self, values: Array) -> Array:
+        """Of values (N, ...) those of the targets (M, ...), read-only where these are all, as often."""
+        return values if len(self.targets) == len(values) else values[self.targets]
 
     def each_tool(self) -> list[tuple[Frame, Indices]]:
         """The targets by tool: flange_from_tcp, and the places among the M that use it."""

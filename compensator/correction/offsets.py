@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
 from identification.common.arrow import number_column, text_column
-from identification.model.kinematics import chunks
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 CHUNK = 8192        # targets written at a time: bounds the memory their columns take
 
 
@@ -31,16 +32,19 @@ def offsets_csv(corrected: Corrected) -> bytes:
     >>> compstiff.offsets_csv(compstiff.correct(predicted)).count(b"\\n")
     3587
     """
-    targets = corrected.correction.targets
-    count = len(corrected.predicted.path.toolpath)
-    offset, turn = np.zeros((count, 3)), np.zeros((count, 3))
-    offset[targets], turn[targets] = 1e3 * corrected.correction.offset, np.degrees(corrected.correction.turn)
-    kept = corrected.kept
-    left = np.zeros((count, 2))
-    left[targets] = 1e6 * np.column_stack([corrected.left.std, corrected.left.cut])
-    return _csv(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", offset[kept], 6),
-                                    _Columns("orx_deg ory_deg orz_deg", turn[kept], 8)],
-                [_Columns("left_um cut_um", left[kept], 4)])
+    return b"".join(offset_blocks(corrected))
+
+
+def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
+    """The same, some thousand rows at a time."""
+    correction, kept, left = corrected.correction, corrected.kept, corrected.left
+    # Which of the targets as given each corrected one is, and which of these are such.
+    given = np.searchsorted(kept, correction.targets)
+    own = np.flatnonzero(kept[np.minimum(given, len(kept) - 1)] == correction.targets)
+    at = given[own]
+    return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
+                                       _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
+                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own)])
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -53,41 +57,50 @@ def deviation_csv(predicted: Predicted) -> bytes:
     >>> compstiff.deviation_csv(predicted).split(b",")[:3]
     [b'target', b'line', b'x_mm']
     """
-    return _csv(predicted, [], [])
+    return b"".join(_blocks(predicted, [], []))
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Numbers (N, n) of the targets, by the names of their columns, and to how many decimals they are written."""
+    """The names of columns, and their numbers: factor times values (M, n), of which the rows `of` (K,) are those of the targets
+    `at` (K,), ascending, and zero at all others; to so many decimals. unknown (N,): the targets that have none."""
 
     names: str
     values: Array
     decimals: int
+    factor: float
+    at: Indices
+    of: Indices
+    unknown: NDArray[np.bool_] | None = None
 
     def rounded(self, rows: slice) -> dict[str, Array]:
+        here = slice(*np.searchsorted(self.at, [rows.start, rows.stop]))
         with np.errstate(over="ignore", invalid="ignore"):
-            rounded = np.round(self.values[rows], self.decimals) + 0.0      # + 0.0: no -0
+            spread = np.zeros((rows.stop - rows.start, self.values.shape[1]))
+            spread[self.at[here] - rows.start] = self.factor * self.values[self.of[here]]
+            if self.unknown is not None:
+                spread[self.unknown[rows]] = np.nan
+            rounded = np.round(spread, self.decimals) + 0.0                 # + 0.0: no -0
         rounded[~np.isfinite(rounded)] = np.nan                             # JSON and CSV hold no infinity
         return dict(zip(self.names.split(), rounded.T, strict=True))
 
 
-def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> bytes:
+def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> Iterator[bytes]:
     import pyarrow as pa
     from pyarrow import csv
 
     toolpath, targets = predicted.path.toolpath, predicted.targets
-    deviation, sigma = np.zeros((len(toolpath), 3)), np.zeros((len(toolpath), 3))
-    deviation[targets], sigma[targets] = 1e6 * predicted.prediction.position, 1e6 * predicted.prediction.std
     with np.errstate(over="ignore", invalid="ignore"):      # absurd feeds
         time = np.cumsum(predicted.path.move_time)
     left = predicted.forces.forced.copy()
     left[targets] = False
-    deviation[left] = sigma[left] = np.nan
-    columns = [_Columns("x_mm y_mm z_mm", 1e3 * toolpath.position, 6), *more, _Columns("dx_um dy_um dz_um", deviation, 4),
-               _Columns("sx_um sy_um sz_um", sigma, 4)]
+    every, prediction = np.arange(len(toolpath)), predicted.prediction
+    columns = [_Columns("x_mm y_mm z_mm", toolpath.position, 6, 1e3, every, every), *more,
+               *(_Columns(names, values, 4, 1e6, targets, np.arange(len(targets)), left)
+                 for names, values in (("dx_um dy_um dz_um", prediction.position), ("sx_um sy_um sz_um", prediction.std)))]
     notes = _notes(predicted, left)
-    stream = io.BytesIO()
-    for rows in chunks(max(len(toolpath), 1), CHUNK):
+    for start in range(0, max(len(toolpath), 1), CHUNK):
+        rows = slice(start, min(start + CHUNK, len(toolpath)))
         table = pa.table({
             "target": number_column(np.arange(len(toolpath))[rows]),
             "line": number_column(toolpath.line[rows]),
@@ -97,10 +110,11 @@ def _csv(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> by
             "note": text_column(notes[rows].tolist()),
             **{name: number_column(values) for some in last for name, values in some.rounded(rows).items()},
         })
-        if not rows.start:
+        stream = io.BytesIO()
+        if not start:
             stream.write((",".join(table.column_names) + "\n").encode())
         csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="needed"))
-    return stream.getvalue()
+        yield stream.getvalue()
 
 
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from compensator.correction.forward import StateChange, load_state_of, loaded_blocks, state_changes
 from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
-from identification.common.arrays import read_only
+from identification.common.arrays import held_once, read_only
 from identification.common.findings import CompstiffError, Finding
 from identification.model.compliance import carried_by, symmetric
 from identification.model.kinematics import chunks, forward, spring_columns
@@ -65,7 +65,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     equilibrium, CS1202 another tool than the one an effect in force was identified with.
     """
     _check_tools(loaded)
-    model, targets, theta, wrench = loaded.model, loaded.targets, loaded.path.theta[loaded.targets], loaded.wrench
+    model, targets, theta, wrench = loaded.model, loaded.targets, loaded.planned_theta, loaded.wrench
     count = len(targets)
     of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
     position, covariance = np.empty((count, 3)), np.empty((count, 3, 3))
@@ -103,6 +103,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         read_only(learned, of_learned, unseen)
         outside = _outside(loaded, loaded.rest)
     notes, findings = _state_notes(loaded, state_changes(loaded) if model.effects else [])
+    notes = held_once(notes)
     largest = np.linalg.norm(position, axis=1).max(initial=0.0)
     if count and largest < HARDLY:
         findings = [*findings, Finding(
@@ -116,7 +117,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
 
 def deviation_slopes(loaded: LoadedPath) -> Array:
     """Derivative (M, 6, 6 + P) [m, rad] of the deviation by the model's parameters, at the planned angles."""
-    model, theta, wrench = loaded.model, loaded.path.theta[loaded.targets], loaded.wrench
+    model, theta, wrench = loaded.model, loaded.planned_theta, loaded.wrench
     of_effects = model.of_effects(load_state_of(loaded, theta)).of(loaded.targets) if model.effects and len(theta) else None
     slopes = np.empty((len(theta), 6, len(model.mean)))
     for tool, places in loaded.each_tool():

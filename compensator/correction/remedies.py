@@ -12,7 +12,7 @@ from compensator.correction.correct import Corrected, correct
 from compensator.correction.cutting_prior import WIDTH, of_force
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
-from compensator.correction.expected_left import expected_left
+from compensator.correction.expected_left import expected_left, foreseen
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.logged_pass import known_by_depth
 from compensator.correction.other_stance import best_shift, shifted, turned
@@ -99,8 +99,9 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
 
 def _again(corrected: Corrected, predicted: Predicted, logged: LoggedPass | None = None) -> Array:
     """1 sigma (M,) [m] of a program in which something is otherwise."""
-    cut = following_the_cut(predicted, corrected.kept, logged or corrected.logged)
-    return expected_left(predicted, corrected.kept, cut, corrected.residual, corrected.between).std
+    cut, prediction = following_the_cut(predicted, corrected.kept, logged or corrected.logged)
+    known = foreseen(predicted, cut, prediction)
+    return expected_left(predicted, corrected.kept, known, corrected.residual, corrected.between).std
 
 
 def _with(predicted: Predicted, loaded: LoadedPath) -> Predicted:

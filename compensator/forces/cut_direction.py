@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding
 
+Indices = NDArray[np.intp]
 # From where to where the mean force on the tool is never [rad], to the left of the feed: R is at most 1.7 times T (60 degrees
 # beyond backwards, a worn edge) and never negative (engineering judgement beside the formulas above).
 NEVER = (np.radians(-120.0), 0.0)
@@ -69,32 +71,60 @@ class CutDirection:
         return ""
 
 
-def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
-    """The force (N, 3) [N] on the tool, base frame, against the travel; forced (N,): targets that show one. None where there
-    are too few of them on moves that cut."""
-    step = path.steps
-    axis = path.base_from_tcp.rotation[:, :, 2]
+@dataclass(frozen=True, eq=False)
+class Travel:
+    """The moves that cut, n of N targets: which (n,), unit vectors (n, 3) along the feed, to its left and towards the spindle,
+    base frame, and the way across the spindle (n,) [m] that each of them is."""
+
+    which: Indices
+    feed: Array
+    left: Array
+    up: Array
+    weight: Array
+
+    @cached_property
+    def turns(self) -> float:
+        """How far the feed turns, 0 (to and fro on a line) to 1."""
+        # Across one fixed axis: the feed's angle.
+        up = self.up[0]
+        reference = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+        reference /= np.linalg.norm(reference)
+        angle = np.arctan2(self.feed @ np.cross(up, reference), self.feed @ reference)
+        return float(1 - abs(np.average(np.exp(2j * angle), weights=self.weight)))
+
+    def against(self, force: Array) -> CutDirection:
+        """The force (N, 3) [N] on the tool, base frame, against it."""
+        mean, square = np.empty((2, 3))
+        for axis, to in enumerate((self.feed, self.left, self.up)):
+            local = np.einsum("ni,ni->n", force[self.which], to)
+            mean[axis], square[axis] = np.average(local, weights=self.weight), np.average(local**2, weights=self.weight)
+        along, sideways, upward = mean.tolist()
+        return CutDirection(
+            along, sideways, upward, share=float(np.linalg.norm(mean[:2]) / max(np.sqrt(square[:2].sum()), 1e-12)),
+            follows=float(mean @ mean / max(square.sum(), 1e-12)), turns=self.turns, targets=len(self.which))
+
+
+def travel(path: RobotPath, forced: NDArray[np.bool_]) -> Travel | None:
+    """The moves that cut among the targets that show a force, `forced` (N,); None where there are too few of them."""
+    step, axis = path.steps, path.base_from_tcp.rotation[:, :, 2]
     # Towards the spindle, whichever way the tool's z points.
     up = axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None]
     across = step - up * np.einsum("ni,ni->n", step, up)[:, None]
     length = np.linalg.norm(across, axis=1)
     with np.errstate(invalid="ignore"):
         used = forced & ~moves_in_air(path.toolpath) & (length > 0.5 * np.linalg.norm(step, axis=1)) & (length > 1e-6)
-    if used.sum() < FEWEST:
+    which = np.flatnonzero(used)
+    if len(which) < FEWEST:
         return None
-    feed, up, weight = across[used] / length[used, None], up[used], length[used]
-    left = np.cross(up, feed)
-    local = np.column_stack([np.einsum("ni,ni->n", force[used], to) for to in (feed, left, up)])
-    mean = np.average(local, axis=0, weights=weight)
-    square = np.average(local**2, axis=0, weights=weight)
-    # Across one fixed axis: the feed's angle.
-    reference = np.cross(up[0], np.eye(3)[int(np.argmin(np.abs(up[0])))])
-    reference /= np.linalg.norm(reference)
-    angle = np.arctan2(feed @ np.cross(up[0], reference), feed @ reference)
-    turned = 1 - abs(np.average(np.exp(2j * angle), weights=weight))
-    along, sideways, upward = (float(component) for component in mean)
-    return CutDirection(along, sideways, upward, share=float(np.linalg.norm(mean[:2]) / max(np.sqrt(square[:2].sum()), 1e-12)),
-                        follows=float(mean @ mean / max(square.sum(), 1e-12)), turns=float(turned), targets=int(used.sum()))
+    feed, up = across[which] / length[which, None], up[which]
+    return Travel(which, feed, np.cross(up, feed), up, length[which])
+
+
+def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
+    """The force (N, 3) [N] on the tool, base frame, against the travel; forced (N,): targets that show one. None where there
+    are too few of them on moves that cut."""
+    cuts = travel(path, forced)
+    return None if cuts is None else cuts.against(force)
 
 
 def said_of_direction(
@@ -102,11 +132,11 @@ def said_of_direction(
 ) -> list[Finding]:
     """Findings on sign and frame. forces: the mean force (N, 3) [N] on the tool, base frame, as each frame of force_log would
     have it; stated: which of them cell.yaml names."""
-    here = cut_direction(path, forces[stated], forced)
-    if here is None:
+    cuts = travel(path, forced)
+    if cuts is None:
         return []
-    others = {kind: seen for kind, force in forces.items()
-              if kind != stated and (seen := cut_direction(path, force, forced)) is not None}
+    here = cuts.against(forces[stated])
+    others = {kind: cuts.against(force) for kind, force in forces.items() if kind != stated}
     best = max(others, key=lambda kind: others[kind].follows, default=None)
     findings = []
     if (best is not None and here.turns > TURNS and others[best].follows > FOLLOWS

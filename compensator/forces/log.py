@@ -113,9 +113,9 @@ def read_force_log(
         findings.append(Finding("CS3030", "note", f"kept as {len(rows.line)} means of up to {size} consecutive samples",
                                 file=str(file)))
     findings += health.findings()
-    time = rows.time if not np.isnan(rows.time[0]) else None
+    time, weight = rows.time, np.broadcast_to(1.0, len(rows.line)) if rows.weight is None else rows.weight
     if time is None and rate:
-        time = (rows.number + 0.5 * (rows.weight - 1)) / rate
+        time = (rows.number + 0.5 * (weight - 1)) / rate
     place = rows.place[:, 0] if source.key in ("target", "path_mm") else rows.place
     if source.key == "time":
         assert time is not None         # a log without times and without a rate has no such key
@@ -123,7 +123,7 @@ def read_force_log(
     moment = rows.load[:, 3:] if source.has_moment else np.broadcast_to(0.0, (len(rows.line), 3))
     return ForceLog(
         str(file), rows.load[:, :3], moment, source.has_moment, source.key, place, rows.line,
-        rows.weight if size > 1 else np.broadcast_to(1.0, len(rows.line)), time, rate,
+        weight, time, rate,
         revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
         saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left)
 
@@ -258,13 +258,14 @@ def _blocks(source: ForceSource, health: Health, window: float | None) -> Iterat
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What is kept of the log; fields as in ForceLog. number (n,): of the first sample of each row."""
+    """What is kept of the log; fields as in ForceLog, weight None where each row is one sample. number (n,): of the first
+    sample of each row."""
 
     load: Array
     place: Array
-    time: Array
+    time: Array | None
     line: Indices
-    weight: Array
+    weight: Array | None
     flags: NDArray[np.uint16]
     number: Indices
     plain: Array
@@ -277,33 +278,36 @@ class Kept:
     def __init__(self, expected: int = 0) -> None:
         self.count = 0
         self._expected = expected
-        self._held: list[NDArray[Any]] = []
+        self._held: list[NDArray[Any] | None] = []
 
     def add(self, rows: Rows) -> None:
         """More rows, copied."""
         fields, stop = list(vars(rows).values()), self.count + len(rows.line)
         room = max(self._expected + (self._expected >> 4), 1 << 16, 2 * stop if self._held else stop)
-        self._held = self._held or [np.empty((room, *field.shape[1:]), dtype=field.dtype) for field in fields]
-        for number, old in enumerate(self._held):           # one by one: the old one goes before the next one grows
-            if stop > len(old):
-                self._held[number] = np.empty((room, *old.shape[1:]), dtype=old.dtype)
-                self._held[number][:self.count] = old[:self.count]
-        for held, field in zip(self._held, fields, strict=True):
+        self._held = self._held or [
+            None if field is None else np.empty((room, *field.shape[1:]), dtype=field.dtype) for field in fields]
+        for number, field in enumerate(fields):             # one by one: the old one goes before the next one grows
+            held = self._held[number]
+            if held is None:
+                continue
+            if stop > len(held):
+                grown = self._held[number] = np.empty((room, *held.shape[1:]), dtype=held.dtype)
+                grown[:self.count] = held[:self.count]
+                held = grown
             held[self.count:stop] = field
         self.count = stop
 
     def rows(self) -> Rows:
         """All of them."""
-        return Rows(*(held[:self.count] for held in self._held))
+        held: list[Any] = [None if held is None else held[:self.count] for held in self._held]
+        return Rows(*held)
 
 
 def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
     """Means of up to `size` consecutive samples; none reaches over a change of target."""
     samples, count = block.samples, len(block.samples)
-    time = np.full(count, np.nan) if samples.time is None else samples.time
     if size == 1:
-        return Rows(samples.load, samples.place, time, samples.line, np.ones(count), block.flags, block.number,
-                    block.plain)
+        return Rows(samples.load, samples.place, samples.time, samples.line, None, block.flags, block.number, block.plain)
     begins = np.zeros(count, dtype=bool)
     begins[::size] = True
     if key == "target" or (key == "path_mm" and borders is not None):
@@ -312,6 +316,7 @@ def _reduced(block: Block, size: int, key: Key, borders: Array | None) -> Rows:
     starts = np.flatnonzero(begins)
     weight = np.diff(starts, append=count).astype(float)
     place = samples.place[starts] if key == "target" else np.add.reduceat(samples.place, starts, axis=0) / weight[:, None]
-    return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, np.add.reduceat(time, starts) / weight,
-                samples.line[starts], weight, np.bitwise_or.reduceat(block.flags, starts), block.number[starts],
+    time = None if samples.time is None else np.add.reduceat(samples.time, starts) / weight
+    return Rows(np.add.reduceat(samples.load, starts, axis=0) / weight[:, None], place, time, samples.line[starts], weight,
+                np.bitwise_or.reduceat(block.flags, starts), block.number[starts],
                 np.add.reduceat(block.plain, starts, axis=0) / weight[:, None])

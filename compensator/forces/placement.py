@@ -22,7 +22,7 @@ from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
-from identification.model.cell import Cell, ForceLogFrame, FrameKind
+from identification.model.cell import Cell, FrameKind
 from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
@@ -98,9 +98,7 @@ def place_forces(
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
-    in_frames = {kind: _to_base(mean, standard_error, log, path, replace(cell, force_log=replace(cell.force_log, kind=kind)))
-                 for kind in _frames(cell.force_log)}
-    wrench, standard_error = in_frames[cell.force_log.kind]
+    wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
@@ -108,8 +106,8 @@ def place_forces(
                           zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
-                 *said_of_direction(path, forced, {kind: seen[0][:, :3] for kind, seen in in_frames.items()},
-                                    cell.force_log.kind, log.source)]
+                 *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
+                                    log.source)]
     return replace(forces, findings=(*log.findings, *findings))
 
 
@@ -219,10 +217,16 @@ def _to_base(mean: Array, standard_error: Array, log: ForceLog, path: RobotPath,
     return np.nan_to_num(wrench), np.sqrt(variance)
 
 
-def _frames(form: ForceLogFrame) -> list[FrameKind]:
-    """The frames that a log may be in: `sensor` where it is known."""
+def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[str, Array]:
+    """The force (N, 3) on the tool, base frame, were the mean (N, 3) that was logged in each of the frames a log may be in;
+    `force` in that of cell.yaml; `sensor` where it is known."""
+    form = cell.force_log
     known: list[FrameKind] = ["base", "tool", "sensor"]
-    return known if form.flange_from_sensor is not None else known[:2]
+    others = {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind)))
+              for kind in (known if form.flange_from_sensor is not None else known[:2]) if kind != form.kind}
+    return {form.kind: force, **{
+        kind: form.sign * mean if kind == "base" else np.nan_to_num(frame.turn(form.sign * mean))
+        for kind, frame in others.items()}}
 
 
 def _at(path: RobotPath, target: int) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from compensator.path.arc_length import circle, turned_angle
 from compensator.toolpath import Move, Toolpath
-from identification.common.arrays import read_only
+from identification.common.arrays import held_once, read_only
 from identification.model.cell import Cell
 from identification.model.mechanical_units import ExternalAxis, MechanicalUnit
 from identification.model.rotations import Frame
@@ -124,6 +124,7 @@ def external_axes(toolpath: Toolpath, cell: Cell) -> ExternalAxes:
     moving = [unit for unit in units if unit.carries == "robot" or units.index(unit) in carrier]
     driving = not np.isnan(toolpath.external).all()
     if not moving and not driving:
+        carrier, problem = held_once(carrier), held_once(problem)
         read_only(problem, carrier)
         return ExternalAxes(cell, toolpath.external, carrier, np.zeros(6), cell.world_from_base, None, (), (), problem)
     values = standing_values(toolpath, cell)

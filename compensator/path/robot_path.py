@@ -15,7 +15,7 @@ from identification.common.arrays import read_only
 from identification.common.findings import Finding, Level
 from identification.model.cell import Cell
 from identification.model.inverse import Solutions, configuration, configured_solution, inverse, nearest_solution, one_branch
-from identification.model.kinematics import forward
+from identification.model.kinematics import chunks, forward
 from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
 
@@ -130,8 +130,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     base_from_object = axes.to_base(_pick([base_from_world @ frame for frame in objects], toolpath.workobject, count))
     absolute = toolpath.move == Move.ABSOLUTE
     posed = ~absolute & ~np.isnan(toolpath.position).any(axis=1) & ~np.isnan(toolpath.quaternion).any(axis=1)
-    quaternion = np.where(posed[:, None], toolpath.quaternion, [1.0, 0, 0, 0])
-    base_from_tcp = base_from_object @ Frame.from_quaternion(np.where(posed[:, None], toolpath.position, 0.0), quaternion)
+    base_from_tcp = _base_from_tcp(toolpath, posed, base_from_object)
     by_joints = absolute & ~np.isnan(toolpath.joints).any(axis=1)
     theta = np.full((count, 6), np.nan)
     theta[by_joints] = toolpath.joints[by_joints]
@@ -140,10 +139,10 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         tcp = flange @ flange_from_tcp[by_joints]
         base_from_tcp.rotation[by_joints], base_from_tcp.position[by_joints] = tcp.rotation, tcp.position
     known = posed | by_joints
-    base_from_flange = base_from_tcp @ flange_from_tcp.inverse()
     findings: list[Finding] = []
     if posed.any():
-        findings = _follow(robot, toolpath, base_from_flange, posed, by_joints, theta)
+        flanges = _Flanges(base_from_tcp, flange_from_tcp, np.flatnonzero(posed))
+        findings = _follow(robot, toolpath, flanges, by_joints, theta)
     rest_from_tcp = axes.to_rest(base_from_tcp)
     world = np.where(known[:, None], axes.world_from_base.apply(rest_from_tcp.position), np.nan)
     used = UsedFrames(
@@ -170,30 +169,59 @@ def _world_from_object(item: WorkObject, cell: Cell) -> Frame:
 def _pick(frames: list[Frame], index: Indices, count: int) -> Frame:
     """The frame of each target (N)."""
     if len(frames) < 2:         # mostly: then it is held once
-        only = frames[0] if frames else Frame.identity()
-        return Frame(np.broadcast_to(only.rotation, (count, 3, 3)), np.broadcast_to(only.position, (count, 3)))
+        return Frame.shared(frames[0] if frames else Frame.identity(), count)
     return Frame(np.stack([frame.rotation for frame in frames])[index],
                  np.stack([frame.position for frame in frames])[index])
 
 
+def _base_from_tcp(toolpath: Toolpath, posed: NDArray[np.bool_], base_from_object: Frame) -> Frame:
+    """The pose of each target (N); those that are not posed stand in for one at their work object."""
+    rotation, position = np.empty((len(toolpath), 3, 3)), np.empty((len(toolpath), 3))
+    for part in chunks(len(toolpath)):
+        known = posed[part, None]
+        here = base_from_object[part] @ Frame.from_quaternion(
+            np.where(known, toolpath.position[part], 0.0), np.where(known, toolpath.quaternion[part], [1.0, 0, 0, 0]))
+        rotation[part], position[part] = here.rotation, here.position
+    return Frame(rotation, position)
+
+
+@dataclass(frozen=True, eq=False)
+class _Flanges:
+    """The flange poses of the posed targets, which are `where` (n,) of all; worked out for some at a time."""
+
+    base_from_tcp: Frame
+    flange_from_tcp: Frame
+    where: Indices
+
+    def at(self, places: Indices | slice) -> Frame:
+        """base_from_flange at these places among the n."""
+        targets = self.where[places]
+        return self.base_from_tcp[targets] @ self.flange_from_tcp[targets].inverse()
+
+    def branch(self, robot: RobotModel, number: int) -> tuple[Array, NDArray[np.bool_]]:
+        """One branch (n, 6), and where it reaches (n,)."""
+        theta, reachable = np.empty((len(self.where), 6)), np.empty(len(self.where), dtype=bool)
+        for part in chunks(len(self.where)):
+            theta[part], reachable[part] = one_branch(robot, self.at(part), number)
+        return theta, reachable
+
+
 def _follow(
-    robot: RobotModel, toolpath: Toolpath, base_from_flange: Frame, posed: NDArray[np.bool_], by_joints: NDArray[np.bool_],
-    theta: Array,
+    robot: RobotModel, toolpath: Toolpath, flanges: _Flanges, by_joints: NDArray[np.bool_], theta: Array
 ) -> list[Finding]:
     """Fills `theta` of the posed targets: the configuration a target names where the robot gets there by joint move, the
     continuous one along linear moves and arcs (the controller never changes configuration on those)."""
-    where = np.flatnonzero(posed)
-    poses, moves = base_from_flange if posed.all() else base_from_flange[where], toolpath.move[where]
+    where = flanges.where
+    moves = toolpath.move[where]
     # The MoveAbsJ that stands before each posed target, behind the posed target before it: -1 where there is none.
     latest = np.maximum.accumulate(np.where(by_joints, np.arange(len(by_joints)), -1))[where]
     latest[latest < np.concatenate([[-1], where[:-1]])] = -1
     # Where a run of linear moves and arcs ends because the next target is reached by joint move or from known joint angles.
     ends = np.append(np.flatnonzero((moves == Move.JOINT) | (latest >= 0)), len(where))
-    anchors = _Anchors(robot, poses, toolpath.confdata[where], toolpath.has_confdata[where], np.union1d(0, ends[:-1]))
+    anchors = _Anchors(robot, flanges, toolpath.confdata[where], toolpath.has_confdata[where], np.union1d(0, ends[:-1]))
     branches: dict[int, tuple[Array, NDArray[np.bool_]]] = {}       # of all poses, each when it is first needed
     previous: Array | None = None
     findings: list[Finding] = []
-    result = np.full((len(where), 6), np.nan)
     follows = np.ones(len(where), dtype=bool)
     start = 0
     while start < len(where):
@@ -214,38 +242,49 @@ def _follow(
                 hint="another configuration yields differently under load: check it on the robot"))
         stop = int(ends[np.searchsorted(ends, start, side="right")])
         if branch not in branches:
-            branches[branch] = one_branch(robot, poses, branch)
+            branches[branch] = flanges.branch(robot, branch)
         of_branch, reachable = branches[branch]
-        run = of_branch[start:stop].copy()
-        run[0] = angles
-        steps = np.abs(np.diff(run, axis=0))
+        run = of_branch[start:stop]
+        run[0] = angles             # what stands before is not looked at again
+        steps = _largest_steps(run)
         if not steps.max(initial=0.0) < np.pi:          # mostly no axis comes round
             run = np.unwrap(run, axis=0)
-            steps = np.abs(np.diff(run, axis=0))
-        good = reachable[start:stop] & (robot.limit_excess(run) <= 1e-9).all(axis=1)
-        good[1:] &= (steps < LARGEST_STEP).all(axis=1)
+            steps = _largest_steps(run)
+        good = reachable[start:stop] & robot.within_limits(run, 1e-9)
+        good[1:] &= steps < LARGEST_STEP
         length = stop - start if good.all() else max(int(np.argmin(good)), 1)
-        result[start:start + length] = run[:length]
+        theta[where[start:start + length]] = run[:length]
         previous = run[length - 1]
         start += length
-    theta[where] = result
-    turned = np.flatnonzero(toolpath.has_confdata[where] & ~np.isnan(result).any(axis=1) & follows)
-    if len(turned):
-        differs = (configuration(robot, result[turned])[:, :3] != toolpath.confdata[where[turned], :3]).any(axis=1)
-        if differs.any():
-            first = where[turned[np.argmax(differs)]]
-            findings.append(Finding(
-                "CS4002", "note", f"{int(differs.sum())} targets name another configuration (cf1 cf4 cf6) than the one linear "
-                "moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
-                target=int(first)))
+    turned = where[toolpath.has_confdata[where] & ~np.isnan(theta[where, 0]) & follows]
+    differs = np.zeros(len(turned), dtype=bool)
+    for part in chunks(len(turned)):
+        few = turned[part]
+        differs[part] = (configuration(robot, theta[few])[:, :3] != toolpath.confdata[few, :3]).any(axis=1)
+    if differs.any():
+        first = turned[np.argmax(differs)]
+        findings.append(Finding(
+            "CS4002", "note", f"{int(differs.sum())} targets name another configuration (cf1 cf4 cf6) than the one linear "
+            "moves arrive in; the continuous one was used", file=toolpath.source, line=int(toolpath.line[first]),
+            target=int(first)))
     return findings
+
+
+def _largest_steps(run: Array) -> Array:
+    """By how much (n - 1,) [rad] the joint that turns farthest turns from each of the angles (n, 6) to the next."""
+    largest = np.zeros(max(len(run) - 1, 0))
+    for angle in run.T:
+        np.maximum(largest, np.abs(np.diff(angle)), out=largest)
+    return largest
 
 
 class _Anchors:
     """Where the branch is chosen: of those among the poses (N) that are known beforehand, `places` (K,) ascending, all branches
     are worked out together."""
 
-    def __init__(self, robot: RobotModel, poses: Frame, confdata: NDArray[np.int64], given: NDArray[np.bool_], places: Indices):
+    def __init__(
+        self, robot: RobotModel, poses: _Flanges, confdata: NDArray[np.int64], given: NDArray[np.bool_], places: Indices
+    ) -> None:
         self._robot, self._poses, self._confdata, self._given, self._places = robot, poses, confdata, given, places
         self._solved = self._solve(places)
 
@@ -259,7 +298,7 @@ class _Anchors:
         return Solutions(solutions.theta[row:row + 1], solutions.reachable[row:row + 1]), configured[row], bool(fits[row])
 
     def _solve(self, places: Indices) -> tuple[Solutions, Array, NDArray[np.bool_]]:
-        solutions = inverse(self._robot, self._poses[places])
+        solutions = inverse(self._robot, self._poses.at(places))
         configured, fits = configured_solution(self._robot, solutions, self._confdata[places])
         return solutions, configured, fits & self._given[places]
 

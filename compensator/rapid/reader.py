@@ -16,7 +16,7 @@ from compensator.rapid.tails import resolve_tails
 from compensator.rapid.text import Offsets, Source, decode, locate
 from compensator.rapid.values import UNUSED, Values
 from compensator.toolpath import Move, Toolpath
-from identification.common.arrays import nothing_or, read_only
+from identification.common.arrays import held_once, nothing_or, read_only
 
 _LARGEST_CONFDATA = 1e6         # anything beyond is no quadrant; it also keeps the conversion to integers defined
 
@@ -52,10 +52,10 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     off = np.abs(squares - 1.0)
     quaternion /= np.sqrt(np.where(squares > 0, squares, 1.0))[:, None]
     quaternion[off > UNUSABLE] = np.nan
-    with np.errstate(invalid="ignore"):
-        confdata = np.nan_to_num(settings[:, :4]).astype(np.int64)
     told = np.asarray(~np.isnan(settings[:, :4]).any(axis=1))
     has_confdata = ~absolute & told[setting]
+    confdata = np.where(told[:, None], settings[:, :4], 0.0).astype(np.int64)[setting]
+    confdata[absolute] = 0
     external = np.where(np.abs(settings[:, 4:]) >= UNUSED, np.nan, settings[:, 4:])
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
     line, column = locate(source, np.array(scanned.start, dtype=np.int64))
@@ -64,9 +64,10 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
     places = Places(source, line, column)
     block, findings = report(scanned, values, rows, tails, places, off, displaced, offset)
+    block = held_once(block)
     toolpath = Toolpath(
         source=name, move=move, line=line, column=column, position=position, quaternion=quaternion,
-        confdata=np.where(has_confdata[:, None], confdata[setting], 0), has_confdata=has_confdata,
+        confdata=confdata, has_confdata=has_confdata,
         external=nothing_or(external), joints=nothing_or(joints), tool=tails.tool, workobject=tails.workobject,
         feed=tails.feed, zone=tails.zone, block=block, tools=tails.tools, workobjects=tails.workobjects, findings=findings,
         switched=tuple(scanned.units), together=together if together.any() else None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from compensator.rapid.targets import NOTHING, POSE, WIDTH, Target, read_joint_t
 from compensator.rapid.text import Offsets
 from compensator.rapid.values import Site, Unsettled, Values
 from compensator.toolpath import Move
+
+_Item = TypeVar("_Item", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +73,14 @@ def collect(scan: Scan, values: Values, scope_of: Offsets) -> Rows:
 
     Raises CS2003, CS2004, CS2005 for a target no controller would load.
     """
-    start, rest, end = (np.array(column, dtype=np.int64) for column in (scan.start, scan.rest, scan.end))
-    row = np.full(len(start), -1, dtype=np.int64)
+    start, rest, end = (np.asarray(column, dtype=np.int64) for column in (scan.start, scan.rest, scan.end))
     inline = np.flatnonzero(rest >= 0)
+    spans = (start, rest, end)
+    if len(inline) < len(start):        # else they are held once
+        spans = (start[inline], rest[inline], end[inline])
+    row = np.full(len(start), -1, dtype=np.int64)
     row[inline] = np.arange(len(inline))
-    numbers, bad = convert(scan.source.data, start[inline], rest[inline], end[inline])
+    numbers, bad = convert(scan.source.data, *spans)
     late = _Late(len(inline))
     known: dict[tuple[object, ...], int] = {}
     scopes = [scope for _, scope in scan.scopes]
@@ -85,7 +91,7 @@ def collect(scan: Scan, values: Values, scope_of: Offsets) -> Rows:
     _add_named(scan, values, scope_of, row, late, known, scopes)
     for target, expr in scan.expressions.items():
         row[target] = _row(scan, values, target, expr, scopes[scope_of[target]], late, known)
-    return _rows(values, row, numbers, (start[inline], end[inline]), late)
+    return _rows(values, row, numbers, (spans[0], spans[2]), late)
 
 
 def _add_named(
@@ -150,16 +156,20 @@ def _rows(values: Values, row: Offsets, inline: Numbers, spans: tuple[Offsets, O
             if target.problem is not None:
                 late.problem[at] = late.problems.setdefault(target.problem, len(late.problems))
     late_spans = np.array([span[:3] for span in late.spans], dtype=np.int64).reshape(-1, 3)
-    count = len(inline.pose)
-    nowhere = np.full(count, -1, dtype=np.int64)
+    nowhere, unproblematic, literal = (np.broadcast_to(value, len(inline.pose)) for value in (np.int64(-1), np.int64(0), True))
     return Rows(
         row=row,
         numbers=inline.and_then(later),
-        start=np.concatenate([spans[0], late_spans[:, 0]]),
-        end=np.concatenate([spans[1], late_spans[:, 1]]),
-        declaration=np.concatenate([nowhere, late_spans[:, 2]]),
-        literal=np.concatenate([np.ones(count, dtype=bool), np.array([s[3] for s in late.spans], dtype=bool)]),
-        problem=np.concatenate([nowhere + 1, np.array(late.problem, dtype=np.int64)]),
+        start=_and_then(spans[0], late_spans[:, 0]),
+        end=_and_then(spans[1], late_spans[:, 1]),
+        declaration=_and_then(nowhere, late_spans[:, 2]),
+        literal=_and_then(literal, np.array([span[3] for span in late.spans], dtype=bool)),
+        problem=_and_then(unproblematic, np.array(late.problem, dtype=np.int64)),
         problems=tuple(late.problems),
     )
+
+
+def _and_then(column: NDArray[_Item], late: NDArray[_Item]) -> NDArray[_Item]:
+    """The column with that of the late rows behind it; itself where there are none, as mostly."""
+    return np.concatenate([column, late]) if len(late) else column
 

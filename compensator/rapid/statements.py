@@ -24,16 +24,23 @@ def _body(*stops: bytes) -> bytes:
 
 
 # What may stand for a number; whether it is one is decided when it is converted, in bulk.
-_FIGURE = rb"\s*+[-+.\deE]++\s*+"
+_TIGHT = rb"[-+.0-9eE]++"          # 0-9, not \d: a class within a set is looked up by itself
+_FIGURE = rb"\s*+" + _TIGHT + rb"\s*+"
 
 
-def _figures(count: int) -> bytes:
-    return rb"\[" + rb",".join([_FIGURE] * count) + rb"\]\s*+"
+def _figures(count: int, figure: bytes) -> bytes:
+    return rb"\[" + rb",".join([figure] * count) + rb"\]\s*+"
 
 
-_POSE = rb"\[\s*+" + _figures(3) + rb",\s*+" + _figures(4)
-_REST = _figures(4) + rb",\s*+" + _figures(6) + rb"\]"
-LITERAL = re.compile(rb"(?P<pose>" + _POSE + rb"),\s*+(?P<rest>" + _REST + rb")")
+def _pose(figure: bytes = _FIGURE) -> bytes:
+    return rb"\[\s*+" + _figures(3, figure) + rb",\s*+" + _figures(4, figure)
+
+
+def _rest(figure: bytes = _FIGURE) -> bytes:
+    return _figures(4, figure) + rb",\s*+" + _figures(6, figure) + rb"\]"
+
+
+LITERAL = re.compile(rb"(?P<pose>" + _pose() + rb"),\s*+(?P<rest>" + _rest() + rb")")
 """A robtarget written in numbers without comments: position and orientation, then confdata and external axes."""
 
 _PARAMETERS = rb"\((?:[^()!\"]++|" + COMMENT + rb"|\([^()]*+\))*+\)"
@@ -47,17 +54,25 @@ _RECORD = (
     + TRIVIA + _words(rb"ENDRECORD")
 )
 
-_INLINE = (rb"(?i:Move)(?P<way>[LJlj])\s*+(?P<pose>" + _POSE + rb"),\s*+(?P<rest>" + _REST
-           + rb")\s*+,(?P<tail>[^;!\"]*+);")
-INLINE = re.compile(_INLINE)
+
+def _inline(figure: bytes = _FIGURE) -> bytes:
+    return (rb"(?i:Move)(?P<way>[LJlj])\s*+(?P<pose>" + _pose(figure) + rb"),\s*+(?P<rest>" + _rest(figure)
+            + rb")\s*+,(?P<tail>[^;!\"]*+);")
+
+
+def _ungrouped(pattern: bytes) -> bytes:
+    return re.sub(rb"\(\?P<\w+>", rb"(?:", pattern)
+
+
+INLINE = re.compile(_inline())
 """One move to an inline target."""
 
 _UNITS = {
-    # Such moves one after the other, with blanks alone between them.
-    "inline": rb"(?:" + re.sub(rb"\(\?P<\w+>", rb"(?:", _INLINE) + rb"\s*+){1,20000}+",
+    # Such moves one after the other, with blanks alone between them; figures mostly have none around them.
+    "inline": rb"(?:(?:" + _ungrouped(_inline(_TIGHT)) + rb"|" + _ungrouped(_inline()) + rb")\s*+){1,20000}+",
     "named": rb"(?i:Move)(?P<way2>[LJlj])\s++(?P<target>" + NAME + rb")\s*+,(?P<tail2>[^;!\"]*+);",
     "target": rb"(?P<reach>(?i:LOCAL\s++|TASK\s++)?+)(?P<class>(?i:CONST|PERS|VAR))\s++(?i:robtarget)\s++"
-              rb"(?P<name>" + NAME + rb")\s*+:=\s*+(?P<value>" + _POSE + rb",\s*+" + _REST + rb")\s*+;",
+              rb"(?P<name>" + NAME + rb")\s*+:=\s*+(?P<value>" + _pose() + rb",\s*+" + _rest() + rb")\s*+;",
     "header": rb"%%%[^%]{0,2000}+%%%",
     "module": _words(rb"MODULE") + SPACE + NAME + rb"(?:" + TRIVIA + rb"\([^()\";]*+\))?+",
     "endmodule": _words(rb"ENDMODULE"),

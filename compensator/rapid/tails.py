@@ -14,6 +14,7 @@ from compensator.rapid.speeds import feed, zone
 from compensator.rapid.text import Offsets, locate
 from compensator.rapid.values import Values
 from compensator.toolpath import Array, Indices, ToolFrame, WorkObject
+from identification.common.arrays import held_once
 
 _Named = TypeVar("_Named", ToolFrame, WorkObject)
 
@@ -35,7 +36,7 @@ class Tails:
 
 def resolve_tails(scan: Scan, values: Values, scope_of: Offsets) -> Tails:
     """Raises CS2004, CS2005 for data of a tool, work object, speed or zone that no controller would load."""
-    tail = np.array(scan.tail, dtype=np.int64)
+    tail = np.asarray(scan.tail, dtype=np.int64)
     pair = tail * len(scan.scopes) + scope_of
     _, first, inverse = np.unique(pair, return_index=True, return_inverse=True)
     order = np.argsort(first)                           # tools and work objects in the order of their first use
@@ -49,9 +50,9 @@ def resolve_tails(scan: Scan, values: Values, scope_of: Offsets) -> Tails:
         for part in (written.velocity, written.radius, written.speed):
             if part is not None and part.kind not in ("name", "number"):
                 scan.uses.read.update((inner.name, scope) for inner in part.walk() if inner.name)
-    every = columns[inverse]
+    tool, workobject = (held_once(columns[:, column].astype(np.intp)[inverse]) for column in (2, 3))
     return Tails(
-        tail, every[:, 0].copy(), every[:, 1].copy(), every[:, 2].astype(np.intp), every[:, 3].astype(np.intp),
+        tail, columns[:, 0][inverse], columns[:, 1][inverse], tool, workobject,
         _with_lines(values, frames.tools, frames.tool_offsets),
         _with_lines(values, frames.workobjects, frames.workobject_offsets), tuple(frames.slight),
     )

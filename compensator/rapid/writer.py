@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +16,12 @@ from compensator.rapid.naming import NewNames, declared_name, place_for
 from compensator.rapid.program import RapidProgram
 from compensator.rapid.reports import Places
 from compensator.toolpath import Move
+from identification.common.files import with_room
 from identification.common.findings import Finding
 
-Edit = tuple[int, int, bytes]           # source.data[start:end] becomes the bytes
+ROOM = 100              # so great a part of a text more may be what figures with more digits take
+# source.data[start:end] becomes the bytes, or what the function gives when it is their turn: all of it need not be held twice.
+Edit = tuple[int, int, bytes | Callable[[], bytes]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +97,8 @@ def rewrite(
         first, last = np.searchsorted(sorted_rows, [number, number + 1])
         _write_declared(job, number, users[first:last].tolist(), elsewhere, names)
     _write_figures(job, np.sort(which[plain]))
-    return Rewritten(apply(program.source.data, job.edits), _findings(job, which[poses.turned]), job.numbers, job.declarations)
+    content = apply(program.source.data, job.edits)         # only then all numbers are counted
+    return Rewritten(content, _findings(job, which[poses.turned]), job.numbers, job.declarations)
 
 
 def _commanded(
@@ -130,22 +135,41 @@ def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:
 def _write_figures(job: _Job, targets: np.ndarray) -> None:
     """Targets, ascending, whose value stands in the move in figures alone: those between which nothing else is written in one
     edit."""
-    data, numbers = job.program.source.data, job.program.rows.numbers
     columns = [np.frombuffer(column, dtype=np.int64)[targets] for column in (job.program.scan.start, job.program.scan.rest)]
     breaks = np.unique(np.searchsorted(columns[0], [start for start, _, _ in job.edits]))
     for at in range(0, len(targets), CHUNK):
-        some = targets[at:at + CHUNK]
-        start, rest = (column[at:at + CHUNK] for column in columns)
-        poses = renumbered_poses(data, start, rest, numbers.pose[job.program.rows.row[some]],
-                                 job.poses.numbers[job.poses.number[some]])
-        job.numbers += int(poses.changed.sum())
-        first, last = start.tolist(), rest.tolist()
-        inside = breaks[(breaks > at) & (breaks < at + len(some))] - at
-        for low, high in itertools.pairwise([0, *inside.tolist(), len(some)]):
-            pieces = [b""] * (2 * (high - low) - 1)
-            pieces[::2] = poses.texts[low:high]
-            pieces[1::2] = [data[a:b] for a, b in zip(last[low:high - 1], first[low + 1:high], strict=True)]
-            job.edits.append((first[low], last[high - 1], b"".join(pieces)))
+        block = _Figures(job, targets[at:at + CHUNK], *(column[at:at + CHUNK] for column in columns))
+        inside = breaks[(breaks > at) & (breaks < at + len(block.targets))] - at
+        for low, high in itertools.pairwise([0, *inside.tolist(), len(block.targets)]):
+            job.edits.append((int(block.start[low]), int(block.rest[high - 1]), partial(block.text, low, high)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Figures:
+    """Some targets (K,) whose value stands in the move in figures alone, and where (K,): worked out when they are written."""
+
+    job: _Job
+    targets: NDArray[np.int64]
+    start: NDArray[np.int64]
+    rest: NDArray[np.int64]
+
+    @cached_property
+    def poses(self) -> list[bytes]:
+        """Their texts (K); counts the numbers that differ."""
+        program, commanded = self.job.program, self.job.poses
+        poses = renumbered_poses(program.source.data, self.start, self.rest,
+                                 program.rows.numbers.pose[program.rows.row[self.targets]],
+                                 commanded.numbers[commanded.number[self.targets]])
+        self.job.numbers += int(poses.changed.sum())
+        return poses.texts
+
+    def text(self, low: int, high: int) -> bytes:
+        """From the first of these targets to the last, and what stands between them."""
+        data, first, last = self.job.program.source.data, self.start.tolist(), self.rest.tolist()
+        pieces = [b""] * (2 * (high - low) - 1)
+        pieces[::2] = self.poses[low:high]
+        pieces[1::2] = [data[a:b] for a, b in zip(last[low:high - 1], first[low + 1:high], strict=True)]
+        return b"".join(pieces)
 
 
 def _write_moves(job: _Job, targets: list[int]) -> None:
@@ -229,16 +253,18 @@ def _note(job: _Job, written: Written, target: int) -> None:
 def apply(data: bytes, edits: list[Edit]) -> bytes:
     """The text with all edits made; those at one place in the order they were entered. Takes the edits out of their list: what
     is written need not be held twice."""
-    stream = io.BytesIO()
+    longer = sum(len(text) - (end - start) for start, end, text in edits if isinstance(text, bytes))
+    stream = with_room(len(data) + longer + len(data) // ROOM)
     at = 0
     edits.sort(key=lambda edit: edit[:2])
     edits.reverse()
     while edits:
         start, end, text = edits.pop()
         stream.write(data[at:start])
-        stream.write(text)
+        stream.write(text if isinstance(text, bytes) else text())
         at = end
     stream.write(data[at:])
+    stream.truncate()
     return stream.getvalue()
 
 

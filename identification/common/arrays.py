@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_Item = TypeVar("_Item", bound=np.generic)
 
 
 def rms(values: Array) -> float:
@@ -16,6 +19,11 @@ def rms(values: Array) -> float:
 def nothing_or(values: Array) -> Array:
     """The values (N, k), or where none is known (NaN) the same in the room of one number, read-only."""
     return values if not np.isnan(values).all() else np.broadcast_to(np.nan, values.shape)
+
+
+def held_once(values: NDArray[_Item]) -> NDArray[_Item]:
+    """The values (N, ...), or where they are all one the same in the room of one, read-only."""
+    return values if (values != values[:1]).any() else np.broadcast_to(values[:1].copy(), values.shape)
 
 
 def read_only(*arrays: NDArray[np.generic]) -> None:

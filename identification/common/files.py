@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import glob
 import hashlib
+import io
 import json
 import os
 import shutil
@@ -12,7 +13,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from identification.common.findings import CompstiffError, error
 from identification.common.locks import Taken, folders_locked
 
 FileStamp = tuple[int, int, int, int]
+Content = bytes | Iterator[bytes]       # of a file, or its blocks
 # Output files of this process that are in place: from then on an interrupt finds the work done.
 written: list[Path] = []
 PAUSES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.6)       # [s]
@@ -64,6 +66,16 @@ def sha256(file: str | Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def with_room(size: int) -> io.BytesIO:
+    """A stream with room for about so many bytes, to be truncated where its content ends: one that grows is copied on the way,
+    and held twice meanwhile."""
+    stream = io.BytesIO()
+    stream.seek(size)
+    stream.write(b"\n")
+    stream.seek(0)
+    return stream
+
+
 def json_bytes(content: dict[str, Any]) -> bytes:
     """A JSON file, indented. Raises ValueError for values that JSON does not have (NaN, infinity)."""
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
@@ -98,8 +110,9 @@ def check_distinct(inputs: Iterable[Path], outputs: Iterable[Path]) -> None:
         taken[real] = "output"
 
 
-def write_whole(files: dict[Path, bytes], *, overwrite: bool = True, read: AsRead = NOTHING_READ) -> None:
+def write_whole(files: Mapping[Path, Content], *, overwrite: bool = True, read: AsRead = NOTHING_READ) -> None:
     """Writes all files or none: each to a temporary name beside its target, then all renamed (docs/formats.md#conventions).
+    What comes in blocks is made while it is written.
 
     One call at a time writes into a folder, so that what two calls write is never mixed; overwrite: files that came to be there
     meanwhile, too. read: what the content was made from. Raises CompstiffError: CS0080 that changed, CS0081 another call goes
@@ -131,14 +144,14 @@ def sweep(path: Path) -> None:
             left.unlink()
 
 
-def _write(files: dict[Path, bytes], read: AsRead) -> None:
+def _write(files: Mapping[Path, Content], read: AsRead) -> None:
     temporary: dict[Path, str] = {}
     try:
         for path, content in files.items():
             handle, name = tempfile.mkstemp(prefix=temporary_name(path), suffix=TEMPORARY, dir=path.parent)
             temporary[path] = name
             with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
+                stream.writelines([content] if isinstance(content, bytes) else content)
                 stream.flush()
                 os.fsync(stream.fileno())
             os.chmod(name, _mode(path))

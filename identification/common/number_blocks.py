@@ -22,7 +22,7 @@ from identification.common.table_layout import BLANKS, Layout, cells_of
 from identification.common.tables import as_numbers, decoded, holds_cells, opened, parquet_complaints, with_decimal_points
 
 Indices = NDArray[np.intp]
-BLOCK_BYTES = 1 << 22
+BLOCK_BYTES = 1 << 20
 BATCH_ROWS = 1 << 17
 
 

@@ -18,6 +18,7 @@ from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
 
+CHUNK = 8192        # poses at a time: what they take stays in the cache
 # Branch numbers are ABB's cfx for serial arms: 4 wrist centre behind axis 1, 2 wrist centre behind the lower arm,
 # 1 axis 5 negative.
 BRANCHES = 8
@@ -76,88 +77,130 @@ def one_branch(
     check_spherical_wrist(robot)
     count = len(base_from_flange.position)
     theta, reachable = np.empty((count, 6)), np.empty(count, dtype=bool)
-    for part in chunks(count):
+    for part in chunks(count, CHUNK):
         pose = base_from_flange[part]
-        theta[part], reachable[part] = _branch(robot, pose, branch, None if reference is None else reference[part])
+        angles, reachable[part] = _branch(robot, pose, branch, None if reference is None else reference[part])
+        theta[part] = angles.T
     return theta, reachable
 
 
 def _branch(
     robot: RobotModel, base_from_flange: Frame, branch: int, reference: Array | None
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """`one_branch` of one chunk."""
+    """`one_branch` of one chunk, components first (6, n).
+
+    Across a joint's axis a vector is a complex number; the angle that such a number stands at is found by its direction, and
+    turned back by it, without a sine or cosine.
+    """
     behind, elbow, flip = branch >> 2, branch >> 1 & 1, branch & 1
-    sines, cosines = np.array([quarter_turns(alpha) for alpha in robot.alpha]).T
-    columns = np.ascontiguousarray(np.moveaxis(base_from_flange.rotation, 0, -1))    # [component, column, pose]
-    centre = base_from_flange.position.T - robot.d[5] * columns[:, 2]
-    # The wrist centre about axis 1, whose z axis points up (alpha 0) or down (180 degrees).
-    x, y, z = centre[0], cosines[0] * centre[1], cosines[0] * centre[2]
-    radius, height = np.sqrt(x * x + y * y), z - robot.d[0]
-    upper = robot.a[2]
+    sines, cosines = zip(*(quarter_turns(alpha) for alpha in robot.alpha), strict=True)
+    count = len(base_from_flange.position)
+    theta = np.empty((6, count))
+    # The flange's axes [column, pose] and the wrist centre about axis 1, whose z axis points up (alpha 0) or down (180).
+    rotation, position = base_from_flange.rotation, base_from_flange.position
+    across, along = np.empty((3, count), dtype=np.complex128), np.multiply(cosines[0], rotation[:, 2].T)
+    across.real = rotation[:, 0].T
+    np.multiply(cosines[0], rotation[:, 1].T, out=across.imag)
+    centre = -robot.d[5] * across[2]
+    centre.real += position[:, 0]
+    centre.imag += cosines[0] * position[:, 1]
+    height = cosines[0] * position[:, 2] - robot.d[5] * along[2] - robot.d[0]
+    radius = np.abs(centre)
+    theta[0] = _angle(centre)
+    if behind:
+        theta[0] += np.pi
+        centre, radius = -centre, -radius
+    across *= np.conjugate(_direction(centre))
+    # The arm's plane, seen along axis 2: outwards from axis 2, and along frame 2's y axis.
+    reach = np.empty(count, dtype=np.complex128)
+    reach.real, reach.imag = radius - robot.a[1], sines[1] * height
     # The forearm as a vector of the frame of joint 3, from axis 3 to the wrist centre.
-    fore_x, fore_y = robot.a[3], -sines[3] * robot.d[3]
-    forearm, fore_angle = np.hypot(fore_x, fore_y), np.arctan2(fore_y, fore_x)
-    theta = np.empty((6, len(radius)))
-    theta[0] = np.arctan2(y, x) + np.pi * behind
-    # The arm's plane, seen along axis 2: u outwards from axis 2, v along frame 2's y axis.
-    u = (radius if not behind else -radius) - robot.a[1]
-    v = sines[1] * height
-    fold = (u * u + v * v - upper**2 - forearm**2) / (2 * upper * forearm)
+    upper, fore = robot.a[2], complex(robot.a[3], -sines[3] * robot.d[3])
+    forearm = abs(fore)
+    fold = (reach.real**2 + reach.imag**2 - (upper**2 + forearm**2)) / (2 * upper * forearm)
     # Sign of the angle from lower arm to forearm that puts the wrist centre in front of the lower arm, in the sense of
     # rotation in which axis 2 leans the arm outwards.
     sense = sines[1] * (1 if not elbow else -1) * -1.0
-    cosine = np.clip(fold, -1, 1)
-    angle = sense * np.arccos(cosine)
-    sine = sense * np.sqrt((1 - cosine) * (1 + cosine))
-    theta[1] = np.arctan2(v, u) - np.arctan2(forearm * sine, upper + forearm * cosine)
-    theta[2] = cosines[2] * angle - fore_angle
-    _wrist(theta, columns, sines, cosines, flip, None if reference is None else robot.serial_angles(reference)[:, 3])
-    return _nearest_turns(robot, robot.controller_angles(theta.T), None), np.abs(fold) <= 1 + 1e-12
+    bend = np.empty(count, dtype=np.complex128)
+    bend.real = np.clip(fold, -1, 1)
+    bend.imag = sense * np.sqrt((1 - bend.real) * (1 + bend.real))
+    theta[2] = cosines[2] * (sense * np.arccos(bend.real)) - np.angle(fore)
+    straight = upper + forearm * bend
+    theta[1] = _angle(reach) - _angle(straight)
+    turned = _direction(reach) * np.conjugate(_direction(straight)) * bend      # by axes 2 and 3 together, which are parallel
+    turned *= (fore if cosines[2] < 0 else fore.conjugate()) / forearm
+    # Axis 3's frame turns by alpha4 into that of the wrist: what stood across axes 2 and 3, and what stood along them.
+    plane = np.empty_like(across)
+    plane.real = across.real
+    np.multiply(sines[1], along, out=plane.imag)
+    plane *= np.conjugate(turned)
+    np.multiply(-sines[1] * cosines[2] * sines[3], across.imag, out=across.imag)
+    across.real = plane.real
+    _wrist(theta, across, -sines[3] * cosines[2] * plane[2].imag, (sines[4], sines[5]), flip,
+           None if reference is None else robot.serial_angles(reference)[:, 3])
+    theta -= robot.offset[:, None]
+    return _nearest_turns(robot, robot.uncoupling @ theta, None), np.abs(fold) <= 1 + 1e-12
 
 
-def _wrist(theta: Array, columns: Array, sines: Array, cosines: Array, flip: int, reference4: Array | None) -> None:
+def _wrist(
+    theta: Array, across: NDArray[np.complex128], along: Array, sines: tuple[float, float], flip: int, reference4: Array | None
+) -> None:
     """Fills in the serial angles 4, 5, 6 of theta (6, n) that turn the forearm's frame into the flange's, whose axes are
-    columns [component, column, pose].
+    `across` (3, n) axis 4, the third of them `along` (n,) it. sines: of alpha5 and alpha6.
 
     With B = RotX(-alpha4) R_03^T R = RotZ(theta4) RotX(alpha5) RotZ(theta5) RotX(alpha6) RotZ(theta6), the third
     column is (s6 sin5 cos4, s6 sin5 sin4, -s5 s6 cos5), and the second row of RotZ(-theta4) B is
-    (-s5 s6 sin6, -s5 s6 cos6, 0), which gives axis 6 sharply even where axis 5 is near zero. Joints 2 and 3 are parallel, so
-    that they turn as one, alpha3 between them no more than a change of sign.
+    (-s5 s6 sin6, -s5 s6 cos6, 0), which gives axis 6 sharply even where axis 5 is near zero.
     """
-    x, y, z = columns[0], cosines[0] * columns[1], cosines[0] * columns[2]
-    x, y = _turned_back(x, y, theta[0])
-    y, z = sines[1] * z, -sines[1] * y
-    x, y = _turned_back(x, y, theta[1] + cosines[2] * theta[2])
-    y, z = cosines[2] * y, cosines[2] * z
-    y, z = sines[3] * z, -sines[3] * y
-    s5, s6 = sines[4], sines[5]
+    s5, s6 = sines
     sign = -1.0 if flip else 1.0
-    sine5 = np.sqrt(x[2] * x[2] + y[2] * y[2])
-    singular = sine5 < WRIST_SINGULAR_RAD
-    theta[4] = np.arctan2(sign * sine5, -s5 * s6 * z[2])
-    theta[3] = np.arctan2(sign * s6 * y[2], sign * s6 * x[2])
-    theta[3] = np.where(singular, 0.0 if reference4 is None else reference4, theta[3])
-    _, second = _turned_back(x[:2], y[:2], theta[3])
-    theta[5] = np.arctan2(-s5 * s6 * second[0], -s5 * s6 * second[1])
+    sine5 = np.abs(across[2])
+    theta[4] = np.arctan2(sign * sine5, -s5 * s6 * along)
+    fourth = sign * s6 * across[2]
+    singular = np.flatnonzero(sine5 < WRIST_SINGULAR_RAD)
+    if len(singular):
+        fourth[singular] = 1.0 if reference4 is None else np.exp(1j * reference4[singular])
+    theta[3] = _angle(fourth)
+    if len(singular) and reference4 is not None:
+        theta[3, singular] = reference4[singular]
+    second = -s5 * s6 * (across[:2] * np.conjugate(fourth)).imag
+    theta[5] = np.arctan2(second[0], second[1])
 
 
-def _turned_back(x: Array, y: Array, angle: Array) -> tuple[Array, Array]:
-    """RotZ(-angle) of vectors (k, n) whose components are x and y."""
-    s, c = sine_cosine(angle)
-    return c * x + s * y, c * y - s * x
+def _angle(vector: NDArray[np.complex128]) -> Array:
+    return np.asarray(np.arctan2(vector.imag, vector.real))
+
+
+def _direction(vector: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """The vectors (n,) at unit length; 1 for nothing."""
+    length = np.abs(vector)
+    nothing = length == 0
+    if nothing.any():
+        vector, length = np.where(nothing, 1.0, vector), np.where(nothing, 1.0, length)
+    direction = np.empty_like(vector)
+    np.divide(vector.real, length, out=direction.real)
+    np.divide(vector.imag, length, out=direction.imag)
+    return direction
 
 
 def _nearest_turns(robot: RobotModel, theta: Array, reference: Array | None) -> Array:
-    """Whole turns added to each joint angle (..., 6) [rad]: inside the limits where that is possible, and among those
-    the nearest to the reference (or to zero)."""
+    """Whole turns added to each joint angle, components first (6, ...) [rad]: inside the limits where that is possible, and
+    among those the nearest to the reference (or to zero)."""
     turn = 2 * np.pi
-    target = 0.0 if reference is None else reference
-    wanted = theta + turn * np.round((target - theta) / turn)
-    if ((wanted >= robot.limits[:, 0]) & (wanted <= robot.limits[:, 1])).all():
-        return np.asarray(wanted)
+    off = -theta if reference is None else reference - theta
+    off /= turn
+    np.rint(off, out=off)
+    wanted = theta
+    if off.any():
+        off *= turn
+        wanted = theta + off
+    if all(low <= angle.min(initial=np.inf) and angle.max(initial=-np.inf) <= high
+           for angle, (low, high) in zip(wanted, robot.limits.tolist(), strict=True)):
+        return wanted
     slack = 1e-9
-    highest = theta + turn * np.floor((robot.limits[:, 1] + slack - theta) / turn)
-    lowest = theta + turn * np.ceil((robot.limits[:, 0] - slack - theta) / turn)
+    low, high = (ends.reshape(6, *(1,) * (theta.ndim - 1)) for ends in robot.limits.T)
+    highest = theta + turn * np.floor((high + slack - theta) / turn)
+    lowest = theta + turn * np.ceil((low - slack - theta) / turn)
     return np.asarray(np.where(lowest > highest, wanted, np.clip(wanted, lowest, highest)))
 
 
@@ -166,7 +209,7 @@ def nearest_solution(robot: RobotModel, solutions: Solutions, reference: Array) 
 
     Nearest by the largest joint difference, among the reachable branches; NaN and branch -1 where there is none.
     """
-    turned = _nearest_turns(robot, solutions.theta, reference[:, None, :])
+    turned = np.moveaxis(_nearest_turns(robot, np.moveaxis(solutions.theta, -1, 0), reference.T[:, :, None]), 0, -1)
     distance = np.max(np.abs(turned - reference[:, None, :]), axis=2)
     distance[~solutions.reachable] = np.inf
     branch = np.argmin(distance, axis=1)
@@ -184,14 +227,14 @@ def nearest_angles(robot: RobotModel, base_from_flange: Frame, reference: Array)
     Mostly that is the branch the reference stands in: the others are worked out only where they might be as near.
     """
     theta = np.empty_like(reference)
-    for part in chunks(len(reference)):
+    for part in chunks(len(reference), CHUNK):
         pose, near = base_from_flange[part], reference[part]
         branch = configuration(robot, np.nan_to_num(near, posinf=0.0, neginf=0.0))[:, 3]
         unsure = np.ones(len(near), dtype=bool)
         for number in np.unique(branch).tolist():
             rows = np.flatnonzero(branch == number)
             angles, reachable = one_branch(robot, pose[rows], number, near[rows])
-            turned = _nearest_turns(robot, angles, near[rows])
+            turned = _nearest_turns(robot, angles.T, near[rows].T).T
             theta[part][rows] = turned
             unsure[rows] = ~(reachable & _nearer_than_others(robot, turned, near[rows]))
         if unsure.any():

@@ -18,7 +18,7 @@ from identification.model.robot import RobotModel
 from identification.model.rotations import Frame
 
 Array = NDArray[np.float64]
-CHUNK = 2048
+CHUNK = 4096
 
 
 def chunks(count: int, size: int = CHUNK) -> Iterator[slice]:
@@ -69,18 +69,26 @@ def turned_back(angles: Array, turns: NDArray[np.complex128] | None = None) -> N
     np.tan(t, out=t)
     inverse = np.multiply(t, t)
     inverse += 1.0
-    np.divide(2.0, inverse, out=inverse)
-    np.multiply(t, inverse, out=t)                  # sine = 2 t / (1 + t^2)
-    np.negative(t, out=turns.imag)
-    np.subtract(inverse, 1.0, out=turns.real)       # cosine = 2 / (1 + t^2) - 1
+    np.divide(-2.0, inverse, out=inverse)
+    np.multiply(t, inverse, out=turns.imag)         # sine = 2 t / (1 + t^2)
+    np.subtract(-1.0, inverse, out=turns.real)      # cosine = 2 / (1 + t^2) - 1
     return turns
 
 
 def chain(robot: RobotModel, serial: Array, planes: NDArray[np.complex128] | None = None) -> Chain:
     """Frames at serial angles `serial` (6, n) [rad] (paper eq. 1); into planes (6, 3, n), where given, x + i y of each."""
+    axes, origins = np.empty((2, 6, 3, serial.shape[1]))
+    for i, (plane, z, origin) in enumerate(_frames(robot, serial)):
+        axes[i], origins[i] = z, origin
+        if planes is not None:
+            planes[i] = plane
+    return Chain(axes, origins, np.stack([plane.real, plane.imag, z], axis=1))
+
+
+def _frames(robot: RobotModel, serial: Array) -> Iterator[tuple[NDArray[np.complex128], Array, Array]]:
+    """The frames one after the other, components first (3, n): x + i y, z, and the origin [m]; each until the next one."""
     n = serial.shape[1]
     turns = turned_back(serial)
-    axes, origins = np.empty((6, 3, n)), np.empty((6, 3, n))
     plane = np.repeat(np.array([[1.0], [1j], [0.0]]), n, axis=1)       # the x axis, and i times the y axis, by components
     z, spare = np.repeat(np.array([[0.0], [0.0], [1.0]]), n, axis=1), np.empty((3, n))
     origin = np.zeros((3, n))
@@ -102,10 +110,7 @@ def chain(robot: RobotModel, serial: Array, planes: NDArray[np.complex128] | Non
         np.multiply(plane, turns[i], out=plane)
         if robot.d[i]:
             origin += np.multiply(robot.d[i], z, out=spare)
-        axes[i], origins[i] = z, origin
-        if planes is not None:
-            planes[i] = plane
-    return Chain(axes, origins, np.stack([plane.real, plane.imag, z], axis=1))
+        yield plane, z, origin
 
 
 def spring_columns(robot: RobotModel, theta: Array, flange_from_tcp: Frame, matrix: Array | None = None) -> Array:
@@ -142,10 +147,10 @@ def forward(robot: RobotModel, theta: Array, flange_from_tcp: Frame) -> Frame:
     count = len(theta)
     rotation, position = np.empty((count, 3, 3)), np.empty((count, 3))
     for part in chunks(count):
-        frames = chain(robot, np.ascontiguousarray(robot.serial_angles(theta[part]).T))
-        flange = Frame(np.moveaxis(frames.rotation, -1, 0), frames.origins[5].T)
-        tcp = flange @ flange_from_tcp
-        rotation[part], position[part] = tcp.rotation, tcp.position
+        *_, (plane, z, origin) = _frames(robot, np.ascontiguousarray(robot.serial_angles(theta[part]).T))
+        flange = np.stack([plane.real, plane.imag, z])                                      # [column, component, pose]
+        rotation[part] = np.tensordot(flange_from_tcp.rotation, flange, axes=(0, 0)).transpose(2, 1, 0)
+        position[part] = (origin + np.tensordot(flange_from_tcp.position, flange, axes=(0, 0))).T
     return Frame(rotation, position)
 
 

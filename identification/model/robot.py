@@ -112,6 +112,14 @@ class RobotModel:
             excess[..., 6] = np.maximum(low - difference, difference - high)
         return np.maximum(excess, 0.0, out=excess)
 
+    def within_limits(self, theta: Array, slack: float) -> NDArray[np.bool_]:
+        """Which angles (N, 6) [rad] exceed no limit by more than `slack` [rad] (N,)."""
+        ends = [(theta[:, joint], low, high) for joint, (low, high) in enumerate(self.limits.tolist())]
+        if self.window is not None:
+            joint, low, high = self.window
+            ends.append((theta @ self.coupling[joint], low, high))
+        return np.asarray(np.all([(low - angle <= slack) & (angle - high <= slack) for angle, low, high in ends], axis=0))
+
 
 def built_in_robots() -> dict[str, Path]:
     """Names of the robots that come with the program, and their files.

@@ -94,6 +94,16 @@ class Frame:
         """From position (..., 3) [m] and quaternion (..., 4) w x y z."""
         return cls(quaternion_to_matrix(quaternion), np.asarray(position, dtype=float))
 
+    @classmethod
+    def shared(cls, frame: Frame, count: int) -> Frame:
+        """One transform as `count` of them: held once, read-only, also where some of them are picked, inverted or passed."""
+        return cls(np.broadcast_to(frame.rotation, (count, 3, 3)), np.broadcast_to(frame.position, (count, 3)))
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether N transforms are one that is held once."""
+        return self.rotation.ndim == 3 and self.rotation.strides[0] == self.position.strides[0] == 0 < len(self.position)
+
     @property
     def quaternion(self) -> Array:
         """Unit quaternion (..., 4) w x y z, w >= 0."""
@@ -101,6 +111,8 @@ class Frame:
 
     def __getitem__(self, rows: int | slice | NDArray[np.intp] | NDArray[np.bool_]) -> Frame:
         """Those of N transforms at these rows."""
+        if isinstance(rows, np.ndarray) and self.is_shared:
+            return Frame.shared(self[0], int(np.count_nonzero(rows)) if rows.dtype == bool else len(rows))
         return Frame(self.rotation[rows], self.position[rows])
 
     def __matmul__(self, other: Frame) -> Frame:
@@ -116,5 +128,7 @@ class Frame:
 
     def inverse(self) -> Frame:
         """`b_from_a` of `a_from_b`."""
+        if self.is_shared:
+            return Frame.shared(self[0].inverse(), len(self.position))
         transposed = np.swapaxes(self.rotation, -1, -2)
         return Frame(transposed, -np.einsum("...ij,...j->...i", transposed, self.position))

@@ -148,6 +148,23 @@ def test_how_angles_are_counted_changes_nothing_physical(name: str, load_path: s
     assert np.abs(columns[0]).max() > 0.5
 
 
+@pytest.mark.parametrize("name", ["irb6660-205-1.90", "irb6700-200-2.60"])
+def test_within_the_limits_is_what_exceeds_them_by_no_more_than_the_slack(name: str) -> None:
+    """Every joint, and the window of the parallel rod, a little within and a little beyond the slack, and angles not known."""
+    model, slack = read_robot(built_in_robots()[name]), 1e-3
+    rng = np.random.default_rng(8)
+    theta = rng.uniform(model.limits[:, 0] - 0.3, model.limits[:, 1] + 0.3, (2000, 6))
+    edges = np.repeat(random_poses(model, 1, rng), 24, axis=0)
+    for joint in range(6):
+        for row, (end, beyond) in enumerate([(0, -0.999), (0, -1.001), (1, 0.999), (1, 1.001)]):
+            edges[4 * joint + row, joint] = model.limits[joint, end] + beyond * slack
+    theta = np.concatenate([theta, edges, np.full((1, 6), np.nan)])
+    inside = model.within_limits(theta, slack)
+    assert 0 < inside.sum() < len(theta)
+    assert not inside[-1]
+    assert inside[:-1].tolist() == (model.limit_excess(theta[:-1]).max(axis=1) <= slack).tolist()
+
+
 def test_a_controller_s_coupling_is_no_parallel_rod(tmp_path: Path) -> None:
     """FANUC's pendant couples J2 and J3, its arm does not: no effect takes it for a rod."""
     text = built_in_robots()["m710ic-50"].read_text().partition("data_sheet:")[0]

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,21 @@ def test_temporary_files_of_killed_calls_are_swept_and_no_others(tmp_path: Path)
         file.write_bytes(b"half")
     writing.write_whole({tmp_path / "a[1].mod": b"whole"})
     assert sorted(file.name for file in tmp_path.iterdir()) == [other.name, "a[1].mod", "a[1].mod.part"]
+
+
+def test_content_that_comes_in_blocks_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    def blocks(fails: bool) -> Iterator[bytes]:
+        yield b"first "
+        if fails:
+            raise ValueError("no second block")
+        yield b"second"
+
+    (tmp_path / "b").write_bytes(b"mine")
+    with pytest.raises(ValueError, match="no second block"):
+        writing.write_whole({tmp_path / "a": b"1", tmp_path / "b": blocks(fails=True)})
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == {"b": b"mine"}
+    writing.write_whole({tmp_path / "a": b"1", tmp_path / "b": blocks(fails=False)})
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == {"a": b"1", "b": b"first second"}
 
 
 def test_what_came_to_be_there_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
