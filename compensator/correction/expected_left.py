@@ -43,7 +43,8 @@ CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scat
 
 @dataclass(frozen=True, eq=False)
 class ExpectedLeft:
-    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause."""
+    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause. at_depths: where nobody stated
+    how deep the cut is, depths [m] and what `cut` would be there [m], root mean square."""
 
     model: Array
     force: Array
@@ -53,6 +54,7 @@ class ExpectedLeft:
     cut: Array
     learned: Array
     between: Array
+    at_depths: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         read_only(*(getattr(self, cause) for cause in CAUSES))
@@ -69,26 +71,28 @@ class ExpectedLeft:
         return {"largest": 1e6 * float(self.std.max()), "rms": 1e6 * rms(self.std),
                 **{cause: 1e6 * rms(getattr(self, cause)) for cause in CAUSES}}
 
-    def line(self, depth: float | None) -> str:
-        """The same for the terminal; depth [m]: the depth of cut that was taken, None where the cut's stiffness is known."""
+    def line(self) -> str:
+        """The same for the terminal."""
         figures = self.as_dict()
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items() if figures[cause])
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
-                f"({parts}){self._remedy(depth)}")
+                f"({parts}){self._depth_decides()}")
 
-    def sentence(self, depth: float | None) -> str:
+    def sentence(self) -> str:
         """The same for the report."""
         figures = self.as_dict()
         causes = ", ".join(words for cause, words in CAUSES.items() if figures[cause])
         return (f"On the part {2 * figures['rms']:.1f} um RMS are expected to be left, {2 * figures['largest']:.1f} um at most "
-                f"(2 sigma), by these causes: {causes}{self._remedy(depth)}.")
+                f"(2 sigma), by these causes: {causes}{self._depth_decides()}.")
 
-    def _remedy(self, depth: float | None) -> str:
-        """What to state where the unknown cut is most of it."""
+    def _depth_decides(self) -> str:
+        """What to state where the unknown cut is most of it, and what that would change."""
         figures = self.as_dict()
-        if depth is None or figures["cut"] <= 0.5 * figures["rms"]:
+        if not self.at_depths or figures["cut"] <= 0.5 * figures["rms"]:
             return ""
-        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
+        of_each = ", ".join(f"{1e6 * left:.1f} um at {1e3 * depth:g} mm" for depth, left in self.at_depths)
+        return (f"; how deep the cut is decides, and nobody stated it: the cut leaves {of_each} (--depth-of-cut; or cutting in "
+                "cell.yaml)")
 
 
 def expected_left(
@@ -109,7 +113,8 @@ def expected_left(
     return ExpectedLeft(
         np.sqrt(np.maximum(of_model - of_scatter - of_force - of_learned, 0.0) + residual**2), np.sqrt(of_force),
         np.sqrt(of_scatter), gain * size,
-        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, cut.prediction, between)[targets])
+        unknown * size, cut.left.copy(), np.sqrt(of_learned), _between(predicted, kept, cut.prediction, between)[targets],
+        cut.at_depths)
 
 
 def _between(predicted: Predicted, kept: Indices, prediction: Prediction, between: BetweenTargets | None) -> Array:
