@@ -139,7 +139,8 @@ def correct(planned: Predicted) -> Corrected:
     cornered, of_corners = with_zones(planned)
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     cut = following_the_cut(predicted, kept, logged)
-    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope))
+    correction = correct_path(cut.loaded, Restraint(cut.prediction, settings.confidence, predicted.slope,
+                                                     settings.tolerance))
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,
                       correction.confdata)
     content, of_marks = written.content, tuple[Finding, ...]()
