@@ -253,6 +253,9 @@ def by_name(results: Iterable[Result]) -> dict[str, list[Row]]:
 
 def print_plain(part: str, every: list[Result | None]) -> None:
     results = [result for result in every if result is not None]
+    if not results:
+        print(f"\n{part}; 0 of {len(every)} robots: the arms are too soft for this cut")
+        return
     seconds = np.mean([result.seconds for result in results])
     follows = np.median([result.cutting_stiffness for result in results])
     print(f"\n{part}; {len(results)} of {len(every)} robots, {seconds:.0f} s a robot. Force follows the wall by {follows:.0f} "
