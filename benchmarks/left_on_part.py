@@ -21,7 +21,7 @@ import argparse
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -30,45 +30,22 @@ from scipy.stats import norm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.part_jobs import JOBS
 from compensator.correction.expected_left import CAUSES
 from tests.runs.milling.another_arm import PLACES as ARMS
 from tests.runs.milling.another_arm import AnotherArmJob
 from tests.runs.milling.learning_job import ErringJob
 from tests.runs.milling.milling_job import Correction, rms, settings
-from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
+from tests.virtual_cell.milled_part import PLACES
 from tests.virtual_cell.milling import Pass, Sensor
 
 GAIN_STD, MOTION_STD = 0.01, 0.02  # as cell.yaml has them where it says nothing
 EVERY = 4  # robot is looked at by cause
-# Linear-edge coefficients of a carbon steel and Ti6Al4V, rounded (Altintas, Manufacturing Automation, ch. 2).
-STEEL = EndMill(shear_n_mm2=(1800.0, 700.0, 300.0), edge_n_mm=(25.0, 40.0, 2.0), spindle_rpm=4500.0, feed_mm_s=18.0)
-TITANIUM = EndMill(shear_n_mm2=(1700.0, 600.0, 300.0), edge_n_mm=(24.0, 43.0, 3.0), spindle_rpm=2400.0, feed_mm_s=9.6)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A job: part, cutter and material as cell.yaml names it."""
-
-    part: dict[str, float]
-    cutter: EndMill = field(default_factory=EndMill)
-    material: str = "aluminium"
-
-
-KINDS = {
-    "1.5 mm": Kind({}),
-    "0.5 mm": Kind({"spacing_mm": 0.5}),
-    "1.5 mm, thin": Kind({"allowance_mm": 0.4, "wall_depth_mm": 10.0}),
-    "0.5 mm, thin": Kind({"spacing_mm": 0.5, "allowance_mm": 0.4, "wall_depth_mm": 10.0}),
-    "steel": Kind({"spacing_mm": 0.5, "allowance_mm": 0.8}, STEEL, "steel"),
-    "titanium": Kind({"spacing_mm": 0.5, "allowance_mm": 0.8}, TITANIUM, "titanium"),
-}
 GROUPS = {
     "plateau": ("slot", "straight wall", "arc"),
     "entry": ("slot ends", "roll in and out"),
     "corner": ("rolled corner", "sharp corner"),
 }
-CUT = "  spindle_rpm: {rpm:g}\ncutting: {{material: {material}, tool_diameter_mm: {diameter:g}, contact_mm: {contact:g}}}\n"
 
 
 @dataclass(frozen=True)
@@ -147,25 +124,21 @@ def robot(arguments: tuple[str, str | None, int, float, float, bool]) -> Result 
 
 
 def milled(name: str, arm: str | None, seed: int, gain: float, motion: float, causes: bool) -> Result:
-    kind = KINDS[name]
+    wanted = JOBS[name]
     job_of = ErringJob if arm is None else partial(AnotherArmJob, arm=arm)
-    depth, contact = kind.part.get("allowance_mm", 1.5), kind.part.get("wall_depth_mm", 4.0)
     with tempfile.TemporaryDirectory() as folder:
-        part, cutter = slot_and_pocket(**kind.part), kind.cutter
+        part, cutter = wanted.part, wanted.cutter
         job = job_of(Path(folder), seed, part=part, cutter=cutter, motion=motion, sensor=Sensor(gain=gain))
         stiffness = job.identify()
         log = job.log(job.first, job.planned, "pass1.csv")
-        cell = job.cell_with(
-            "cell_cut.yaml",
-            CUT.format(rpm=cutter.spindle_rpm, material=kind.material, diameter=2 * cutter.radius_mm, contact=contact),
-        )
+        cell = job.cell_with("cell_cut.yaml", wanted.cut_yaml)
         found = job.correct(log, stiffness)
         second = job.mill(found.commands, part=found.part)
         pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
         offsets = job.offsets(found, "offsets1.csv")
         rows = [seen("pass 2, nothing stated", job, found, second)]
         for words, made in (
-            ("pass 2, depth stated", job.correct(log, stiffness, settings(depth_of_cut=1e-3 * depth))),
+            ("pass 2, depth stated", job.correct(log, stiffness, settings(depth_of_cut=1e-3 * wanted.depth_mm))),
             ("pass 2, material stated", job.correct(log, stiffness, cell=cell)),
             ("pass 3, --logged-with", job.correct(pass2, stiffness, settings(logged_with=offsets))),
             ("pass 3, both passes", job.correct(pass2, stiffness, settings(logged_with=offsets, first_forces=log))),
@@ -209,16 +182,19 @@ def print_job(name: str, every: list[Result | None]) -> None:
     print(
         f"\n{name}, {len(results)} of {len(every)} robots; off before {before:.0f} um RMS\n"
         "| | within 2 sigma: all (worst, best robot) | "
-        f"{' | '.join(GROUPS)} | median off, stated [um] | RMS off, stated [um] |\n" + 7 * "|---" + "|"
+        f"{' | '.join(GROUPS)} | median off, stated [um] | RMS off, stated [um] | gone |\n"
+        + 8 * "|---" + "|"
     )
     for number, row in enumerate(results[0].seen):
         each = [result.seen[number] for result in results]
         shares = [within(one) for one in each]
+        gone = [100 - 100 * rms(one.off) / result.before for one, result in zip(each, results, strict=True)]
         groups = [f"{np.mean([within(one, group) for one in each]):.1f}" for group in range(len(GROUPS))]
         print(
             f"| {row.name} | {np.mean(shares):.1f} ({min(shares):.0f}, {max(shares):.0f}) | {' | '.join(groups)} | "
             f"{np.mean([np.median(one.off) for one in each]):.1f}, {np.mean([np.median(one.std) for one in each]):.1f} | "
-            f"{np.mean([rms(one.off) for one in each]):.1f}, {np.mean([rms(one.std) for one in each]):.1f} |"
+            f"{np.mean([rms(one.off) for one in each]):.1f}, {np.mean([rms(one.std) for one in each]):.1f} | "
+            f"{np.mean(gone):.1f} % |"
         )
     for arm in dict.fromkeys(result.arm for result in results if result.arm):
         mine = [result for result in results if result.arm == arm]
@@ -257,7 +233,7 @@ def main() -> None:
     parser.add_argument("robots", type=int, nargs="?", default=8)
     parser.add_argument("first_seed", type=int, nargs="?", default=7900)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--jobs", nargs="*", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--jobs", nargs="*", default=list(JOBS), choices=list(JOBS))
     parser.add_argument("--arms", nargs="*", default=[], choices=list(ARMS))
     options = parser.parse_args()
     arms = options.arms or [None]

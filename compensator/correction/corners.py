@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.predict import Predicted
 from compensator.path.arc_length import FARTHEST, circle
+from compensator.path.robot_path import RobotPath
 from compensator.rapid import move_text, read_rapid
 from compensator.rapid import with_zones as with_radii
 from compensator.toolpath import Move, Toolpath
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # A zone smaller than this is not worth a stop-and-go [m]; what it misses then is reported.
 SMALLEST = 0.01e-3
+# sin(a / 2) of a turn that is sharp: chords of a rolled corner turn by less.
+SHARP = float(np.sin(np.radians(45.0) / 2))
 
 
 def corner_misses(toolpath: Toolpath, position: Array) -> tuple[Array, Array]:
@@ -66,6 +69,14 @@ def _directions(move: NDArray[np.uint8], points: Array) -> tuple[Array, Array, A
                 tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-300)[:, None]
                 values[moves] = np.where(straight[:, None], values[moves], tangent)
     return arriving, leaving, length
+
+
+def sharp_corners(path: RobotPath, targets: Indices) -> Indices:
+    """Places (C,) among the targets (M,) with force, ascending, at which straight moves turn sharply between two with force."""
+    _, half_sine = corner_misses(path.toolpath, path.world_position)
+    straight = path.toolpath.move == Move.LINEAR
+    sharp = (half_sine > SHARP) & straight & np.append(straight[1:], False)
+    return np.flatnonzero(sharp[targets] & np.isin(targets, _in_the_cut(targets)))
 
 
 def _in_the_cut(targets: Indices) -> Indices:

@@ -59,11 +59,6 @@ class Corrected:
         """Of the cut; None where nothing is known but the force."""
         return self.logged.stiffness
 
-    @property
-    def assumed_depth(self) -> float | None:
-        """The depth of cut [m] that what is left by the cut rests on; None where its stiffness is known."""
-        return self.planned.settings.correction.taken_depth if self.stiffness is None else None
-
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
         offset, turn = (np.linalg.norm(values, axis=1) for values in (self.correction.offset, self.correction.turn))
@@ -97,7 +92,7 @@ class Corrected:
             + (f"{counted(held_back, 'correction')} held back, else the rounding of the written numbers)" if held_back
                else "the rounding of the written numbers)"),
             self.between_line(),
-            self.left.line(self.assumed_depth),
+            self.left.line(),
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),
@@ -145,7 +140,8 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
-    correction = correct_path(cut.loaded, Restraint(prediction, settings.confidence, predicted.slope))
+    correction = correct_path(cut.loaded, Restraint(prediction, settings.confidence, predicted.slope,
+                                                     settings.tolerance))
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,

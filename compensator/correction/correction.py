@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.corners import sharp_corners
 from compensator.correction.correctable import refuse_outside
 from compensator.correction.forward import loaded_blocks, off_goal, resting_angles
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
-from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
+from compensator.correction.restraint import chance_of_harm, confident_share, fair_to_both, limited_steps
 from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import read_only
@@ -67,11 +68,13 @@ class Correction:
 @dataclass(frozen=True, eq=False)
 class Restraint:
     """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, the probability
-    with which it must make a point better, and the steepest change of the offset along the path [m/m]."""
+    with which it must make a point better, and the steepest change of the offset along the path [m/m]. tolerance [m]: what no
+    offset gives both sides of a corner is told from there on."""
 
     prediction: Prediction
     confidence: float
     slope: float
+    tolerance: float
 
 
 def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
@@ -174,7 +177,7 @@ def _hold_back(loaded: LoadedPath, commanded: Poses, held: Indices, share: Array
 
 
 def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
-    """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113)."""
+    """The offsets (M, 3) [m] to make, base frame, out of the full ones, and what was held back (CS4112, CS4113, CS4114)."""
     path, targets, prediction = loaded.path, loaded.targets, restraint.prediction
     share = confident_share(prediction.position, prediction.known, restraint.confidence)
     sure = share[:, None] * full
@@ -188,6 +191,8 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
                            f"{1e6 * left.max():.1f} um of expected deviation stay",
                            f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
                            "(--confidence)"))
+    sure, at_corners = _at_corners(loaded, sure, restraint)
+    findings += at_corners
     if not np.isfinite(restraint.slope):
         return sure, findings
     axes = path.axes
@@ -200,6 +205,31 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
                            f"reduced at {len(steep)} targets, by up to {1e6 * changed.max():.1f} um",
                            "a step of the force between neighbours: is the log placed right? --max-slope sets the limit"))
     return result, findings
+
+
+def _at_corners(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
+    """The offsets (M, 3) [m], base frame, fair to both sides of sharp corners, and what one target leaves there (CS4114)."""
+    path, targets = loaded.path, loaded.targets
+    corners = sharp_corners(path, targets)
+    if not len(corners):
+        return offset, []
+    axes = path.axes
+    before, here, behind = (axes.turned_to_rest(offset[at], targets[at]) for at in (corners - 1, corners, corners + 1))
+    sigma = np.sqrt(np.trace(restraint.prediction.known[corners], axis1=1, axis2=2))
+    fair = fair_to_both(here, sigma, (before, behind))
+    result = offset.copy()
+    result[corners] = axes.turned_to_base(fair, targets[corners])
+    left = np.linalg.norm(np.stack([before, behind]) - fair, axis=2).max(axis=0)
+    told = left > restraint.tolerance
+    if not told.any():
+        return result, []
+    worst = int(np.argmax(left))
+    asked, other, apart = (1e6 * np.linalg.norm(each[worst]) for each in (before, behind, behind - before))
+    return result, [path.finding(
+        int(targets[corners[worst]]), "CS4114", "warning",
+        f"one target serves two forces at {counted(int(told.sum()), 'corner')}: before this one {asked:.0f} um are asked for, "
+        f"behind it {other:.0f} um, {apart:.0f} um apart; up to {1e6 * left[worst]:.0f} um are left there",
+        "no offset serves both, nor do two targets or a stop: round the corner in the toolpath, or rough it closer")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

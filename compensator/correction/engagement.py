@@ -12,7 +12,8 @@ is K t more, and the arm, which gives way by c_nn along n under 1 N along n, yie
 more the cut is stiffer than the arm, pass after pass would overshoot, and the correction is refused.
 
 K is stated, found from logged pairs of passes (cutting_stiffness.py), or known by its prior (cutting_prior.py). Where it is not
-followed its size leaves |d| g / (1 + g) off the plan, g = K (e . n) / F_n, and its error the same where it is.
+followed its size leaves |d| g / (1 + g) off the plan, g = K (e . n) / F_n, and its error the same where it is. Where nothing
+is known but the force, K = GROWS F_n / (a - e . n) of a depth a: the mean square over the depths that there may be.
 """
 
 from __future__ import annotations
@@ -23,26 +24,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.cut_kind import cut_shares
-from compensator.correction.cutting_prior import GROWS
+from compensator.correction.cutting_prior import GROWS, depths
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
+from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.model.kinematics import chunks, spring_columns
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+# No cut is taken for less deep than this share of its depth, however far the tool stood aside.
+SHALLOWEST = 0.25
 # Where less than this share of the force stands across the feed it says nothing of a depth.
 LEAST_ACROSS = 0.05
 # With a learned displacement the force is followed as far as this share of itself.
 MOST_GROWTH = 0.95
 # Of what grows at a wall so much does in a slot: nothing for a step aside, a little for one along the axis (cut_kind.py).
 IN_A_SLOT = 0.3
-# What is left for this cutting stiffness [N/m] is told where none is known.
-ASSUMED = 1e4
+# What is left for this cutting stiffness [N/m] is told where none is known, and for these depths [m] where none is stated.
+ASSUMED, DEPTHS_TOLD = 1e4, (0.3e-3, 1e-3, 3e-3)
 
 
 def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
@@ -79,7 +83,8 @@ class CorrectedPass:
     """The path under the forces that the corrected pass meets. left (M,) [m]: 1 sigma of how far off the plan the force that
     follows the cut leaves the tool; in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]:
     what a cutting stiffness of ASSUMED would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where
-    the force is as logged."""
+    the force is as logged. at_depths: depths [m], and what `left` would be there [m], root mean square; none where more is
+    known of the cut."""
 
     loaded: LoadedPath
     left: Array
@@ -87,6 +92,7 @@ class CorrectedPass:
     left_as_logged: Array | None
     gain: float
     findings: tuple[Finding, ...] = ()
+    at_depths: tuple[tuple[float, float], ...] = ()
 
 
 def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> tuple[CorrectedPass, Prediction]:
@@ -99,7 +105,12 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
         per_newton, chosen = _deeper(predicted, offsets, direction, across)
-        follows, left_over = _here(predicted, logged.stiffness, across)
+        if logged.stiffness is None:
+            left, at_depths = _of_any_depth(predicted, across, per_newton)
+            as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
+            return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0,
+                                 at_depths=at_depths), predicted.prediction
+        follows, left_over = _here(predicted, logged.stiffness)
         left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
         if not follows.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
@@ -116,19 +127,36 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     return CorrectedPass(loaded, left, left, None, gain, findings), replace(prediction, covariance=covariance)
 
 
-def _here(predicted: Predicted, stiffness: CuttingStiffness | None, across: Array) -> tuple[Array, Array]:
-    """K (N,) [N/m] that the correction follows at each target, where the force across the feed is `across` (N,) [N], and the
-    size (N,) of what it leaves out: its error, or all."""
-    count = len(predicted.path.toolpath)
+def _of_any_depth(
+    predicted: Predicted, across: Array, per_newton: Array
+) -> tuple[Array, tuple[tuple[float, float], ...]]:
+    """What the growing force leaves (M,) [m] where the force across the feed (N,) [N] is all that is known, root mean square
+    over the depths that there may be; and at a few depths, where none was stated, over all targets."""
+    settings = predicted.settings.correction
+    _, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
+    grows, aside = GROWS * (1 - (1 - IN_A_SLOT) * slotting), across * per_newton
+
+    def at(depth: float) -> Array:
+        return _left(predicted, np.abs(grows * aside) / depth_logged(depth, aside))
+
+    square = np.sum([weight * at(depth) ** 2 for depth, weight in zip(*depths(settings), strict=True)], axis=0)
+    told = DEPTHS_TOLD if settings.depth_of_cut is None and len(square) else ()
+    return np.sqrt(square), tuple((depth, rms(at(depth))) for depth in told)
+
+
+def depth_logged(depth: float, aside: Array) -> Array:
+    """How deep (n,) [m] the tool cut while the force was logged that stood aside (n,) [m] of the plan."""
+    return np.clip(depth - aside, SHALLOWEST * depth, None)
+
+
+def _here(predicted: Predicted, stiffness: CuttingStiffness) -> tuple[Array, Array]:
+    """K (N,) [N/m] that the correction follows at each target, and the size (N,) of what it leaves out: its error, or all."""
     climbing, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
-    in_a_slot = 1 - (1 - IN_A_SLOT) * slotting
-    if stiffness is None:
-        return np.zeros(count), GROWS * in_a_slot * across / predicted.settings.correction.taken_depth
-    share = np.zeros(count)
+    share = np.zeros(len(climbing))
     if stiffness.followed:
-        share = climbing if stiffness.climb_only else np.ones(count)
+        share = climbing if stiffness.climb_only else np.ones(len(climbing))
     # That of climb milling, where it is a slot.
-    size = stiffness.size * (in_a_slot if stiffness.climb_only else 1.0)
+    size = stiffness.size * (1 - (1 - IN_A_SLOT) * slotting if stiffness.climb_only else 1.0)
     return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * size)
 
 

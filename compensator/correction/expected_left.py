@@ -43,7 +43,8 @@ CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scat
 
 @dataclass(frozen=True, eq=False)
 class ExpectedLeft:
-    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause."""
+    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause. at_depths: where nobody stated
+    how deep the cut is, depths [m] and what `cut` would be there [m], root mean square."""
 
     model: Array
     force: Array
@@ -53,6 +54,7 @@ class ExpectedLeft:
     cut: Array
     learned: Array
     between: Array
+    at_depths: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         read_only(*(getattr(self, cause) for cause in CAUSES))
@@ -69,33 +71,35 @@ class ExpectedLeft:
         return {"largest": 1e6 * float(self.std.max()), "rms": 1e6 * rms(self.std),
                 **{cause: 1e6 * rms(getattr(self, cause)) for cause in CAUSES}}
 
-    def line(self, depth: float | None) -> str:
-        """The same for the terminal; depth [m]: the depth of cut that was taken, None where the cut's stiffness is known."""
+    def line(self) -> str:
+        """The same for the terminal."""
         figures = self.as_dict()
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items() if figures[cause])
         return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
-                f"({parts}){self._remedy(depth)}")
+                f"({parts}){self._depth_decides()}")
 
-    def sentence(self, depth: float | None) -> str:
+    def sentence(self) -> str:
         """The same for the report."""
         figures = self.as_dict()
         causes = ", ".join(words for cause, words in CAUSES.items() if figures[cause])
         return (f"On the part {2 * figures['rms']:.1f} um RMS are expected to be left, {2 * figures['largest']:.1f} um at most "
-                f"(2 sigma), by these causes: {causes}{self._remedy(depth)}.")
+                f"(2 sigma), by these causes: {causes}{self._depth_decides()}.")
 
-    def _remedy(self, depth: float | None) -> str:
-        """What to state where the unknown cut is most of it."""
+    def _depth_decides(self) -> str:
+        """What to state where the unknown cut is most of it, and what that would change."""
         figures = self.as_dict()
-        if depth is None or figures["cut"] <= 0.5 * figures["rms"]:
+        if not self.at_depths or figures["cut"] <= 0.5 * figures["rms"]:
             return ""
-        return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
+        of_each = ", ".join(f"{1e6 * left:.1f} um at {1e3 * depth:g} mm" for depth, left in self.at_depths)
+        return (f"; how deep the cut is decides, and nobody stated it: the cut leaves {of_each} (--depth-of-cut; or cutting in "
+                "cell.yaml)")
 
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
     """What is known of it before anything is written, so that the prediction need not be held any longer: size (M,) [m] of the
-    deviation, its variance (M,) [m^2] by cause, cut (M,) [m], and how far the deviation bends between targets (N + added,)
-    [m]."""
+    deviation, its variance (M,) [m^2] by cause, cut (M,) [m] and at_depths (engagement.py), and how far the deviation bends
+    between targets (N + added,) [m]."""
 
     size: Array
     of_model: Array
@@ -103,6 +107,7 @@ class Foreseen:
     of_scatter: Array
     of_learned: Array
     cut: Array
+    at_depths: tuple[tuple[float, float], ...]
     bent: Array
 
 
@@ -114,7 +119,8 @@ def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -
     of_force = np.clip(prediction.of_force, 0.0, np.maximum(of_model - of_scatter, 0.0))
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
     return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
-                    held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), _bent(predicted, prediction))
+                    held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), cut.at_depths,
+                    _bent(predicted, prediction))
 
 
 def expected_left(
@@ -129,7 +135,7 @@ def expected_left(
     return ExpectedLeft(
         np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
         unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
-        _between(predicted, kept, known.bent, between)[predicted.targets])
+        _between(predicted, kept, known.bent, between)[predicted.targets], known.at_depths)
 
 
 def _between(predicted: Predicted, kept: Indices, bent: Array, between: BetweenTargets | None) -> Array:

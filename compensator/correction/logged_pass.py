@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from compensator.correction.cut_kind import climb_share
 from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
-from compensator.correction.engagement import LoggedPass, across_feed, standing
+from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
 from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
@@ -26,8 +26,6 @@ FEWEST_TARGETS = 40
 # by 0.7 of the push across over the depth, that is 0.1 of the force a millimetre. In conventional milling the push across may
 # fall by less (cut_kind.py); engineering judgement.
 FALLS = 50.0
-# No cut is taken for less deep than this share of the stated depth, however far the tool stood aside.
-SHALLOWEST = 0.25
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -99,7 +97,7 @@ def known_by_depth(
     # While the log was taken the tool stood aside, and less deep by that.
     direction, _ = across_feed(predicted.path, force)
     aside = np.einsum("ni,ni->n", standing(predicted, offsets), direction)[climbs]
-    push = across[climbs] / np.clip(depth - aside, SHALLOWEST * depth, None)
+    push = across[climbs] / depth_logged(depth, aside)
     known = of_force(float(np.median(push)), 1.0, DEPTH_WIDTH)
     found = CuttingStiffness(known.value, known.std, "depth", mean_std=known.std, climb_only=True)
     return found, (Finding("CS3240", "note", f"cutting stiffness by a depth of {1e3 * depth:g} mm: {found.words()}",

@@ -68,7 +68,7 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
                    "four lines in cell.yaml",
                    lambda: _known_cut(corrected))
             if settings.correction.depth_of_cut is None:
-                yield (f"state the depth across the feed, --depth-of-cut (taken as {1e3 * DEPTH:g} mm)", "an option",
+                yield (f"state the depth across the feed, --depth-of-cut (as if it were {1e3 * DEPTH:g} mm)", "an option",
                        lambda: _stated_depth(corrected))
     if matters(left.motion) and settings.correction.scale == EXACTLY_ONE:
         yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))

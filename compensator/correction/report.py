@@ -42,7 +42,7 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
         lead.append(
             f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
             f"same model leaves {residual['largest']:.2f} um at most. "
-            f"{corrected.left.sentence(corrected.assumed_depth)} "
+            f"{corrected.left.sentence()} "
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
             + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
                if corrected.left_as_logged is None and corrected.stiffness is not None else

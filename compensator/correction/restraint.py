@@ -8,6 +8,11 @@ It is the largest share after which the tool is nearer to the plan than before w
 N(d, S), the correction moves the tool by -a d, and |t - a d| > |t| exactly where t.d < a |d|^2 / 2. A share of 1 from
 |d| = 2 z s on, 0 at |d| = z s.
 
+Corners: where the path turns sharply the force turns with it, and one target serves the deviation before it and that behind it.
+What the means over both ask for may make the side worse that yields less. There the offset goes towards what that side asks
+for, until it is no farther off than uncorrected by more than one sigma: both sides can have that, since the step between them
+is never more than what both yield together.
+
 Steps: each coordinate of an offset becomes the largest function of slope L or less that is nowhere larger, min over s' of
 |o(s')| + L |s - s'|: where o kept the limit it stays what it was, and no point is moved farther than it asks for. Next to air
 moves, which are never moved, and where the sign changes it grows from zero.
@@ -54,6 +59,17 @@ def _along(direction: Array, deviation: Array, covariance: Array) -> tuple[Array
     size = np.linalg.norm(direction, axis=1)
     unit = direction / np.maximum(size, TINY)[:, None]
     return size, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", unit, covariance, unit), 0.0))
+
+
+def fair_to_both(offset: Array, sigma: Array, sides: tuple[Array, Array]) -> Array:
+    """The offsets (C, 3) [m] at sharp corners, moved just so far that neither side, which asks for the offsets sides (C, 3)
+    [m], is left farther off than uncorrected by more than sigma (C,) [m]."""
+    for side in sides:
+        off = side - offset
+        size = np.linalg.norm(off, axis=1)
+        excess = np.maximum(size - np.linalg.norm(side, axis=1) - sigma, 0.0)
+        offset = offset + (excess / np.maximum(size, TINY))[:, None] * off
+    return offset
 
 
 def limited_steps(offset: Array, length: Array, air: Mask, slope: float) -> Array:

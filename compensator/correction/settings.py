@@ -34,8 +34,7 @@ CLOSEST = Spacing(0.25e-3, 6e-3)
 SLOPE = 1.0
 
 
-# Depth of cut across the feed [m] that is taken where none is stated: finishing takes 0.2 to 1 mm, roughing several.
-# Engineering judgement.
+# Depth of cut across the feed [m] that is the middle of what is reckoned with where none is stated (cutting_prior.py).
 DEPTH = 0.75e-3
 
 
@@ -74,7 +73,7 @@ class CorrectionSettings:
 
     @property
     def taken_depth(self) -> float:
-        """The depth of cut [m] that is reckoned with where the cut's stiffness is not known: as stated, else DEPTH."""
+        """The middle of the depths of cut [m] reckoned with where the cut's stiffness is not known: as stated, else DEPTH."""
         return DEPTH if self.depth_of_cut is None else self.depth_of_cut
 
 

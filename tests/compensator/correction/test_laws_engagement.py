@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
@@ -26,13 +28,14 @@ def nominal() -> np.ndarray:
     return np.column_stack([60 + 0 * s, 180 + 80 * np.sin(5 * s), -90 - 40 * s])
 
 
-def milled(path: Path3, shift: np.ndarray, cutting: float = CUTTING) -> tuple[np.ndarray, np.ndarray]:
+def milled(path: Path3, shift: np.ndarray, cutting: float = CUTTING, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """The pass in which the tool is commanded `shift` (COUNT, 3) [m] off the plan: force [N] and where the loaded tool stands
-    off the plan [m], base frame. The equilibrium of arm and material, by bisection free iteration of the independent arm."""
+    off the plan [m], base frame; share: of the nominal force. The equilibrium of arm and material, by bisection free
+    iteration of the independent arm."""
     points = np.array([(kit.work_object() @ frame).p for frame in path.frames])
     feed = np.gradient(points, axis=0)
     feed /= np.linalg.norm(feed, axis=1)[:, None]
-    base = nominal()
+    base = share * nominal()
     across = base - np.einsum("ni,ni->n", base, feed)[:, None] * feed
     size = np.linalg.norm(across, axis=1)
     force, stood = base.copy(), shift.copy()
@@ -96,6 +99,40 @@ def test_what_an_unknown_cutting_stiffness_leaves_is_said(tmp_path: Path, path: 
     _, left = milled(path, commanded(job), cutting=10)
     assert stated["largest"] == pytest.approx(1e6 * largest(left), rel=0.02)
     assert stated["rms"] == pytest.approx(1e6 * np.sqrt((left**2).sum(axis=1).mean()), rel=0.02)
+
+
+def test_where_no_depth_is_stated_two_sigma_hold_for_the_depths_that_there_are(tmp_path: Path, path: Path3) -> None:
+    """Depths drawn evenly from 0.16 to 3.6 mm in the middle 95 % (log-normal about 0.75 mm), three quarters of the push across
+    growing with them: what the growing force really leaves, against what is said of it."""
+    share = 0.5
+    across = share * float(np.linalg.norm(nominal()[:, 1:], axis=1).mean())
+    depths = 0.75 * np.exp(0.8 * norm.ppf((np.arange(12) + 0.5) / 12))
+    said, real = np.empty((2, len(depths)))
+    job = Job(tmp_path, program=path.program())
+    for number, depth in enumerate(depths):
+        cutting = 0.75 * across / depth
+        force, _ = milled(path, np.zeros((COUNT, 3)), cutting, share)
+        job.forces = text(force)
+        said[number] = job.correct("--force", "--json").json["result"]["expected_left_um"]["cut"]
+        _, left = milled(path, commanded(job), cutting, share)
+        real[number] = 1e6 * np.sqrt((left**2).sum(axis=1).mean())
+    assert real.max() > 5 * real.min(), "the depth decides"
+    assert np.mean(real < 2 * said) > 0.9
+    assert 0.6 < np.mean(real < said) < 0.95
+
+
+def test_where_the_depth_decides_it_is_said_by_how_much(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:
+    """At a depth the output tells what is left there, as it does where that depth is stated; then it asks no more."""
+    job = Job(tmp_path, program=path.program(), forces=text(uncorrected[0]))
+    asked = job.correct("--report", tmp_path / "report.html").out
+    assert "how deep the cut is decides, and nobody stated it" in (tmp_path / "report.html").read_text()
+    told = {float(depth): float(left) for left, depth in re.findall(r"([\d.]+) um at ([\d.]+) mm[ ,]", asked)}
+    assert list(told) == [0.3, 1.0, 3.0]
+    for depth, left in told.items():
+        answer = job.correct("--force", "--json", "--depth-of-cut", f"{depth}")
+        assert answer.json["result"]["expected_left_um"]["cut"] == pytest.approx(left, rel=0.15)
+    assert "nobody stated it" not in job.correct("--force", "--depth-of-cut", "0.3").out
+    assert "nobody stated it" not in job.correct("--force", "--cutting-stiffness", "400").out
 
 
 def test_the_stiffness_is_found_from_two_passes(tmp_path: Path, path: Path3, uncorrected: Passes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compensator.correction.correct import Corrected
-from compensator.correction.restraint import chance_of_harm, confident_share, limited_steps
+from compensator.correction.restraint import chance_of_harm, confident_share, fair_to_both, limited_steps
 from identification.model.compliance import loaded_pose
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_placement import line
+from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import Job
 
 DEVIATION = np.array([30.0, -10.0, 5.0])
@@ -108,6 +109,52 @@ def test_a_spike_does_not_move_its_neighbours() -> None:
     offset[4, 1] = 1e-3
     limited = limited_steps(offset, length, np.zeros(9, bool), 0.1)
     np.testing.assert_allclose(limited[:, 1], [1e-5] * 4 + [1.1e-4] + [1e-5] * 4, atol=1e-12)
+
+
+@given(seed=st.integers(0, 10**6), sigma=st.floats(0.0, 3.0))
+def test_neither_side_of_a_corner_is_left_farther_off_than_it_was(seed: int, sigma: float) -> None:
+    """Offsets between none and what the sides ask for, of which one may be much larger; what harms neither side stays."""
+    rng = np.random.default_rng(seed)
+    before, behind = 10 ** rng.uniform(-2, 1, (2, 50, 1)) * rng.standard_normal((2, 50, 3))
+    weight = rng.dirichlet([1, 1, 0.3], 50)
+    offset = weight[:, :1] * before + weight[:, 1:2] * behind
+    fair = fair_to_both(offset, np.full(50, sigma), (before, behind))
+    harmed = np.zeros(50, dtype=bool)
+    for side in (before, behind):
+        allowed = np.linalg.norm(side, axis=1) + sigma
+        assert np.all(np.linalg.norm(side - fair, axis=1) <= allowed * (1 + 1e-9))
+        harmed |= np.linalg.norm(side - offset, axis=1) > allowed
+    assert np.array_equal(fair[~harmed], offset[~harmed])
+    # No farther than it must: the side that was harmed is on its limit.
+    limits = [np.linalg.norm(side - fair, axis=1) - np.linalg.norm(side, axis=1) - sigma for side in (before, behind)]
+    assert np.all(np.max(limits, axis=0)[harmed] > -1e-9)
+
+
+def turning(forces: list[float]) -> tuple[str, str]:
+    """A program of an edge, a right angle and another edge, a target every 2 mm, and a log that names these forces along y."""
+    half = len(forces) // 2
+    points = [[2.0 * i, 0, 0] for i in range(half + 1)] + [[2.0 * half, 2.0 * (i + 1), 0] for i in range(half)]
+    rows = "".join(f"{i},0,{force},0\n" for i, force in enumerate(forces))
+    return Path3(np.array(points, dtype=float)).program(), "target,fx_n,fy_n,fz_n\n" + rows
+
+
+def test_a_corner_that_serves_two_forces_harms_neither_and_is_said(tmp_path: Path) -> None:
+    """300 N up to the corner, 20 N behind it, half of both at it. Where the force stays nothing is said or held back."""
+    program, forces = turning([300.0] * 10 + [160.0] + [20.0] * 10)
+    job = Job(tmp_path, program=program, forces=forces)
+    result = job.correct("--json", "--keep-targets")
+    offset = 1e3 * kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm")
+    sigma = np.linalg.norm(kit.column(job.offsets(), "sx_um", "sy_um", "sz_um")[10])
+    before, behind = (np.linalg.norm(offset[10] - offset[number]) for number in (9, 11))
+    assert behind <= np.linalg.norm(offset[11]) + sigma + 0.2
+    assert behind > 0.9 * np.linalg.norm(offset[11]), "no more than that is given away"
+    message = next(f["message"] for f in result.json["findings"] if f["code"] == "CS4114")
+    asked, other, _, left = (float(number) for number in re.findall(r"([\d]+) um", message))
+    assert asked == pytest.approx(np.linalg.norm(offset[9]), abs=1)
+    assert other == pytest.approx(np.linalg.norm(offset[11]), abs=1)
+    assert left == pytest.approx(before, abs=1)
+    job.program, job.forces = turning([160.0] * 21)
+    assert "CS4114" not in kit.codes(job.correct("--force", "--json"))
 
 
 STEP = ([0.0] * 10, [200.0] * 20, [0.0] * 10)

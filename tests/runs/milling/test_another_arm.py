@@ -12,6 +12,7 @@ from tests.runs.milling.another_arm import PLACES, AnotherArmJob
 from tests.runs.milling.milling_job import made_worse, rms
 from tests.second_cell.plans import Plan
 from tests.virtual_cell.milled_part import AIR
+from tests.virtual_cell.milled_part import PLACES as PLACE_NAMES
 from tests.virtual_cell.milling import BASE_FROM_OBJECT, angles, engagement, planned
 
 SEEDS = {name: 400 + number for number, name in enumerate(PLACES)}
@@ -30,6 +31,9 @@ def test_a_corrected_part_is_better(job: AnotherArmJob) -> None:
     off = np.linalg.norm(after.off_um, axis=1)[cut]
     assert rms(off) < 0.12 * rms(np.linalg.norm(before.off_um, axis=1)[cut])
     assert not made_worse(before, after, found.left_um).any()
+    # Behind a sharp corner little force acts, before it much, and one target serves both.
+    assert not np.any(made_worse(before, after, found.sigma_um) & (before.steps.place == PLACE_NAMES.index("sharp corner")))
+    assert "CS4114" in [finding.code for finding in found.job.findings]
     assert np.mean(off <= 2 * before.steps.between(found.left_um)[cut]) > 0.9
 
 

@@ -91,7 +91,8 @@ def test_what_is_stated_for_the_part_holds_there(job: MillingJob, corrected: Cor
 
 
 def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
-    """By g = |d . n| / 2 a at a depth of 0.5 mm, n across the feed: |d| g / (1 + g) is left."""
+    """By g = 0.75 |d . n| / a of a depth a, less what the tool stood aside, n across the feed: |d| g / (1 + g) is left; depths
+    are drawn from a log-normal distribution."""
     predicted = corrected.job.predicted
     targets, position = predicted.targets, predicted.path.base_from_tcp.position
     inner = (targets > 0) & (targets < len(position) - 1)
@@ -100,17 +101,20 @@ def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
     along /= np.linalg.norm(along, axis=1)[:, None]
     across = force - np.sum(force * along, axis=1)[:, None] * along
     pushes = np.linalg.norm(across, axis=1) > 0.06 * np.linalg.norm(force, axis=1)
-    growth = np.abs(np.sum(deviation * across, axis=1) / np.linalg.norm(across, axis=1)) / (2 * 0.5e-3)
-    left = np.linalg.norm(deviation, axis=1) * growth / (1 + growth)
+    depth = 0.75e-3 * np.exp(0.8 * np.random.default_rng(5).standard_normal((20_000, 1)))
+    aside = np.sum(deviation * across, axis=1) / np.linalg.norm(across, axis=1)
+    growth = 0.75 * np.abs(aside) / np.maximum(depth - aside, 0.25 * depth)
+    # In a slot nothing grows with a step aside: a little is left for one along the axis.
+    left, in_a_slot = (np.linalg.norm(deviation, axis=1) * np.sqrt(np.mean((g / (1 + g)) ** 2, axis=0)) for g in (
+        growth, 0.3 * growth))
     assert rms(left[pushes]) > 5e-6
     cut = corrected.job.left.cut[inner]
     wall, slot = (np.isin(corrected.part.place[targets[inner]], [PLACES.index(place)]) & pushes for place in (
         "straight wall", "slot"))
     assert wall.sum() > 50
     assert slot.sum() > 20
-    assert np.allclose(cut[wall], left[wall], rtol=1e-6)
-    # In a slot nothing grows with a step aside: a little is left for one along the axis.
-    assert np.allclose(cut[slot] / left[slot], 0.3, atol=0.05)
+    assert np.allclose(cut[wall], left[wall], rtol=0.02)
+    assert np.allclose(cut[slot], in_a_slot[slot], rtol=0.1)
 
 
 def test_a_slot_and_a_climbing_cut_are_told_by_the_force(corrected: Correction) -> None:
@@ -193,9 +197,8 @@ def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, l
     assert np.allclose(known.job.left.sensor, 0.01 * np.linalg.norm(known.job.predicted.prediction.position, axis=1), rtol=0.2)
 
 
-def test_nothing_gets_worse_but_at_the_sharp_corner(first: Pass, corrected: Correction, second: Pass) -> None:
-    worse = made_worse(first, second, corrected.sigma_um)
-    assert not np.any(worse & (second.steps.place != PLACES.index("sharp corner")))
+def test_nothing_gets_worse(first: Pass, corrected: Correction, second: Pass) -> None:
+    assert not made_worse(first, second, corrected.sigma_um).any()
     # The other way round there is much that would count as worse.
     assert made_worse(second, first, corrected.sigma_um).mean() > 0.8
 
