@@ -38,7 +38,8 @@ def diagnosed(case: Case, folder: Path, replicates: int = 39) -> Diagnosis:
     return diagnose(*read(case, folder), replicates=replicates)
 
 
-@pytest.mark.parametrize(("design", "seed", "kind"), [("poses20", 30, "pair"), ("poses20", 31, "outside"), ("paper5", 31, "pair")])
+@pytest.mark.parametrize(("design", "seed", "kind"), [
+    ("poses20", 30, "pair"), ("poses20", 31, "outside"), ("paper5", 31, "pair")])
 def test_answers_do_not_contradict_themselves(design: str, seed: int, kind: str, tmp_path: Path) -> None:
     """tests/runs/hidden_effects asks the same of each of its answers."""
     check_answer(diagnosed(simulate(seed, design, hidden_in(seed, kind)), tmp_path).as_dict())
