@@ -55,7 +55,7 @@ def simulate(folder: Path, rng: np.random.Generator, *, poses: int = 12, loads: 
 def test_noiseless_data_of_the_independent_arm_give_the_true_stiffnesses(tmp_path) -> None:
     fine = NOISY.replace("[2, 2, 2]", "[0.001, 0.001, 0.001]").replace("0.01,", "0,").replace("[1, 1, 1]", "[0, 0, 0]").replace(
         "[4, 4, 4]", "[0, 0, 0]")
-    cell, rows = simulate(tmp_path, np.random.default_rng(1), text=fine, quiet=True, independent=True, poses=6)
+    cell, rows = simulate(tmp_path, np.random.default_rng(1), text=fine, quiet=True, independent=True)
     assert_allclose(fit_stiffness(cell, rows).model.stiffness, TRUE, rtol=1e-4)
 
 
