@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what the tests need into a virtual environment of its own and runs them all; beside them types, the demo from a wheel in
-# an empty environment, and a part of the tests on the newest Python at hand. Called from the README and by .ci/run.
+# Installs what the tests need into a virtual environment of its own and runs them all, after lint and types; beside them the demo
+# from a wheel in an empty environment, and a part of the tests on the newest Python at hand. Called from the README and by .ci/run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
@@ -9,11 +9,8 @@ beside=
 trap '[ -z "$beside" ] || kill -- "-$beside" 2>/dev/null || true; rm -rf "$work"' EXIT
 environment=${COMPSTIFF_TEST_ENV:-$work/test}
 
-"$python" -m venv "$environment"
-"$environment/bin/pip" install --quiet --disable-pip-version-check -e '.[test,samples,benchmark]'
-
-echo "== lint"
-"$environment/bin/ruff" check .
+# Of the packages that come along most files are never imported: what is gets compiled then.
+export PIP_NO_COMPILE=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 
 # Measured records that are not part of the project: tests that need them skip where they are not there.
 if [ -z "${COMPSTIFF_REAL_DATA:-}" ] && [ -d ../shared/data ]; then
@@ -36,21 +33,13 @@ newest() {
     done
 }
 
-# A browser for the tests of reports, below the user's cache folder. Without Node.js or the npm registry they skip, and say so.
-if [ -z "${COMPSTIFF_BROWSER:-}" ] && browser=$("$environment/bin/python" tests/runs/reports/fetch_chromium.py); then
-    export COMPSTIFF_BROWSER=$browser
-fi
-echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
-
+# What needs environments of its own: it begins while that of the tests is being installed.
 beside_the_tests() {
     local newest
-    echo "== types"
-    "$environment/bin/mypy"
-
     echo "== the demo from a wheel, in an empty environment"
-    "$environment/bin/python" -m build --quiet --wheel --outdir "$work/wheel" .
     "$python" -m venv "$work/empty"
-    "$work/empty/bin/pip" install --quiet --disable-pip-version-check "$work"/wheel/*.whl
+    "$work/empty/bin/pip" wheel --quiet --no-deps --wheel-dir "$work/wheel" .
+    "$work/empty/bin/pip" install --quiet "$work"/wheel/*.whl
     (cd "$work" && empty/bin/compstiff demo demo && ls demo/insert_corrected.mod demo/correct.html >/dev/null)
 
     # Reading, geometry and the two commands on the newest Python at hand: what differs between Pythons shows there first.
@@ -58,7 +47,7 @@ beside_the_tests() {
     if [ -n "$newest" ]; then
         echo "== on $("$newest" --version)"
         "$newest" -m venv "$work/newest"
-        "$work/newest/bin/pip" install --quiet --disable-pip-version-check -e '.[test]'
+        "$work/newest/bin/pip" install --quiet -e '.[test]'
         "$work/newest/bin/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
             tests/without_posix tests/runs/command_line/test_demo.py tests/runs/command_line/test_identify.py
     fi
@@ -70,8 +59,22 @@ set -m
 beside=$!
 set +m
 
+"$python" -m venv "$environment"
+"$environment/bin/pip" install --quiet -e '.[test,samples,benchmark]'
+
+echo "== lint"
+"$environment/bin/ruff" check .
+
+# A browser for the tests of reports, below the user's cache folder. Without Node.js or the npm registry they skip, and say so.
+if [ -z "${COMPSTIFF_BROWSER:-}" ] && browser=$("$environment/bin/python" tests/runs/reports/fetch_chromium.py); then
+    export COMPSTIFF_BROWSER=$browser
+fi
+echo "== the browser for the tests of reports: ${COMPSTIFF_BROWSER:-none}"
+
 # Three processes for two cores: some wait, for a reply or a lock.
 failed=0
+echo "== types"
+"$environment/bin/mypy" || failed=$?
 echo "== tests"
 "$environment/bin/python" -m pytest -n 3 --dist loadfile --no-loadscope-reorder || failed=$?
 wait "$beside" || { failed=$?; cat "$work/beside.txt"; }

@@ -1,7 +1,7 @@
 """A robot arm that shares no physics code with the packages: the independent truth of the tests and the samples.
 
 Built from the zero pose of the arm as a drawing shows it (shoulder, elbow, wrist, flange as points, axes as unit vectors)
-and products of rotations about them, one pose at a time. The parallel rod is what it is mechanically: the drive of joint 3
+and products of rotations about them, for one pose or many. The parallel rod is what it is mechanically: the drive of joint 3
 sets the forearm's angle against the horizontal, whatever the lower arm does. Springs sit at the drives; the loaded pose
 solves the balance of virtual work `k_i dq_i = d(work of the load) / d q_i` with SciPy's root finder and differences of the
 pose itself.
@@ -14,6 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
+
+X, Y, Z = np.eye(3)
+
+
+def _about(axis: np.ndarray, angle: np.ndarray) -> Rotation:
+    """Turned about an axis (3,) by one angle or many (n,) [rad]."""
+    return Rotation.from_rotvec(np.multiply.outer(angle, axis))
 
 
 @dataclass(frozen=True)
@@ -29,31 +36,27 @@ class Arm:
     parallel_rod: bool
 
     def pose(self, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, Rotation]:
-        """TCP position [m] and flange orientation at drive angles q (6,) [rad]; tcp (3,) [m] in the flange frame."""
-        column = Rotation.from_euler("z", q[0])
-        lower = column * Rotation.from_euler("y", q[1])
-        forearm = column * Rotation.from_euler("y", q[2] if self.parallel_rod else q[1] + q[2])
+        """TCP position [m] and flange orientation at drive angles q (6,) or (n, 6) [rad]; tcp (3,) [m] in the flange frame."""
+        turn, lean, lift, roll, bend, spin = q.T
+        column = _about(Z, turn)
+        lower = column * _about(Y, lean)
+        forearm = column * _about(Y, lift if self.parallel_rod else lean + lift)
         shoulder = column.apply([self.shoulder, 0, self.height])
         elbow = shoulder + lower.apply([0, 0, self.lower_arm])
         wrist = elbow + forearm.apply([self.forearm, 0, self.elbow])
-        hand = forearm * Rotation.from_euler("x", q[3]) * Rotation.from_euler("y", q[4]) * Rotation.from_euler("x", q[5])
+        hand = forearm * _about(X, roll) * _about(Y, bend) * _about(X, spin)
         # tool0: z out of the flange (along the forearm at zero), x downwards.
         flange = hand * Rotation.from_matrix([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
         return wrist + hand.apply([self.flange, 0, 0]) + flange.apply(tcp), flange
 
     def loaded(self, q: np.ndarray, tcp: np.ndarray, wrench: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
         """Drive angles (6,) at rest under a wrench (6,) [N, N m] on the tool, base frame; stiffness (6,) [N m/rad]."""
-        step = 1e-6
+        step, each = 1e-6, np.eye(6)
 
         def balance(yielded: np.ndarray) -> np.ndarray:
             angles = q + yielded * 1e-3
-            torque = np.empty(6)
-            for i in range(6):
-                ahead, behind = angles.copy(), angles.copy()
-                ahead[i] += step
-                behind[i] -= step
-                (first, turned), (last, back) = self.pose(ahead, tcp), self.pose(behind, tcp)
-                torque[i] = wrench[:3] @ (first - last) + wrench[3:] @ (turned * back.inv()).as_rotvec()
+            (first, turned), (last, back) = self.pose(angles + step * each, tcp), self.pose(angles - step * each, tcp)
+            torque = (first - last) @ wrench[:3] + (turned * back.inv()).as_rotvec() @ wrench[3:]
             return yielded - 1e3 * torque / (2 * step) / stiffness
 
         solution = root(balance, np.zeros(6), tol=1e-13)

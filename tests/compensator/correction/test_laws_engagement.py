@@ -30,25 +30,30 @@ def nominal() -> np.ndarray:
 
 def milled(path: Path3, shift: np.ndarray, cutting: float = CUTTING, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """The pass in which the tool is commanded `shift` (COUNT, 3) [m] off the plan: force [N] and where the loaded tool stands
-    off the plan [m], base frame; share: of the nominal force. The equilibrium of arm and material, by bisection free
-    iteration of the independent arm."""
+    off the plan [m], base frame; share: of the nominal force. The equilibrium of the independent arm and the material, at each
+    target along a chord."""
     points = np.array([(kit.work_object() @ frame).p for frame in path.frames])
     feed = np.gradient(points, axis=0)
     feed /= np.linalg.norm(feed, axis=1)[:, None]
     base = share * nominal()
     across = base - np.einsum("ni,ni->n", base, feed)[:, None] * feed
     size = np.linalg.norm(across, axis=1)
-    force, stood = base.copy(), shift.copy()
-    for _ in range(40):
-        deviation = np.array([kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
-                              for q, f in zip(path.q, force, strict=True)])
-        stood = shift + deviation
+
+    def cut(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is asked for beyond this part (COUNT,) of the planned depth's force, and where the tool stands under it."""
+        stood = shift + [kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
+                         for q, f in zip(path.q, base * part[:, None], strict=True)]
         away = np.einsum("ni,ni->n", stood, across / size[:, None])
-        new = base * (1 - 1e3 * cutting * away / size)[:, None]
-        if np.abs(new - force).max() < 1e-9:
-            break
-        force = new
-    return force, stood
+        return 1 - 1e3 * cutting * away / size - part, stood
+
+    part = np.ones(COUNT)
+    falls = cut(0 * part)[0] - cut(part)[0]
+    for _ in range(10):
+        more, stood = cut(part)
+        if np.abs(more[:, None] * base).max() < 1e-6:
+            return base * part[:, None], stood
+        part = part + more / falls
+    raise AssertionError("arm and material find no rest")
 
 
 def text(force: np.ndarray) -> str:

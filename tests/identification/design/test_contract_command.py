@@ -34,6 +34,7 @@ from tests.identification.design.conftest import CELL
 from tests.support import write_cell
 
 ROOT = Path(__file__).resolve().parents[3]
+RUNS = 3
 TRUTH = np.array([1.4e6, 4.1e6, 2.6e6, 0.31e6, 0.27e6, 0.09e6])
 
 
@@ -45,19 +46,21 @@ def run(*arguments):
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("command")
     path = write_cell(folder, CELL)
-    result = run(path, "-o", folder / "plan.csv", "--measurements", 4, "--quick", "--rapid", folder / "plan.mod", "--report",
+    result = run(path, "-o", folder / "plan.csv", "--measurements", RUNS, "--quick", "--rapid", folder / "plan.mod", "--report",
                  folder / "plan.html", "--json")
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
 
 
-def test_a_script_gets_what_the_command_writes(written):
+def test_a_script_gets_what_the_command_writes(written, tmp_path):
     """The command is a thin skin: same files, same JSON, from the room's own function."""
-    folder, document = written
-    plan = design_plan(read_cell(folder / "cell.yaml"), Request(measurements=4), quick=True)
-    assert plan.csv() == (folder / "plan.csv").read_bytes()
-    assert plan.rapid("plan").content == (folder / "plan.mod").read_bytes()
-    assert json.loads(json.dumps(plan.as_dict())) == document["result"]
+    cell = written[0] / "cell.yaml"
+    result = run(cell, "-o", tmp_path / "plan.csv", "--measurements", 1, "--axes", "z", "--quick", "--rapid",
+                 tmp_path / "plan.mod", "--json")
+    plan = design_plan(read_cell(cell), Request(measurements=1, axes="z"), quick=True)
+    assert plan.csv() == (tmp_path / "plan.csv").read_bytes()
+    assert plan.rapid("plan").content == (tmp_path / "plan.mod").read_bytes()
+    assert json.loads(json.dumps(plan.as_dict())) == json.loads(result.stdout)["result"]
     assert not plan.sheet.theta.flags.writeable
 
 
@@ -74,12 +77,12 @@ def test_the_written_rows_keep_every_limit(written):
     folder, _ = written
     cell = read_cell(folder / "cell.yaml")
     rows = read_measurements(folder / "plan.csv", cell.robot, planned=True)
-    assert len(rows) == 4 * 7
+    assert len(rows) == RUNS * 7
     force = rows.wrench[:, :3]
     assert np.abs(force).max() == 300
     assert ((force != 0).sum(axis=1) <= 1).all()
-    assert (force == 0).all(axis=1).sum() == 4 * 2
-    assert rows.visit.max() == rows.reference.max() == 3
+    assert (force == 0).all(axis=1).sum() == RUNS * 2
+    assert rows.visit.max() == rows.reference.max() == RUNS - 1
     tcp = forward(cell.robot, rows.theta, cell.flange_from_tcp).position
     assert np.abs(tcp - tcp[0]).max() < 1e-6
     domain = Domain(instrument(cell), tuple(slot(axis, "cycle", 300.0) for axis in "xyz"), tcp[:1])
@@ -102,7 +105,7 @@ def test_filled_in_it_identifies_as_well_as_forecast(written):
     assert judge_plan(cell, plan).effects
     rng = np.random.default_rng(0)
     moved, _ = deviation(cell.robot, plan.theta, cell.flange_from_tcp, plan.wrench, 1 / TRUTH)
-    offset = rng.normal(size=(4, 3))[plan.visit] * cell.noise.pose_offset
+    offset = rng.normal(size=(RUNS, 3))[plan.visit] * cell.noise.pose_offset
     reading = 1e6 * (moved + offset + rng.normal(size=moved.shape) * cell.noise.deflection)
     lines = (folder / "plan.csv").read_text().splitlines()
     for number, values in zip(plan.line, reading, strict=True):
@@ -193,14 +196,14 @@ def test_for_a_milling_program_and_after_measurements(written, tmp_path):
     folder, _ = written
     cell, out = folder / "cell.yaml", tmp_path / "p.csv"
     samples = ROOT / "samples"
-    for_program = run(cell, "-o", out, "--toolpath", samples / "insert.mod", "--measurements", 3, "--protocol", "single",
-                      "--quick", "--json")
+    for_program = run(cell, "-o", out, "--toolpath", samples / "insert.mod", "--measurements", 2, "--axes", "yz",
+                      "--protocol", "single", "--quick", "--json")
     assert for_program.exit_code == 0, for_program.output
     content = json.loads(for_program.stdout)["result"]
     assert content["criterion"] == "I"
     assert content["prediction_std_um"]["after"] < 0.1 * content["prediction_std_um"]["before"]
-    added = run(samples / "cell.yaml", "-o", out, "--force", "--add", 2, samples / "measurements.csv", "--quick",
-                "--json")
+    added = run(samples / "cell.yaml", "-o", out, "--force", "--add", 2, samples / "measurements.csv", "--axes", "z",
+                "--quick", "--json")
     assert added.exit_code == 0, added.output
     content = json.loads(added.stdout)["result"]
     assert content["measurements"] == 2
@@ -240,7 +243,7 @@ def test_a_toolpath_of_the_cam_system_plans_like_a_program(written, tmp_path):
     path = tmp_path / "part.apt"
     path.write_text("UNITS/MM\nFEDRAT/600,MMPM\n" + "".join(f"GOTO/{x},0,655,0,0,1\n" for x in range(1150, 1210, 10)))
     result = run(ROOT / "samples" / "cell.yaml", "-o", tmp_path / "p.csv", "--toolpath", path, "--measurements", 1,
-                 "--protocol", "single", "--quick", "--json")
+                 "--axes", "z", "--protocol", "single", "--quick", "--json")
     assert result.exit_code == 0, result.output
     content = json.loads(result.stdout)["result"]
     assert content["criterion"] == "I"

@@ -91,6 +91,31 @@ def place(effect: str, joint: int | None, seed: int, confounder: str, at: int | 
     return Place(Hidden(effect, joint, factor), seed, Hidden(confounder, at, factor))
 
 
+def check_answer(content: Mapping[str, Any]) -> None:
+    """What docs/formats.md promises of verdict, causes, alternatives and what was withdrawn."""
+    def labels(key: str) -> set[tuple[str, int | None]]:
+        return {(one["effect"], one["joint"]) for one in content[key]}
+
+    verdict = content["verdict"]
+    assert bool(content["causes"]) == (verdict == "named") or content["causes"][0]["parameters"].get("single_row")
+    assert not labels("causes") & labels("alternatives")
+    assert not content["withdrawn"] or verdict == "unknown"
+    assert list(content["withdrawn_because"]) == content["withdrawn"]
+    if verdict == "adequate":
+        assert not content["alternatives"]
+        assert not content["noise_beyond_stated"]
+    if verdict == "ambiguous":
+        assert len(labels("alternatives")) >= 2
+    if verdict == "named":
+        assert content["gain"] is not None
+    for cause in content["causes"]:
+        sizes = [one for name, one in cause["parameters"].items()
+                 if one["std"] and not name.startswith(("torque", "time", "phase"))]
+        # Several sizes may be known by their differences alone (the gains of three sensors, beside the springs).
+        known = any(abs(one["estimate"]) >= 2 * one["std"] for one in sizes)
+        assert len(sizes) != 1 or known or cause["effect"] == "parallelogram"
+
+
 def complaints(found: Run) -> list[str]:
     """What is wrong with the answer to a single hidden effect that can be told; empty where all is well."""
     if found.outcome != "right":

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import binom
 
-from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, run
+from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, check_answer, run
 from tests.runs.hidden_effects.judge import answer, label, truth_names
 from tests.runs.hidden_effects.places import ALL, IN_MOTION, OUTSIDE, check_unknown, each
 from tests.support import compstiff_process
@@ -35,6 +35,7 @@ def test_nothing_hidden_is_adequate() -> None:
     alarms = [found.content["verdict"] for found in nulls() if found.content["verdict"] != "adequate"]
     assert len(alarms) <= binom.ppf(0.99, len(NULL_SEEDS), ALARM), alarms
     for found in nulls():
+        check_answer(found.content)
         assert found.content["gain"] is None or found.content["verdict"] != "adequate"
 
 
@@ -55,7 +56,9 @@ PAIRS = ((Hidden("backlash", 5, 1.5), Hidden("base_rocking", None, 1.0), 1), (Hi
 
 @pytest.mark.parametrize(("one", "other", "seed"), PAIRS, ids=[f"{one.effect}+{other.effect}" for one, other, _ in PAIRS])
 def test_pairs_are_named(one: Hidden, other: Hidden, seed: int) -> None:
-    assert run(seed, one, other).outcome == "right"
+    found = run(seed, one, other)
+    check_answer(found.content)
+    assert found.outcome == "right"
 
 
 def test_one_fresh_seed(tmp_path: Path) -> None:

@@ -11,6 +11,12 @@ from typing import Any
 import pytest
 
 from identification.diagnosis import procedure
+from identification.diagnosis.naming import Named, converged
+from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.judge import Mistakes, mistakes_in
+from identification.fit.posterior import posterior
+from identification.measurements import Measurements, read_measurements
+from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from tests.runs.hidden_effects import hide_and_diagnose as kit
 from tests.runs.hidden_effects.cases import hidden_in
@@ -18,8 +24,9 @@ from tests.runs.hidden_effects.hide_and_diagnose import complaints, run
 from tests.runs.hidden_effects.judge import Answer, Targets, judge, permuted, truth_names
 from tests.runs.hidden_effects.places import GEARS, MEASUREMENT
 from tests.runs.hidden_effects.visible import visible
+from tests.virtual_cell.cell import simulate
 
-SEEDS, NULL_SEEDS = range(6), range(4)
+SEEDS, NULL_SEEDS = range(4), range(4)
 TARGETS = Targets(right=0.7, wrong=0.0, alarms=0.35)
 Answering = Callable[[Answer], Answer]
 
@@ -70,15 +77,15 @@ def test_a_family_is_a_set_with_all_its_members_and_no_other() -> None:
     assert judge(frozenset(), given) == "wrong"
 
 
-# That the suite has nothing to say of them as they are: test_hidden_is_named, by the same `complaints`.
-SHOWN = (GEARS[0], MEASUREMENT[4])
+# That the suite has nothing to say of it as it is: test_hidden_is_named, by the same `complaints`.
+SHOWN = MEASUREMENT[4]
 
 
-def mutated(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> list[list[str]]:
-    """What the suite says of the places in SHOWN with parts of the procedure replaced; nothing is kept of these runs."""
+def mutated(monkeypatch: pytest.MonkeyPatch, **changes: Any) -> list[str]:
+    """What the suite says of SHOWN with parts of the procedure replaced; nothing is kept of this run."""
     for name, value in changes.items():
         monkeypatch.setattr(procedure, name, value)
-    return [complaints(kit.run.__wrapped__(where.seed, where.hidden)) for where in SHOWN]
+    return complaints(kit.run.__wrapped__(SHOWN.seed, SHOWN.hidden))
 
 
 def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,7 +97,7 @@ def test_the_suite_rejects_a_diagnosis_with_shuffled_names(monkeypatch: pytest.M
         for one in (shuffled[new], *laws):
             monkeypatch.setattr(one, "name", new, raising=False)
         monkeypatch.setattr(shuffled[new], "other_laws", laws, raising=False)
-    assert all(mutated(monkeypatch, effects=lambda: shuffled))
+    assert mutated(monkeypatch, effects=lambda: shuffled)
 
 
 def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,16 +106,28 @@ def test_the_suite_rejects_a_diagnosis_that_sees_nothing(monkeypatch: pytest.Mon
     def blind(*arguments: Any) -> Any:
         return replace(real(*arguments), p_value=1.0)
 
-    assert all(mutated(monkeypatch, goodness_of_fit=blind, beyond_stated=lambda *_: {}))
+    assert mutated(monkeypatch, goodness_of_fit=blind, beyond_stated=lambda *_: {})
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Cell, Measurements, Mistakes, Named]:
+    """A clear effect, and what the searches for mistakes and for causes come to on it: no p-value changes that."""
+    cell_file, table = simulate(GEARS[0].seed, "ladder12", [GEARS[0].hidden]).write(tmp_path_factory.mktemp("searched"))
+    cell = read_cell(cell_file)
+    rows = read_measurements(table, cell.robot)
+    plain = posterior(LoadTest.of(cell, rows))
+    return cell, rows, mistakes_in(plain), converged(posterior(plain.data, (), plain, usual_noise=True), effects(), 2)
 
 
 @pytest.mark.parametrize(("p_value", "odds", "verdict"), [
     (0.02, None, "named"), (0.02, 6.0, "unknown"), (0.2, None, "named"), (0.2, 6.0, "adequate"), (0.4, None, "adequate")])
 def test_what_chance_does_now_and_then_gets_no_name(
-    monkeypatch: pytest.MonkeyPatch, p_value: float, odds: float | None, verdict: str
+    monkeypatch: pytest.MonkeyPatch, searched: tuple[Cell, Measurements, Mistakes, Named], p_value: float, odds: float | None,
+    verdict: str,
 ) -> None:
     """An effect that is there, with a misfit that so many data sets of nothing would show: a name only where the odds against
     nothing (ln; None: as they are) are beyond doubt."""
+    cell, rows, mistakes, named = searched
     real = procedure.goodness_of_fit
 
     def by_chance(fitted: Any, *arguments: Any) -> Any:
@@ -116,7 +135,9 @@ def test_what_chance_does_now_and_then_gets_no_name(
         return found if fitted.terms else replace(found, p_value=p_value)
 
     monkeypatch.setattr(procedure, "goodness_of_fit", by_chance)
+    monkeypatch.setattr(procedure, "mistakes_in", lambda plain: mistakes)
+    monkeypatch.setattr(procedure, "converged", lambda *_: named)
     if odds is not None:
         monkeypatch.setattr(procedure, "log_odds", lambda judgement, entries: (odds, odds))
-    found = kit.run.__wrapped__(SHOWN[0].seed, SHOWN[0].hidden).answer
-    assert (found.verdict, bool(found.names)) == (verdict, verdict == "named")
+    found = procedure.judge(cell, rows)
+    assert (found.verdict, bool(found.causes)) == (verdict, verdict == "named")

@@ -41,6 +41,13 @@ def log(job: ErringJob) -> Path:
 
 
 @pytest.fixture(scope="module")
+def plain(job: ErringJob, stiffness: Path, log: Path) -> tuple[Correction, float, float]:
+    """The part corrected without what was learned, and what is left before and after."""
+    found = corrected(job, log, stiffness)
+    return (found, *left_um(job, found))
+
+
+@pytest.fixture(scope="module")
 def learned(job: ErringJob, stiffness: Path, log: Path) -> Path:
     """By the command line, with its report."""
     output, points = job.folder / "part_learned.json", job.measure(job.first, "points.csv")
@@ -76,8 +83,10 @@ def test_it_learns_the_truth(learned: Path) -> None:
     assert gone[-1] > 0.9
 
 
-def test_the_second_part_is_better_than_a_mirrored_one(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
-    before, unlearned = left_um(job, corrected(job, log, stiffness))
+def test_the_second_part_is_better_than_a_mirrored_one(
+    job: ErringJob, stiffness: Path, log: Path, learned: Path, plain: tuple[Correction, float, float]
+) -> None:
+    _, before, unlearned = plain
     _, nothing = left_um(job, corrected(job, log, stiffness, learned))
     _, setup = left_um(job, corrected(job, log, stiffness, learned, "setup"))
     _, again = left_um(job, corrected(job, log, stiffness, learned, "job"))
@@ -99,11 +108,11 @@ def test_another_part_gets_better_too(both: Both, stiffness: Path, learned: Path
 
 
 def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
-    job: ErringJob, stiffness: Path, log: Path, tmp_path: Path
+    job: ErringJob, stiffness: Path, log: Path, tmp_path: Path, plain: tuple[Correction, float, float]
 ) -> None:
     """The second part, milled with the correction of the first log, measured and learned from: the same truth, and a third part
     that is better still. Without its offsets the part seems to have yielded a fifth of what the log says, and is refused."""
-    found = corrected(job, log, stiffness)
+    found, _, left_by_two = plain
     second = job.mill(found.commands, part=found.part)
     offsets = job.offsets(found, "offsets1.csv")
     pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
@@ -117,7 +126,6 @@ def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     assert told["parts_um"]["left"] < 5.0
     again = job.correct(pass2, stiffness, settings(logged_with=offsets, learned=tmp_path / "learned2.json", repeats="job"))
     before, left = left_um(job, again)
-    _, left_by_two = left_um(job, found)
     assert left < 0.1 * before
     assert left < 0.25 * left_by_two
     forgotten = kit.run(*words, "--force")
@@ -127,13 +135,15 @@ def test_a_corrected_part_teaches_with_the_offsets_it_was_milled_with(
     assert (other.code, "CS4121" in other.err) == (1, True)
 
 
-def test_the_other_sign_would_make_it_worse(job: ErringJob, stiffness: Path, log: Path, learned: Path) -> None:
+def test_the_other_sign_would_make_it_worse(
+    job: ErringJob, stiffness: Path, log: Path, learned: Path, plain: tuple[Correction, float, float]
+) -> None:
     """What is learned beside the springs, taken off the wrong way: so the test above can fail."""
     content = json.loads(learned.read_text())
     content["mean"][content["springs"]:] = [-value for value in content["mean"][content["springs"]:]]
     wrong = job.folder / "wrong.json"
     wrong.write_text(json.dumps(content))
-    _, unlearned = left_um(job, corrected(job, log, stiffness))
+    _, _, unlearned = plain
     _, turned = left_um(job, corrected(job, log, stiffness, wrong, "job"))
     assert turned > 1.3 * unlearned
 
