@@ -20,7 +20,7 @@ from identification.common.report import Key, Step, Verdict, count_words
 def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     """Of a program: with a tolerance whether it is kept, without one what is expected."""
     figures = job.as_dict()
-    before = figures["deviation_um"]
+    before = _given(job).as_dict()["deviation_um"]
     if not figures["predicted"]:
         return Verdict("caution", "NOTHING PREDICTED", "No target of this program has a force that counts.")
     if budget is not None:
@@ -59,15 +59,15 @@ def _against(budget: Budget) -> Verdict:
 
 def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     """Deviation before and after, the worst place, what is uncertain, the share of the tolerance."""
-    figures = job.as_dict()
-    before, std = figures["deviation_um"], figures["deviation_std_um"]
+    figures, given = job.as_dict(), _given(job).as_dict()
+    before, std = given["deviation_um"], given["deviation_std_um"]
     keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
         keys += _worst(job, np.linalg.norm(job.prediction.position, axis=1), "largest at")
-        return [*keys, Key("uncertainty of that", f"{std['largest']:.0f}", "µm", "1 sigma, largest"),
-                Key("targets with force", f"{figures['predicted']}", "", f"of {figures['targets']}")]
+        return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
+                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
     keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
                     f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
@@ -79,6 +79,11 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
     return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
+
+
+def _given(job: Predicted | Corrected) -> Predicted:
+    """The prediction of the program as given, without the targets that its correction adds."""
+    return job.planned if isinstance(job, Corrected) else job
 
 
 def _worst(predicted: Predicted, sizes: Array, label: str) -> list[Key]:
@@ -106,9 +111,9 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
     if isinstance(job, Corrected):
         scaled = planned.settings.correction.scale == EXACTLY_ONE
         return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
-                     "same "
-                     "places, and ask what the correction was worth" + (" and which --scale the moving robot needs:" if scaled
-                                                                       else ":"),
+                     "same places, and ask what the correction was worth" + (" and which --scale the moving robot needs"
+                                                                              if scaled else "")
+                     + f" ({Path(stem).name}.offsets.csv: what --offsets wrote):",
                      call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
                           100,
                           "--report", f"{stem}.verify.html")),

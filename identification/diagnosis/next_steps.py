@@ -25,7 +25,10 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":
-        return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+        first = checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+        return [*first, Step("If that does not settle it: plan loads that tell more causes apart, measure them, add the rows "
+                             "and diagnose again. Correct nothing with these stiffnesses until then:",
+                             call("design", cell, "--add", 3, source, "--criterion", "C", "-o", "more.csv"))]
     left_out, count = diagnosis.judgement.dropped
     repeat = [Step(f"Measure again: {left_out}. What comes back is no slip.")] if count else []
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)

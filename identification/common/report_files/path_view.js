@@ -47,16 +47,17 @@ class PathView {
 
   marks() {
     const { space, data } = this;
-    for (const level of ["note", "warning", "error"]) {
-      const some = data.marks.filter(mark => mark.level === level && Number.isFinite(this.place[mark.index][0]));
-      if (!some.length) continue;
-      space.points(Float32Array.from(some.flatMap(mark => this.place[mark.index])), 9, { note: "soft", warning: "caution", error: "bad" }[level]);
-      for (const mark of some.slice(0, 12)) {
-        const tag = space.tag(`${level === "note" ? "" : "! "}line ${mark.line}`);
-        tag.at.set(...this.place[mark.index]);
-        tag.element.style.paddingBottom = "2.2em";
-      }
+    const known = data.marks.filter(mark => Number.isFinite(this.place[mark.index][0])), named = new Set();
+    for (const [level, name] of [["note", "soft"], ["warning", "caution"], ["error", "bad"]]) {
+      const some = known.filter(mark => mark.level === level);
+      if (some.length) space.points(Float32Array.from(some.flatMap(mark => this.place[mark.index])), 9, name);
     }
+    // The worst first: they stand nearest to their places.
+    for (const level of ["error", "warning", "note"])
+      for (const mark of known.filter(one => one.level === level && !named.has(one.line)).slice(0, 12)) {
+        named.add(mark.line);
+        space.tag(`${level === "note" ? "" : "! "}line ${mark.line}`, "mark").at.set(...this.place[mark.index]);
+      }
     this.halo = space.points(new Float32Array(3), 17, "ink");
     this.cursor = space.points(new Float32Array(3), 11, "page");
     this.halo.renderOrder = 3; this.cursor.renderOrder = 4;
@@ -160,6 +161,10 @@ class PathView {
     }
     this.air = air.length ? space.lines(new Float32Array(air), null, 1, "muted") : null;
     this.cut = ends.length ? space.lines(new Float32Array(ends), new Float32Array(colours), 3.5) : null;
+    // What is over the tolerance may be a single target on a long path: each has a mark.
+    const over = quantity.kind === "share" ? place.filter((at, i) => values[i] > 100 && Number.isFinite(at[0])) : [];
+    if (this.over) { space.scene.remove(this.over); this.over.geometry.dispose(); this.over.material.dispose(); }
+    this.over = over.length ? space.points(Float32Array.from(over.flat()), 9, "bad") : null;
     space.resize();
     space.recolour();
     this.chart.setData([this.length, values, values.map(() => quantity.tolerance ?? null)]);
@@ -208,7 +213,7 @@ class PathView {
     ].map(([name, words]) => {
       const pair = document.createElement("div"), term = document.createElement("dt"), detail = document.createElement("dd");
       term.textContent = name; detail.textContent = words;
-      pair.append(term, detail);
+      pair.append(term, " ", detail);
       return pair;
     }));
     if (Number.isFinite(place[0])) {

@@ -52,11 +52,24 @@ class SpaceView {
     this.resize();
   }
 
-  tag(text) {
+  tag(text, kind = "") {
     const element = this.stage.appendChild(document.createElement("span"));
-    element.className = "tag"; element.textContent = text; element.setAttribute("aria-hidden", "true");
+    element.className = `tag ${kind}`; element.textContent = text; element.setAttribute("aria-hidden", "true");
     this.tags.push({ element, at: new THREE.Vector3() });
     return this.tags.at(-1);
+  }
+
+  // A label above its place, higher where another one stands already, all of it on the stage.
+  placed(x, y, word) {
+    const { signs, stage: { clientWidth: width } } = this, wide = word.offsetWidth, high = word.offsetHeight;
+    const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
+    let top = y - high - 16;
+    const taken = () => signs.some(one => left < one.left + one.wide + 3 && one.left < left + wide + 3 && Math.abs(top - one.top) < high + 3);
+    while (taken() && top > high) top -= high / 2;
+    signs.push({ left, top, wide });
+    word.style.setProperty("--foot", `${Math.min(Math.max(x - left, 0), wide)}px`);
+    word.style.setProperty("--lift", `${Math.max(y - top - high, 0)}px`);
+    return [left, top];
   }
 
   // Segments as pairs of ends (6 numbers each); colours alike, null for one.
@@ -175,9 +188,11 @@ class SpaceView {
         tag.at.copy(corner); tag.at.setComponent(i, tag.at.getComponent(i) + 52 * scale);
       });
       this.axes.geometry.setPositions(ends);
+      this.signs = [];
       for (const { element, at } of this.tags) {
         const [x, y] = this.onStage(at.x, at.y, at.z);
-        element.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+        element.style.transform = element.classList.contains("mark")
+          ? `translate(${this.placed(x, y, element).map(Math.round).join("px, ")}px)` : `translate(${x}px, ${y}px) translate(-50%, -50%)`;
       }
       this.renderer.render(this.scene, this.camera);
     });
