@@ -70,7 +70,7 @@ def sound_arm(rod: bool) -> Markup:
 
 
 def _drawing(label: str, parts: Sequence[Markup]) -> Markup:
-    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="-110 0 690 320">{}</svg>').format(
+    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="-110 0 710 320">{}</svg>').format(
         label, Markup("").join(parts))
 
 
