@@ -83,11 +83,16 @@ class ExpectedLeft:
         return (f"On the part {2 * figures['rms']:.1f} um RMS are expected to be left, {2 * figures['largest']:.1f} um at most "
                 f"(2 sigma), by these causes: {causes}{self._remedy(depth)}.")
 
+    def mostly_unknown_cut(self, depth: float | None) -> bool:
+        """Whether most of it comes from a cut that nobody stated; depth as in `line`."""
+        figures = self.as_dict()
+        return depth is not None and figures["cut"] > 0.5 * figures["rms"]
+
     def _remedy(self, depth: float | None) -> str:
         """What to state where the unknown cut is most of it."""
-        figures = self.as_dict()
-        if depth is None or figures["cut"] <= 0.5 * figures["rms"]:
+        if not self.mostly_unknown_cut(depth):
             return ""
+        assert depth is not None
         return f"; the cut for a depth of {1e3 * depth:g} mm (--depth-of-cut; or cutting in cell.yaml)"
 
 

@@ -39,6 +39,9 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
         return Verdict("caution", "CORRECTED, BUT THE FEED CANNOT BE HELD EVERYWHERE", sentence)
     if doubts:
         return Verdict("caution", f"CORRECTED, WITH {doubts.upper()} TO READ FIRST", sentence)
+    if job.left.mostly_unknown_cut(job.assumed_depth):
+        return Verdict("caution", "CORRECTED, BUT THE CUT IS NOT STATED", f"{sentence} The unknown cut makes "
+                                                                          "most of that: see the next step.")
     if 2 * left["rms"] > before["rms"]:
         return Verdict("caution", "CORRECTED, BUT MOST OF IT IS UNCERTAIN", sentence)
     return Verdict("good", "CORRECTED", sentence)
@@ -109,14 +112,16 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
     tolerance = call("predict", *inputs, "-o", f"{stem}.deviation.csv", "--budget", "--tolerance-um", 100, "--report",
                      f"{stem}.budget.html")
     if isinstance(job, Corrected):
-        scaled = planned.settings.correction.scale == EXACTLY_ONE
-        return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
-                     "same places, and ask what the correction was worth" + (" and which --scale the moving robot needs"
-                                                                              if scaled else "")
-                     + f" ({Path(stem).name}.offsets.csv: what --offsets wrote):",
+        scale = " and which --scale the moving robot needs" if planned.settings.correction.scale == EXACTLY_ONE else ""
+        unstated = [Step("Most of what is left is force that changes with the cut, and nobody stated the cut: put it into "
+                         f"{Path(cell).name}, such as cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: 4}}, "
+                         "and correct again.")] if job.left.mostly_unknown_cut(job.assumed_depth) else []
+        return [*unstated,
+                Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
+                     f"same places, and ask what the correction was worth{scale} ({Path(stem).name}.offsets.csv: what "
+                     "--offsets wrote):",
                      call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
-                          100,
-                          "--report", f"{stem}.verify.html")),
+                          100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]
     if budget is None:

@@ -42,8 +42,8 @@ def _listed() -> Outcome:
         lines.append(f"{name:<20}{robot.manufacturer:<8}{far:>6.0f} mm{carried:>9}  {robot.load_path:<9}{source}")
     lines += ["", "reach: the wrist centre's largest distance from axis 1 inside the limits; every number's source: --json"]
     return Outcome({"robots": listed}, lines=lines,
-                   next_step="write cell.yaml (robot, tool), then compstiff identify cell.yaml measurements.csv; "
-                   "a robot that is not here: docs/robots.md")
+                   next_step="compstiff init my-cell begins a cell with one of them; a robot that is not here: "
+                   "docs/robots.md")
 
 
 def _checked(session: Session, file: Path) -> Outcome:
