@@ -121,6 +121,13 @@ def test_robots(tmp_path: Path) -> None:
 
 def test_explain() -> None:
     assert kit.run("explain", "CS4107").code == 0
+    # A cause as diagnose writes it, with its joint.
+    play = kit.run("explain", "backlash[3]")
+    assert "free play" in play.out
+    assert "urad" in play.out
+    assert "correct takes it into account" in play.out
+    assert "taken out of the data" in kit.run("explain", "stand_compliance").out
+    assert {"CS4107", "backlash"} <= {line.split()[0] for line in kit.run("explain").out.splitlines() if line}
     unknown = kit.run("explain", "CS9999", "--json")
     assert unknown.code in (1, 2)
     assert unknown.json["findings"]
