@@ -31,7 +31,7 @@ def explain(session: Session, code: str | None) -> Outcome:
     effect = effects().get(re.sub(r"\[\d\]$", "", code.lower()))
     if effect is None:
         page = explain_code(code)
-        return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause:  {page['cause']}",
+        return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",
                                           f"effect: {page['effect']}", f"remedy: {page['remedy']}"])
     done = "the robot does it: correct takes it into account" if effect.of_robot else (
         "the measurement does it: it is taken out of the data, and not carried on")

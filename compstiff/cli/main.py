@@ -20,7 +20,7 @@ COMMANDS = {
     "demo": "Run identify and correct on the shipped samples, into DIR.",
     "design": "Plan the poses and loads that tell most, and certify how good the plan is.",
     "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
-    "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
+    "explain": "Explain a finding or a cause: what is behind it, what to do; without CODE, list both.",
     "identify": "Learn the joint stiffnesses from measured loads and deflections.",
     "init": "Begin a new cell: cell.yaml, a measurement sheet, and the chain for make and PowerShell.",
     "learn": "Learn from a measured part what the next program should know.",

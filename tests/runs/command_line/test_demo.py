@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -131,6 +135,28 @@ def test_explain() -> None:
     unknown = kit.run("explain", "CS9999", "--json")
     assert unknown.code in (1, 2)
     assert unknown.json["findings"]
+
+
+@pytest.mark.parametrize("columns", [60, 100])
+def test_sentences_break_between_words_on_a_terminal(columns: int) -> None:
+    """And not where they are piped, where every finding is a line; what is read together is the same."""
+    pty = pytest.importorskip("pty", reason="a terminal of POSIX")
+    primary, secondary = pty.openpty()
+    command = [sys.executable, "-m", "compstiff", "explain", "CS1016"]
+    with subprocess.Popen(command, stdin=secondary, stdout=secondary, stderr=secondary, env=os.environ | {
+            "COLUMNS": str(columns)}) as process:
+        os.close(secondary)
+        shown = b""
+        with contextlib.suppress(OSError):      # what a terminal says when nobody writes to it any more
+            while part := os.read(primary, 4096):
+                shown += part
+        process.wait(timeout=30)
+    os.close(primary)
+    piped = kit.run("explain", "CS1016").out
+    lines = shown.decode().splitlines()
+    assert max(map(len, piped.splitlines())) > 100
+    assert columns - 20 < max(map(len, lines)) <= columns
+    assert " ".join(shown.decode().split()) == " ".join(piped.split())
 
 
 def test_help_is_quick_and_everywhere() -> None:
