@@ -321,10 +321,11 @@ def extremes(values: Array, columns: int) -> NDArray[np.intp]:
 
 
 def polyline(x: Array, y: Array) -> str:
-    """A path's `d`; NaN is a gap."""
+    """A path's `d`; NaN is a gap. A place alone between gaps is a line of no length, which round ends make a dot."""
     known = np.isfinite(x) & np.isfinite(y)
     edges = np.flatnonzero(np.diff(np.r_[False, known, False].astype(np.int8)))
     return "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[start:end], y[start:end], strict=True))
+                   + ("h0" if end == start + 1 else "")
                    for start, end in pairwise(edges) if known[start])
 
 

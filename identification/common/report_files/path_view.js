@@ -117,7 +117,9 @@ class PathView {
       width: holder.clientWidth || 600, height: 210, legend: { show: false }, cursor: { y: false, drag: { x: true, y: false } },
       scales: { x: { time: false } },
       axes: [{ ...axis(), size: 46, label: "path length [mm]", labelSize: 20, space: 90 }, axis()],
-      series: [{}, { stroke: colour("after"), width: 1.5, spanGaps: false, points: { show: false } },
+      series: [{}, { stroke: colour("after"), width: 1.5, spanGaps: false,
+        // A value alone between gaps makes no line.
+        points: { show: true, size: 4, width: 0, fill: colour("after"), filter: () => this.lone } },
         { stroke: colour("bad"), width: 1, dash: [6, 4], points: { show: false } }],
       hooks: {
         draw: [chart => {
@@ -161,12 +163,17 @@ class PathView {
     }
     this.air = air.length ? space.lines(new Float32Array(air), null, 1, "muted") : null;
     this.cut = ends.length ? space.lines(new Float32Array(ends), new Float32Array(colours), 3.5) : null;
-    // What is over the tolerance may be a single target on a long path: each has a mark.
-    const over = quantity.kind === "share" ? place.filter((at, i) => values[i] > 100 && Number.isFinite(at[0])) : [];
+    // What is over the tolerance may be a single target on a long path: each stretch has a mark at its largest.
+    const over = [];
+    if (quantity.kind === "share") for (let i = 0, best = -1; i <= this.count; i++) {
+      if (values[i] > 100) best = best < 0 || values[i] > values[best] ? i : best;
+      else if (best >= 0) { if (Number.isFinite(place[best][0])) over.push(place[best]); best = -1; }
+    }
     if (this.over) { space.scene.remove(this.over); this.over.geometry.dispose(); this.over.material.dispose(); }
     this.over = over.length ? space.points(Float32Array.from(over.flat()), 9, "bad") : null;
     space.resize();
     space.recolour();
+    this.lone = values.flatMap((value, i) => value !== null && (values[i - 1] ?? null) === null && (values[i + 1] ?? null) === null ? [i] : []);
     this.chart.setData([this.length, values, values.map(() => quantity.tolerance ?? null)]);
     this.ramp(quantity, dark);
     this.live.querySelector(".along-words").textContent = `${quantity.name} [${quantity.unit}] along the path`;
