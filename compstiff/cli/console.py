@@ -11,6 +11,7 @@ import functools
 import io
 import json
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -152,15 +153,19 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
     return code
 
 
+# A call of the command line with an option.
+CALL = re.compile(r"compstiff \w+ .*?-")
+
+
 def _in_lines(text: str, stream: TextIO) -> str:
-    """On a terminal sentences go on in further lines between their words; tables (two blanks in a row), commands ($ first) and
-    all that is piped stay as they are."""
+    """On a terminal sentences go on in further lines between their words; tables (two blanks in a row), calls with options,
+    which are copied whole, and all that is piped stay as they are."""
     if not stream.isatty():
         return text
     width, lines = shutil.get_terminal_size().columns, []
     for line in text.splitlines():
         words = line.lstrip()
-        if "  " in words or words.startswith("$ "):
+        if "  " in words or CALL.search(words):
             lines.append(line)
         else:
             lines += textwrap.wrap(line, width, subsequent_indent=" " * (len(line) - len(words) + 2), break_long_words=False,

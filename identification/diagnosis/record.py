@@ -315,9 +315,11 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
     if judgement.verdict == "adequate":
-        findings.append(Finding("CS1406", "note", "a wrong scale of the force sensor (force_gain) can never be seen in "
-                                "deflections alone: it is the same as all stiffnesses changed together", file=source,
-                                hint=effects()["force_gain"].settles))
+        # The hook is no candidate where nothing hangs.
+        loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (
+            "weights", "weigh what hangs, hook and rope too")
+        findings.append(Finding("CS1406", "note", f"a wrong scale of the {loads} (force_gain) can never be seen in deflections "
+                                "alone: it is the same as all stiffnesses changed together", file=source, hint=hint))
     return findings
 
 

@@ -117,7 +117,7 @@ def _helpful(posterior: Posterior, joint: int) -> str:
     left = np.sqrt(max(1 - gained[best] / posterior.covariance[joint, joint], 0.0))
     angles = ", ".join(f"{angle:.0f}" for angle in np.degrees(theta[best]))
     return (f"one load of {CANDIDATE_FORCE_N:g} N along base {AXIS_NAMES[axis[best]]} at joints ({angles}) deg would bring the "
-            f"uncertainty of k{joint + 1} to {100 * left:.0f} % of what it is")
+            f"uncertainty of k{joint + 1} to {f'{100 * left:.0f} %' if left >= 0.015 else 'under 2 %'} of what it is")
 
 
 def ellipsoid(posterior: Posterior) -> Ellipsoid:
