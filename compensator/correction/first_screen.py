@@ -8,6 +8,7 @@ import numpy as np
 
 from compensator.correction.budget import Budget
 from compensator.correction.correct import Corrected
+from compensator.correction.expected_left import CAUSES
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
@@ -35,15 +36,16 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
                 f"sigma).")
     slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
     doubts = count_words(job.findings, "error", "warning")
-    if slow:
-        return Verdict("caution", "CORRECTED, BUT THE FEED CANNOT BE HELD EVERYWHERE", sentence)
+    largest = max(CAUSES, key=lambda cause: left[cause])
+    for holds, word, why in (
+            (slow, "BUT THE FEED CANNOT BE HELD EVERYWHERE", ""),
+            (2 * left["rms"] > before["rms"], "BUT MORE IS UNCERTAIN THAN WAS CORRECTED", f" Mostly: {CAUSES[largest]}."),
+            (job.left.mostly_unknown_cut(job.assumed_depth), "BUT THE CUT IS NOT STATED",
+             " The unknown cut makes most of that: see the next step.")):
+        if holds:
+            return Verdict("caution", f"CORRECTED, {word}" + (f"; {doubts.upper()}" if doubts else ""), f"{sentence}{why}")
     if doubts:
         return Verdict("caution", f"CORRECTED, WITH {doubts.upper()} TO READ FIRST", sentence)
-    if job.left.mostly_unknown_cut(job.assumed_depth):
-        return Verdict("caution", "CORRECTED, BUT THE CUT IS NOT STATED", f"{sentence} The unknown cut makes "
-                                                                          "most of that: see the next step.")
-    if 2 * left["rms"] > before["rms"]:
-        return Verdict("caution", "CORRECTED, BUT MOST OF IT IS UNCERTAIN", sentence)
     return Verdict("good", "CORRECTED", sentence)
 
 
@@ -116,6 +118,10 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
         unstated = [Step("Most of what is left is force that changes with the cut, and nobody stated the cut: put it into "
                          f"{Path(cell).name}, such as cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: 4}}, "
                          "and correct again.")] if job.left.mostly_unknown_cut(job.assumed_depth) else []
+        left = job.left.as_dict()
+        if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
+            unstated = [Step("Most of what is left is a stiffness that is not known well: identify's grades say of which joint; "
+                             "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
         return [*unstated,
                 Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
                      f"same places, and ask what the correction was worth{scale} ({Path(stem).name}.offsets.csv: what "

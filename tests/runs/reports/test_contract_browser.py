@@ -313,6 +313,15 @@ def test_the_reports_of_one_program_agree(folder: Path) -> None:
         assert told == told[:1] * 3, pattern
 
 
+def test_what_makes_most_of_it_uncertain_is_said_first(folder: Path, sample: Corrected) -> None:
+    """Of a program whose cut nobody stated: in the verdict, before its warnings, and as the first step."""
+    left = sample.left.as_dict()
+    assert left["cut"] > 0.5 * left["rms"]
+    text = (folder / "correct.html").read_text(encoding="utf-8")
+    order = [text.index(words) for words in ("BUT THE CUT IS NOT STATED", "nobody stated the cut", "compstiff verify")]
+    assert order == sorted(order)
+
+
 def test_numbers_arrive_as_they_were_packed(browser: Any, folder: Path) -> None:
     """Python packs, the browser unpacks: whole steps, gaps, and steps over all 32 bits."""
     found = opened(browser, folder / "corner.html")
