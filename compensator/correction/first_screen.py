@@ -120,7 +120,7 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
                          "and correct again.")] if job.left.mostly_unknown_cut(job.assumed_depth) else []
         left = job.left.as_dict()
         if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
-            unstated = [Step("Most of what is left is a stiffness that is not known well: identify's grades say of which joint; "
+            unstated = [Step("Most of what is left is a stiffness that is not known well: its grade says of which joint; "
                              "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
         return [*unstated,
                 Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
