@@ -13,7 +13,7 @@ import numpy as np
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
-from identification.common.findings import CompstiffError, Finding, Refused, error
+from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.model.cell import Cell, ForceLogFile, read_cell
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
@@ -68,7 +68,7 @@ class Checked:
         lines = [f"{one.verdict:<8} {one.file!s:<{wide}}  {one.kind}{': ' if one.kind and one.found else ''}{one.found}"
                  for one in self.files]
         wrong = sum(one.verdict == "error" for one in self.files)
-        lines.append(f"{len(self.files)} files, {wrong} with errors" + (
+        lines.append(f"{counted(len(self.files), 'file')}, {wrong} with errors" + (
             f"; {self.passed_over} of kinds that no command reads were passed over" if self.passed_over else ""))
         return lines
 

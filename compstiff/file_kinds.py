@@ -77,7 +77,7 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
     names = set(columns_of(file))
     if any(name.endswith(("_motor_deg", "_link_deg")) for name in names):
         return "joint log"
-    if {JOINTS[0], DEFLECTIONS[0]} <= names or {JOINTS[0], MASS} <= names:
+    if JOINTS[0] in names and names & {*DEFLECTIONS, MASS}:
         return "measurements"
     if "ox_mm" in names:
         return "offsets"
@@ -89,8 +89,9 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "toolpath"
     if LOG_NAME in file.name.lower():
         return "force log"      # by its name: its reader says what its columns should be called
-    raise _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names)[:12])}")
+    raise _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names - {''})[:12])}",
+                   "the first row that does not begin with # must name the columns, such as q1_deg or fx_n; ")
 
 
-def _unknown(file: Path, found: str) -> CompstiffError:
-    return error("CS0110", found, file=str(file), hint="docs/formats.md of the project has the files and their columns")
+def _unknown(file: Path, found: str, hint: str = "") -> CompstiffError:
+    return error("CS0110", found, file=str(file), hint=f"{hint}docs/formats.md of the project has the files and their columns")

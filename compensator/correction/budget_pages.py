@@ -18,8 +18,9 @@ def budget_sentence(budget: Budget) -> str:
     cause, most = max(figures["causes"].items(), key=lambda item: item[1]["share_of_tolerance"])
     first = figures["remedies"][0] if figures["remedies"] else None
     return (f"Error budget for a tolerance of {figures['tolerance_um']:g} um: uncorrected {figures['uncorrected_over']} of "
-            f"{figures['targets']} targets with force would be over it. Corrected, {figures['over']} are expected over it by "
-            f"two sigma; the largest cause is {CAUSES[cause]}, {100 * most['share_of_tolerance']:.0f} % of the tolerance."
+            f"{figures['targets']} targets with force, those that the correction adds among them, would be over it. "
+            f"Corrected, {figures['over']} are expected over it by two sigma; the largest cause is {CAUSES[cause]}, "
+            f"{100 * most['share_of_tolerance']:.0f} % of the tolerance."
             + (f" What would help most: {first['do']} ({first['gain_um']:.1f} um of {figures['two_sigma_um']['rms']:.1f} um "
                "RMS)." if first else ""))
 
@@ -33,17 +34,19 @@ def budget_tables(budget: Budget) -> list[ReportTable]:
     two = figures["two_sigma_um"]
     causes.append(["all together", f"{two['rms']:.1f}", f"{two['largest']:.1f}",
                    f"{100 * two['rms'] / figures['tolerance_um']:.1f} %", "100 %"])
-    tables = [ReportTable("Error budget", ["cause", "two sigma, RMS [um]", "largest [um]", "of the tolerance", "of the square"],
+    tables = [ReportTable("Error budget", ["cause", "two sigma, RMS [um]", "largest [um]", "of the tolerance", "share of all"],
                           causes, numbers=(1, 2, 3, 4))]
     if figures["remedies"]:
-        tables.append(ReportTable("What would help", ["what", "takes", "gains [um]", "then RMS / largest [um]", "then over"], [
+        header = ["what", "takes", "gains [um]", "then RMS / largest [um]", "then over the tolerance"]
+        tables.append(ReportTable("What would help", header, [
             [remedy["do"], remedy["effort"], f"{remedy['gain_um']:.1f}",
              f"{remedy['two_sigma_um']['rms']:.1f} / {remedy['two_sigma_um']['largest']:.1f}", f"{remedy['over']}"]
             for remedy in figures["remedies"]], numbers=(2, 3, 4)))
     if figures["places"]:
         more = f": the {SHOWN} worst of {len(figures['places'])}" if len(figures["places"]) > SHOWN else ""
         tables.append(ReportTable(f"Places that may fail{more}", ["lines", "targets", "two sigma, largest [um]", "mostly"], [
-            [f"{place['first_line']} to {place['last_line']}", f"{place['targets']}", f"{place['two_sigma_um']:.1f}",
+            [f"{place['first_line']}" + (f" to {place['last_line']}" if place["last_line"] > place["first_line"] else ""),
+             f"{place['targets']}", f"{place['two_sigma_um']:.1f}",
              CAUSES[place["cause"]]] for place in figures["places"][:SHOWN]], numbers=(1, 2)))
     return tables
 

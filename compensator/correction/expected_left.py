@@ -85,10 +85,15 @@ class ExpectedLeft:
         return (f"On the part {2 * figures['rms']:.1f} um RMS are expected to be left, {2 * figures['largest']:.1f} um at most "
                 f"(2 sigma), by these causes: {causes}{self._depth_decides()}.")
 
+    @property
+    def mostly_unknown_cut(self) -> bool:
+        """Whether most of it comes from a cut whose depth nobody stated."""
+        figures = self.as_dict()
+        return bool(self.at_depths) and figures["cut"] > 0.5 * figures["rms"]
+
     def _depth_decides(self) -> str:
         """What to state where the unknown cut is most of it, and what that would change."""
-        figures = self.as_dict()
-        if not self.at_depths or figures["cut"] <= 0.5 * figures["rms"]:
+        if not self.mostly_unknown_cut:
             return ""
         of_each = ", ".join(f"{1e6 * left:.1f} um at {1e3 * depth:g} mm" for depth, left in self.at_depths)
         return (f"; how deep the cut is decides, and nobody stated it: the cut leaves {of_each} (--depth-of-cut; or cutting in "

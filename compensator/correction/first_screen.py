@@ -8,6 +8,7 @@ import numpy as np
 
 from compensator.correction.budget import Budget
 from compensator.correction.correct import Corrected
+from compensator.correction.expected_left import CAUSES
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
@@ -20,7 +21,7 @@ from identification.common.report import Key, Step, Verdict, count_words
 def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
     """Of a program: with a tolerance whether it is kept, without one what is expected."""
     figures = job.as_dict()
-    before = figures["deviation_um"]
+    before = _given(job).as_dict()["deviation_um"]
     if not figures["predicted"]:
         return Verdict("caution", "NOTHING PREDICTED", "No target of this program has a force that counts.")
     if budget is not None:
@@ -35,12 +36,16 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
                 f"sigma).")
     slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
     doubts = count_words(job.findings, "error", "warning")
-    if slow:
-        return Verdict("caution", "CORRECTED, BUT THE FEED CANNOT BE HELD EVERYWHERE", sentence)
+    largest = max(CAUSES, key=lambda cause: left[cause])
+    for holds, word, why in (
+            (slow, "BUT THE FEED CANNOT BE HELD EVERYWHERE", ""),
+            (2 * left["rms"] > before["rms"], "BUT MORE IS UNCERTAIN THAN WAS CORRECTED", f" Mostly: {CAUSES[largest]}."),
+            (job.left.mostly_unknown_cut, "BUT THE CUT IS NOT STATED",
+             " The unknown cut makes most of that: see the next step.")):
+        if holds:
+            return Verdict("caution", f"CORRECTED, {word}" + (f"; {doubts.upper()}" if doubts else ""), f"{sentence}{why}")
     if doubts:
         return Verdict("caution", f"CORRECTED, WITH {doubts.upper()} TO READ FIRST", sentence)
-    if 2 * left["rms"] > before["rms"]:
-        return Verdict("caution", "CORRECTED, BUT MOST OF IT IS UNCERTAIN", sentence)
     return Verdict("good", "CORRECTED", sentence)
 
 
@@ -59,15 +64,15 @@ def _against(budget: Budget) -> Verdict:
 
 def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     """Deviation before and after, the worst place, what is uncertain, the share of the tolerance."""
-    figures = job.as_dict()
-    before, std = figures["deviation_um"], figures["deviation_std_um"]
+    figures, given = job.as_dict(), _given(job).as_dict()
+    before, std = given["deviation_um"], given["deviation_std_um"]
     keys = [Key("pushed off, uncorrected", f"{before['largest']:.0f}", "µm", f"largest; RMS {before['rms']:.0f} µm")]
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
         keys += _worst(job, np.linalg.norm(job.prediction.position, axis=1), "largest at")
-        return [*keys, Key("uncertainty of that", f"{std['largest']:.0f}", "µm", "1 sigma, largest"),
-                Key("targets with force", f"{figures['predicted']}", "", f"of {figures['targets']}")]
+        return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
+                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
     keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
                     f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
@@ -79,6 +84,11 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
     return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
+
+
+def _given(job: Predicted | Corrected) -> Predicted:
+    """The prediction of the program as given, without the targets that its correction adds."""
+    return job.planned if isinstance(job, Corrected) else job
 
 
 def _worst(predicted: Predicted, sizes: Array, label: str) -> list[Key]:
@@ -104,14 +114,20 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
     tolerance = call("predict", *inputs, "-o", f"{stem}.deviation.csv", "--budget", "--tolerance-um", 100, "--report",
                      f"{stem}.budget.html")
     if isinstance(job, Corrected):
-        scaled = planned.settings.correction.scale == EXACTLY_ONE
-        return [Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
-                     "same "
-                     "places, and ask what the correction was worth" + (" and which --scale the moving robot needs:" if scaled
-                                                                       else ":"),
+        scale = " and which --scale the moving robot needs" if planned.settings.correction.scale == EXACTLY_ONE else ""
+        unstated = [Step("Most of what is left is force that changes with the cut, and nobody stated the cut: put it into "
+                         f"{Path(cell).name}, such as cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: 4}}, "
+                         "and correct again.")] if job.left.mostly_unknown_cut else []
+        left = job.left.as_dict()
+        if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
+            unstated = [Step("Most of what is left is a stiffness that is not known well: its grade says of which joint; "
+                             "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
+        return [*unstated,
+                Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
+                     f"same places, and ask what the correction was worth{scale} ({Path(stem).name}.offsets.csv: what "
+                     "--offsets wrote):",
                      call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
-                          100,
-                          "--report", f"{stem}.verify.html")),
+                          100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]
     if budget is None:

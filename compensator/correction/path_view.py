@@ -175,7 +175,12 @@ def path_view(
     if len(kept) < len(where):
         caption += (f" {len(kept)} of {len(where)} targets are drawn: of each stretch of the program the first, the corner and "
                     "the largest values; the largest of all is always among them.")
-    return View(title, caption, "path", data, _picture(where[kept], drawn[0], f"{title}. Colour: {drawn[0].name}."),
+    # In print the findings that warn, and the largest place of all.
+    named = {place: f"line {finding.line}" for place, _, finding in places if finding.level != "note"}
+    if (largest := quantities[0].largest) is not None:
+        named[largest] = f"largest, line {toolpath.line[largest]}"
+    return View(title, caption, "path", data,
+                _picture(where[kept], drawn[0], f"{title}. Colour: {drawn[0].name}.", where[list(named)], list(named.values())),
                 frozenset(at for _, at, _ in places))
 
 
@@ -219,8 +224,8 @@ def _texts(program: RapidProgram, lines: Indices, drawn: Sequence[Quantity]) -> 
     return words
 
 
-def _picture(where: Array, quantity: Quantity, label: str) -> Markup:
-    """The path from one side: grey without force, else by a quantity's colour."""
+def _picture(where: Array, quantity: Quantity, label: str, marked: Array, names: Sequence[str]) -> Markup:
+    """The path from one side: grey without force, else by a quantity's colour; places marked (m, 3) with their names."""
     project = Projection.fitting(where) if np.isfinite(where).any() else Projection.fitting(np.zeros((1, 3)))
     x, y = project(where)
     size = np.abs(quantity.values)
@@ -235,6 +240,10 @@ def _picture(where: Array, quantity: Quantity, label: str) -> Markup:
         ends = np.column_stack([x[mine - 1], x[mine], np.full(len(mine), np.nan)]).ravel()
         heights = np.column_stack([y[mine - 1], y[mine], np.full(len(mine), np.nan)]).ravel()
         parts.append(stroke("air" if own < 0 else f"heat-{own}", 0.7 if own < 0 else 2.4, *_joined(ends, heights)))
+    for across, up, name in zip(*(project(marked) if len(names) else ((), ())), names, strict=True):
+        if np.isfinite(across):
+            parts.append(Markup('<path class="dots stroke-ink" stroke-width="8" d="M{0:.1f} {1:.1f}h0"/><text class="mark" '
+                                'x="{0:.1f}" y="{2:.1f}" text-anchor="middle">{3}</text>').format(across, up, up - 9, name))
     for place in range(BINS):
         parts.append(Markup('<rect class="fill-heat-{}" x="{}" y="440" width="15" height="9"/>').format(place, 20 + 15 * place))
     parts.append(Markup('<text x="20" y="434">{}: 0 to {} {}; grey: no force</text>').format(

@@ -28,20 +28,23 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
     predicted = job.predicted if isinstance(job, Corrected) else job
     figures = job.as_dict()
     name = name_of(predicted)
-    deviation, std = figures["deviation_um"], figures["deviation_std_um"]
+    # Of the program as given: what the correction adds between its targets is told of by itself.
+    given = (corrected.planned if corrected is not None else predicted).as_dict()
+    deviation, std = given["deviation_um"], given["deviation_std_um"]
     lead = [
-        f"{figures['predicted']} of {figures['targets']} targets of {name} carry force. Without correction the tool is pushed "
+        f"{given['with_force']} of {given['targets']} targets of {name} carry force. Without correction the tool is pushed "
         f"off its path by up to {deviation['largest']:.0f} um ({deviation['rms']:.0f} um RMS); that prediction is uncertain "
         f"by up to {2 * std['largest']:.1f} um (2 sigma)."]
-    rows = [["targets", f"{figures['targets']}"], ["with force", f"{figures['with_force']}"],
-            ["without a sample", f"{figures['without_sample']}"],
+    rows = [["targets", f"{given['targets']}"], ["with force", f"{given['with_force']}"],
+            ["without a sample", f"{given['without_sample']}"],
             ["predicted deviation, largest / RMS [um]", f"{deviation['largest']:.1f} / {deviation['rms']:.1f}"],
-            ["its 1 sigma, largest / RMS [um]", f"{std['largest']:.1f} / {std['rms']:.1f}"]]
+            ["its 2 sigma, largest / RMS [um]", f"{2 * std['largest']:.1f} / {2 * std['rms']:.1f}"]]
     if corrected is not None:
         offset, residual = figures["offset_mm"], figures["residual_um"]
         lead.append(
-            f"{figures['corrected']} targets were corrected, by up to {offset['largest']:.3f} mm. With the written numbers the "
-            f"same model leaves {residual['largest']:.2f} um at most. "
+            f"{figures['corrected']} targets were corrected, {_between_them(corrected)} of them added between those given, by "
+            f"up to {offset['largest']:.3f} mm. With the written numbers the same model leaves {residual['largest']:.2f} um at "
+            "most. "
             f"{corrected.left.sentence()} "
             f"{figures['expected_worse']:.1f} of the targets are expected to end up farther off than uncorrected. "
             + (f"The force follows the cut: {corrected.stiffness.words()} ({corrected.stiffness.origin})."
@@ -65,7 +68,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
                  ["left at targets by the same model, largest / RMS [um]",
                   f"{residual['largest']:.2f} / {residual['rms']:.2f}"]]
         for cause, words in CAUSES.items():
-            rows.append([f"expected to be left on the part: {words}, RMS [um]", f"{figures['expected_left_um'][cause]:.2f}"])
+            rows.append([f"expected to be left on the part: {words}, 2 sigma, RMS [um]",
+                         f"{2 * figures['expected_left_um'][cause]:.2f}"])
         if figures["between_um"]:
             between = figures["between_um"]
             rows.append(["left between targets, largest / RMS [um]", f"{between['largest']:.2f} / {between['rms']:.2f}"])
@@ -100,26 +104,32 @@ def _space(job: Predicted | Corrected, budget: Budget | None) -> View:
     shown = [Quantity("deviation", "Deviation", "um", spread(1e6 * size, targets, count),
                       "Predicted deviation of the tool without correction, its size."),
              *components(predicted, prediction.position),
-             Quantity("sigma", "1 sigma", "um", spread(
-                 1e6 * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2)), targets, count),
-                 "How uncertain the predicted deviation is: 1 sigma of its size.")]
+             Quantity("sigma", "Uncertainty", "um", spread(
+                 2e6 * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2)), targets, count),
+                 "How uncertain the predicted deviation is: 2 sigma of its size.")]
     if corrected is not None:
         offset = 1e3 * np.linalg.norm(corrected.correction.offset, axis=1)
         shown += [Quantity("correction", "Correction", "mm", spread(offset, corrected.correction.targets, count),
-                           "How far the written target is from the planned one.", digits=4),
-                  Quantity("left", "Expected left", "um", spread(1e6 * corrected.left.std, targets, count),
-                           "What is expected to be left on the part after the correction, 1 sigma, all causes together.")]
+                           "How far the written target is from the planned one.", digits=4)]
+        # Where the part will not be good: shown first, at the place where it is largest.
+        shown.insert(0, Quantity(
+            "left", "Expected left", "um", spread(2e6 * corrected.left.std, targets, count),
+            "What is expected to be left on the part after the correction, 2 sigma, all causes together."))
     if budget is not None:
         shown.insert(0, Quantity(
             "share", "Share of tolerance", "%", spread(1e2 * budget.two_sigma / budget.tolerance, targets, count),
-            f"Two sigma of what is expected on the part after the correction, as a share of {1e6 * budget.tolerance:g} um.",
+            f"Two sigma of what is expected on the part after the correction, as a share of {1e6 * budget.tolerance:g} µm.",
             "share", tolerance=100.0))
     planned = corrected.planned if corrected is not None else predicted
     findings = (*job.findings, *(budget.findings if budget is not None else ()))
-    return path_view("The path and where the tool is pushed", "Base frame, millimetres. Lines and targets are those of the "
-                     "program as given. Thin grey: no force. Marks: findings that name a line.", path, shown,
-                     planned.program.text,
-                     findings)
+    title = "The path and where the tool is pushed" if corrected is None else "The path and what is expected to be left on it"
+    return path_view(title, "Base frame, millimetres. Lines and targets are those of the program as given. Thin grey: no "
+                     "force. Marks: findings that name a line.", path, shown, planned.program.text, findings)
+
+
+def _between_them(corrected: Corrected) -> int:
+    """How many of the corrected targets the correction has added."""
+    return int(np.isin(corrected.correction.targets, corrected.kept, invert=True).sum())
 
 
 def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:

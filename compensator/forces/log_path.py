@@ -19,6 +19,8 @@ from identification.model.kinematics import forward
 # The middle of all samples is off the path by more than this [m] where TCP or work object differ: what zones and delay put a
 # sample off cancels in the middle.
 BESIDE = 1e-3
+# What a column of millimetres may be in by mistake.
+UNITS = {"metres": 1e3, "inches": 25.4, "micrometres": 1e-3}
 
 
 def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
@@ -40,8 +42,25 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
     position = _world_positions(log, path)
     place = match_forwards(points, length, position)
+    unit = _unit_of(position, points) if np.isnan(place).all() else ""
+    if unit:
+        raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path: all lie within "
+                    f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
+                    hint=f"the log seems to be in {unit}: x_mm y_mm z_mm are millimetres")
     findings = _beside(log, points, length, position, place)
     return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings))
+
+
+def _reach(points: Array) -> float:
+    """The longest side [m] of the box around points (n, 3)."""
+    return float(np.max(np.ptp(points, axis=0)))
+
+
+def _unit_of(position: Array, points: Array) -> str:
+    """The unit in which positions (M, 3) would reach as far as the path, points (K, 3); "" for none."""
+    reach = _reach(position)
+    ratio = _reach(points) / reach if reach > 0 else 0.0
+    return next((unit for unit, factor in UNITS.items() if 0.8 * factor < ratio < 1.25 * factor), "")
 
 
 def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:

@@ -283,6 +283,10 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
     in_air = moves_in_air(path.toolpath)
     # The stretch of a target reaches into the move behind it, which may cut.
     air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (forces.samples > 0))
+    where = "at the air feed"
+    if not in_air.any() and forces.tare is None and forces.forced.all():
+        # At one feed everywhere a program still begins and ends in the air.
+        air, where = np.unique([0, len(path.toolpath) - 1]), "to the first and the last target"
     touched = air[forces.forced[air]]
     if 2 * len(touched) <= len(air):
         return []
@@ -293,6 +297,6 @@ def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Findin
         why = "the bias that was taken off is not theirs"
         hint = "does the sensor's zero drift, or does a payload turn whose mass cell.yaml does not state?"
     small = np.median(size) < min(SMALL, SMALL_SHARE * float(np.linalg.norm(forces.wrench[:, :3], axis=1).max()))
-    return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} at the air feed "
+    return [Finding("CS3041", "note" if small else "warning", f"{len(touched)} of {counted(len(air), 'move')} {where} "
                     f"show a force, {np.median(size):.1f} N in the middle, and are moved with the others: {why}",
                     file=log.source, line=None, target=int(touched[0]), hint=hint)]

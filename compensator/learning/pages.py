@@ -13,8 +13,8 @@ from identification.common.command_line import call
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
 from identification.common.scene import SpaceLine, scene
 
-# Places farther apart along the path [m] are not joined in a figure.
-GAP = 15e-3
+# Places farther apart along the path [m] are not joined in a figure, nor than so many times the usual distance.
+GAP, USUAL = 15e-3, 3.0
 COLOURS = dict(zip(PARTS, ("s1", "s3", "s5", "s4", "s2", "ink"), strict=True))
 # The longest arrow of the remainder as a share of the part's size, and so many arrows at most.
 LONGEST, MOST_ARROWS = 0.12, 600
@@ -38,8 +38,8 @@ def learn_report(learning: Learning) -> str:
                 ["the smooth remainder too", f"{tried['learned_um']:.1f}"]], numbers=(1,)))
     springs = figures["stiffness"]
     tables.append(ReportTable(
-        "Joint stiffness [N m/rad]", ["joint", "by the load test", "in motion, learned", "1 sigma"],
-        [[f"{joint}", f"{before:.3g}", f"{after:.3g}", f"{100 * std:.1f} %"] for joint, (before, after, std) in enumerate(
+        "Joint stiffness [N m/rad]", ["joint", "by the load test", "in motion, learned", "2 sigma"],
+        [[f"{joint}", f"{before:.3g}", f"{after:.3g}", f"{200 * std:.1f} %"] for joint, (before, after, std) in enumerate(
             zip(springs["before"], springs["in_motion"], springs["relative_std"], strict=True), start=1)], numbers=(1, 2, 3)))
     source = Path(learning.source).name
     return render(Page(f"Learned: {source}", _verdict(learning), _keys(learning), _steps(learning), learning.lines(), tables,
@@ -73,8 +73,8 @@ def _keys(learning: Learning) -> list[Key]:
     if tried is not None:
         keys.append(Key("where it was not learned", f"{tried['known_um']:.0f} → {tried['learned_um']:.0f}", "µm",
                         f"RMS, {tried['stretches']} stretches left out"))
-    return [*keys, Key("the moving robot gives way", f"{motion['scale']:.2f}", "times", f"as at rest; 1 sigma "
-                                                                                        f"{motion['std']:.2f}")]
+    return [*keys, Key("the moving robot gives way", f"{motion['scale']:.2f}", "times", f"as at rest; 2 sigma "
+                                                                                        f"{2 * motion['std']:.2g}")]
 
 
 def _steps(learning: Learning) -> list[Step]:
@@ -94,7 +94,8 @@ def _along(learning: Learning) -> Figure:
     rows = learning.terms.rows
     order = np.argsort(rows.length)
     # No line is drawn over a stretch that was not measured.
-    gaps = 1 + np.flatnonzero(np.diff(rows.length[order]) > GAP)
+    steps = np.diff(rows.length[order])
+    gaps = 1 + np.flatnonzero(steps > max(GAP, USUAL * float(np.median(steps)) if len(steps) else GAP))
     length = np.insert(1e3 * rows.length[order], gaps, np.nan)
     series = []
     for name, words in {"measured": "measured", **PARTS}.items():

@@ -83,12 +83,19 @@ def _steps(result: Verification) -> list[Step]:
         return [Step("Check the sign and frame of the force log, and that the two files are not exchanged. A second log tells:",
                      call("correct", "cell.yaml", "PART.mod", "--stiffness", "stiffness.json", "--forces", "PART.forces.csv",
                           "--other-forces", "SECOND.forces.csv", "-o", "PART_corrected.mod"))]
-    step = Step("Teach the next part what this one showed (springs in motion, set-up, warming):",
-                call("learn", "cell.yaml", "PART.mod", result.before.source, "--stiffness", "stiffness.json", "--forces",
-                     "PART.forces.csv", "-o", "learned.json"))
+    before, after = result.before, result.after.source
+    at_places = before.key == "x_mm y_mm z_mm"
+    step = Step("Teach the next part what this one showed (springs in motion, set-up, warming)"
+                + (":" if at_places else "; each point needs its x_mm y_mm z_mm:"),
+                call("learn", "cell.yaml", "PART.mod", before.source if at_places else "POINTS.csv", "--stiffness",
+                     "stiffness.json", "--forces", "PART.forces.csv", "-o", "learned.json"))
     # What the findings ask to look at goes before anything that builds on these readings.
     hints = [Step(f"First: {finding.hint}.") for finding in result.findings if finding.level == "warning" and finding.hint]
     advice = [Step(line) for line in result.lines() if "correct --scale" in line]
+    if result.scale is None:
+        tolerance = () if result.tolerance_um is None else ("--tolerance-um", f"{result.tolerance_um:g}")
+        advice.append(Step("See whether a scale would help: compare with what was predicted (what correct --offsets wrote):",
+                           call("verify", "cell.yaml", before.source, after, "--predicted", "PART.offsets.csv", *tolerance)))
     return [*hints, *advice, step]
 
 

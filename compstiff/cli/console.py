@@ -11,10 +11,13 @@ import functools
 import io
 import json
 import os
+import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TextIO
 
 import click
 
@@ -142,12 +145,32 @@ def _show(session: Session, outcome: Outcome, status: str, code: int) -> int:
         return code
     for finding in outcome.findings if session.verbose else fold(outcome.findings):
         if finding.level == "error" or not session.quiet:
-            click.echo(str(finding), err=True)
+            click.echo(_in_lines(str(finding), sys.stderr), err=True)
     for line in outcome.lines:
-        click.echo(printable(line))
+        click.echo(_in_lines(printable(line), sys.stdout))
     if outcome.next_step and not session.quiet:
         click.echo(f"next: {printable(outcome.next_step)}", err=True)
     return code
+
+
+# A call of the command line with an option.
+CALL = re.compile(r"compstiff \w+ .*?-")
+
+
+def _in_lines(text: str, stream: TextIO) -> str:
+    """On a terminal sentences go on in further lines between their words; tables (two blanks in a row), calls with options,
+    which are copied whole, and all that is piped stay as they are."""
+    if not stream.isatty():
+        return text
+    width, lines = shutil.get_terminal_size().columns, []
+    for line in text.splitlines():
+        words = line.lstrip()
+        if "  " in words or CALL.search(words):
+            lines.append(line)
+        else:
+            lines += textwrap.wrap(line, width, subsequent_indent=" " * (len(line) - len(words) + 2), break_long_words=False,
+                                   break_on_hyphens=False) or [""]
+    return "\n".join(lines)
 
 
 def main(group: click.Group) -> None:

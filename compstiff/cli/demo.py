@@ -69,7 +69,7 @@ def demo(session: Session, folder: Path) -> Outcome:
     ]
     result = {"folder": str(folder), "stiffness": fit.model.as_dict(), "correction": corrected.as_dict()}
     return Outcome(result, (*fit.findings, *corrected.findings), lines,
-                   next_step=f"open {at['correct.html']}, then write your own cell.yaml (README.md, Your own cell)")
+                   next_step=f"open {at['correct.html']}, then begin your own cell: compstiff init my-cell")
 
 
 def _pushed(cell: Cell, offsets_file: Path) -> list[str]:

@@ -10,6 +10,9 @@ from compstiff.cli.console import READABLE, WRITABLE, command
 from compstiff.outcome import DONE, REFUSED, Outcome, Session, call
 from identification.common.findings import Finding
 
+# Verdicts whose extended model a program may be corrected with.
+USABLE = ("adequate", "named")
+
 
 @command("diagnose", writes=True)
 @click.argument("cell_file", metavar="CELL", type=READABLE)
@@ -86,14 +89,15 @@ def diagnose(
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())
         if not model.effects:
-            session.say(f"{extended} is the model of six springs: no effect of the robot is named")
+            refuses = "" if diagnosis.verdict in USABLE else "; they do not explain these rows, and correct refuses it"
+            session.say(f"{extended} is the model of six springs: no effect of the robot is named{refuses}")
     if report:
         from compstiff.writing import report as page_of
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
     following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
-                     "PART_corrected.mod") if extended in files else ""
+                     "PART_corrected.mod") if extended in files and diagnosis.verdict in USABLE else ""
     return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or _next_after(
         diagnosis.verdict, cell_file, measurements_file, output), exit_code=REFUSED if refused else DONE)
 
@@ -154,4 +158,5 @@ def _next_after(verdict: str, cell_file: Path, measurements_file: Path, output: 
     if verdict == "ambiguous":
         more = call("design", cell_file, "--add", 3, measurements_file, "--diagnosis", output, "-o", "more.csv")
         return f"{more}, which plans loads that tell them apart; measure them, add the rows, then diagnose again"
-    return f"do what the lines with next: say (next_measurements in {output}), add the rows, then diagnose again"
+    more = call("design", cell_file, "--add", 3, measurements_file, "--criterion", "C", "-o", "more.csv")
+    return f"do the checks above; if they find nothing, {more} plans loads that tell more causes apart"

@@ -1,29 +1,49 @@
-"""`compstiff explain`: one page of the catalogue of findings."""
+"""`compstiff explain`: one page of the catalogue of findings, or of the dictionary of causes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
 
 import click
 
 from compstiff.cli.console import command
 from compstiff.outcome import Outcome, Session
 
-if TYPE_CHECKING:
-    pass
-
 
 @command("explain")
 @click.argument("code", metavar="[CODE]", required=False)
 def explain(session: Session, code: str | None) -> Outcome:
-    """Explain a finding: its cause, its effect, what to do; without CODE, list them."""
+    """Explain a finding or a cause: what is behind it, what to do; without CODE, list both.
+
+    CODE is that of a message (CS1002), or a cause that diagnose names (backlash, base_rocking).
+    """
     from compstiff import explain_code
     from identification.common.catalogue import catalogue
+    from identification.common.quantities import parameter_words, quantity
+    from identification.model.effects import effects
 
     if code is None:
         titles = {name: page["title"] for name, page in catalogue().items()}
-        return Outcome({"codes": titles}, lines=[f"{name}  {title}" for name, title in titles.items()])
-    page = explain_code(code)
-    lines = [f"{page['code']}: {page['title']}", "", f"cause:  {page['cause']}", f"effect: {page['effect']}",
-             f"remedy: {page['remedy']}"]
-    return Outcome(dict(page), lines=lines)
+        causes = {name: _anywhere(effect.sentence) for name, effect in effects().items()}
+        return Outcome({"codes": titles, "causes": causes},
+                       lines=[f"{name}  {title}" for name, title in (titles | causes).items()])
+    # As diagnose writes it: backlash[2].
+    effect = effects().get(re.sub(r"\[\d\]$", "", code.lower()))
+    if effect is None:
+        page = explain_code(code)
+        return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",
+                                          f"effect: {page['effect']}", f"remedy: {page['remedy']}"])
+    done = "the robot does it: correct takes it into account" if effect.of_robot else (
+        "the measurement does it: it is taken out of the data, and not carried on")
+    sizes = [f"{parameter_words(one.name)} {quantity(one.typical, 0.0, one.unit)}"
+             for one in effect.parameters if not one.shape]
+    content = {"effect": effect.name, "sentence": _anywhere(effect.sentence), "family": effect.family,
+               "of_robot": effect.of_robot, "joints": list(effect.joints), "check": effect.settles,
+               "typical": {one.name: one.typical for one in effect.parameters}}
+    return Outcome(content, lines=[f"{effect.name}: {content['sentence']}", "", f"{done} (family: {effect.family})",
+                                   f"typical: {', '.join(sizes)}", f"check without a load: {effect.settles}"])
+
+
+def _anywhere(sentence: str) -> str:
+    """A cause's sentence where no joint is meant."""
+    return sentence.format(joint="N")

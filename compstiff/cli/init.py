@@ -69,6 +69,7 @@ QUESTIONS: tuple[tuple[str, str, Any, Any], ...] = (
     ("tool_tcp", "TCP in the flange frame in mm, as in tooldata: x,y,z", PLACE, None),
     ("tool_quaternion", "Turn of the tool in the flange frame: w,x,y,z", TURN, "1,0,0,0"),
     ("tool_mass", "Mass of tool and spindle in kg (Enter: not known)", click.FloatRange(0), ""),
+    ("tool_centre", "Their centre of mass in the flange frame in mm, tload.cog: x,y,z (Enter: not known)", PLACE, ""),
     ("deflection_std", "1 sigma of one deflection reading in um", click.FloatRange(0, min_open=True), "2"),
     ("weights", "Load tests by hung weights, such as 20,40 kg (Enter: by cylinder or jack)", Weights(), ""),
     ("force_frame", "Frame of the logged milling forces", click.Choice(["base", "tool", "sensor"]), "base"),
@@ -130,7 +131,7 @@ def _asked(given: dict[str, Any]) -> dict[str, Any]:
 
     def ask(questions: Sequence[tuple[str, str, Any, Any]]) -> None:
         for name, question, kind, default in questions:
-            if answers[name] is None:
+            if answers[name] is None and not (name == "tool_centre" and answers["tool_mass"] is None):
                 answers[name] = _answer(question, kind, default)
 
     ask(QUESTIONS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from importlib import import_module
 
 import click
@@ -19,7 +20,7 @@ COMMANDS = {
     "demo": "Run identify and correct on the shipped samples, into DIR.",
     "design": "Plan the poses and loads that tell most, and certify how good the plan is.",
     "diagnose": "Show what the model gets wrong, name the cause, measure the gain.",
-    "explain": "Explain a finding: its cause, its effect, what to do; without CODE, list them.",
+    "explain": "Explain a finding or a cause: what is behind it, what to do; without CODE, list both.",
     "identify": "Learn the joint stiffnesses from measured loads and deflections.",
     "init": "Begin a new cell: cell.yaml, a measurement sheet, and the chain for make and PowerShell.",
     "learn": "Learn from a measured part what the next program should know.",
@@ -45,6 +46,14 @@ class Commands(click.Group):
             return None
         found: click.Command = getattr(import_module(f"compstiff.cli.{cmd_name}"), cmd_name)
         return found
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        near = difflib.get_close_matches(args[0], COMMANDS, n=2)
+        if near and args[0] not in COMMANDS:
+            ctx.fail(f"No such command '{args[0]}'. Did you mean {' or '.join(near)}?")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         room = formatter.width - 6 - max(map(len, COMMANDS))

@@ -29,7 +29,7 @@ def _listed() -> Outcome:
     from identification.model.robot import read_robot
     from identification.model.robot_file import RobotFile
 
-    listed, lines = [], [f"{'name':<20}{'maker':<8}{'reach':>9}{'payload':>9}  {'springs':<9}geometry from"]
+    listed, lines = [], [f"{'name':<20}{'maker':<8}{'reach':>9}{'payload':>9}  springs"]
     for name, path in built_in_robots().items():
         robot, described = read_robot(path), read_yaml(path, RobotFile)
         far, payload = 1e3 * reach(robot), described.data_sheet.payload_kg
@@ -38,12 +38,11 @@ def _listed() -> Outcome:
                        "stiffness_nm_per_rad": robot.prior.stiffness.tolist(), "sources": described.sources.model_dump(),
                        "file": str(path)})
         carried = "" if payload is None else f"{payload:g} kg"
-        source = (described.sources.geometry or "").partition(";")[0]
-        lines.append(f"{name:<20}{robot.manufacturer:<8}{far:>6.0f} mm{carried:>9}  {robot.load_path:<9}{source}")
+        lines.append(f"{name:<20}{robot.manufacturer:<8}{far:>6.0f} mm{carried:>9}  {robot.load_path}")
     lines += ["", "reach: the wrist centre's largest distance from axis 1 inside the limits; every number's source: --json"]
     return Outcome({"robots": listed}, lines=lines,
-                   next_step="write cell.yaml (robot, tool), then compstiff identify cell.yaml measurements.csv; "
-                   "a robot that is not here: docs/robots.md")
+                   next_step="compstiff init my-cell begins a cell with one of them; a robot that is not here: "
+                   "docs/robots.md")
 
 
 def _checked(session: Session, file: Path) -> Outcome:

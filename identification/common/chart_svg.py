@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ SMALL = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
 RAISED = str.maketrans("-0123456789", SMALL)
 LETTER = 7.0                        # width of a letter of the axes [px]
 TOP, RIGHT, BOTTOM = 26.0, 16.0, 46.0
+# Names beside a chart take this share of its width at most, and go on in further lines.
+NAMES, LINE = 0.42, 14.0
 # More points than these get no label each; of longer lines so many columns keep their lowest and highest.
 MOST_LABELS, COLUMNS = 400, 600
 # What is larger, or of logarithmic axes smaller, is no place on a chart.
@@ -111,13 +114,14 @@ def legend(figure: Figure) -> list[tuple[str, str, str]]:
 
 def draw(panel: Panel, width: int, label: str) -> Markup:
     """One panel as an SVG of this width [px]; label: what it shows, for those who do not see it."""
-    names = panel.y.categories
-    height = max(panel.height, TOP + BOTTOM + 17 * len(names)) if panel.sideways else panel.height
+    names = [wrap(name, int(NAMES * width / LETTER), break_on_hyphens=False) or [""] for name in panel.y.categories]
+    lines = max(map(len, names), default=1)
+    height = max(panel.height, TOP + BOTTOM + (3 + LINE * lines) * len(names)) if panel.sideways else panel.height
     vertical = _scale(panel, panel.y, "y", height - BOTTOM, TOP)
     marks = [] if names else _marks(vertical, 42)
-    left = 14 + LETTER * max([4.0, *(min(len(name), 0.45 * width / LETTER) for name in (*names, *(text for _, text in marks)))])
+    left = 14 + LETTER * max([4, *(len(line) for name in names for line in name), *(len(text) for _, text in marks)])
     horizontal = _scale(panel, panel.x, "x", left, width - RIGHT)
-    parts = [_axis_x(panel.x, horizontal, height, width), _axis_y(panel.y, vertical, left, width, marks)]
+    parts = [_axis_x(panel.x, horizontal, height, width), _axis_y(panel.y, names, vertical, left, width, marks)]
     bars = [item for item in panel.series if isinstance(item, Bars)]
     if bars:
         parts.append(_bars(panel, bars, horizontal, vertical))
@@ -198,13 +202,12 @@ def _marks(scale: Scale, room: float) -> list[tuple[float, str]]:
     return [(float(scale(value)), words) for value, words in zip(found, numbers(found, scale.log), strict=True)]
 
 
-def _axis_y(axis: Axis, scale: Scale, left: float, width: int, marks: list[tuple[float, str]]) -> Markup:
-    most = int((left - 12) / LETTER)
-    parts = []
-    for i, name in enumerate(axis.categories):
-        short = name if len(name) <= most else Markup("<title>{}</title>{}…").format(name, name[:most - 1])
-        parts.append(Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
-            left - 8, float(scale(i)) + 4, short))
+def _axis_y(
+    axis: Axis, names: list[list[str]], scale: Scale, left: float, width: int, marks: list[tuple[float, str]]
+) -> Markup:
+    parts = [Markup('<text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>').format(
+        left - 8, float(scale(i)) + 4 + LINE * (k - 0.5 * (len(name) - 1)), line)
+        for i, name in enumerate(names) for k, line in enumerate(name)]
     line = Markup('<path class="{}" d="M{:.1f} {:.1f}H{:.1f}"/><text x="{:.1f}" y="{:.1f}" text-anchor="end">{}</text>')
     parts += [line.format("zero" if words == "0" else "grid", left, y, width - RIGHT, left - 6, y + 4, words)
               for y, words in marks]
@@ -318,10 +321,11 @@ def extremes(values: Array, columns: int) -> NDArray[np.intp]:
 
 
 def polyline(x: Array, y: Array) -> str:
-    """A path's `d`; NaN is a gap."""
+    """A path's `d`; NaN is a gap. A place alone between gaps is a line of no length, which round ends make a dot."""
     known = np.isfinite(x) & np.isfinite(y)
     edges = np.flatnonzero(np.diff(np.r_[False, known, False].astype(np.int8)))
     return "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[start:end], y[start:end], strict=True))
+                   + ("h0" if end == start + 1 else "")
                    for start, end in pairwise(edges) if known[start])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,11 +23,14 @@ from identification.common.typeset import typeset
 
 FILES = Path(__file__).parent / "report_files"
 ORDER: tuple[FindingLevel, ...] = ("error", "warning", "note")
+# An option of a command keeps its hyphens in one line.
+OPTION = re.compile(r"(?<![\w-])(--?[a-z][a-z-]*)(?![\w-])")
 # A table of more rows is folded.
 FOLDED = 12
 # Drawn: not every font has such characters. The signs are strokes in a square of 24.
 ARROW = '<svg class="arrow" role="img" aria-label="to" viewBox="0 0 22 12"><path d="M1 6h19M15 1l5 5-5 5"/></svg>'
 SIGNS = {"good": "M4 13l5.5 5.5L20 6", "caution": "M12 3v12M12 19v2", "bad": "M5 5l14 14M19 5L5 19", "open": "M12 9v12M12 3v2"}
+SIGN_OF: dict[FindingLevel, str] = {"error": SIGNS["bad"], "warning": SIGNS["caution"], "note": SIGNS["open"]}
 Level = Literal["good", "caution", "bad", "open"]
 
 
@@ -103,8 +107,13 @@ class Page:
 
 
 def _marked(text: str) -> Markup:
-    """The text typeset and escaped, its arrows drawn."""
-    return Markup(escape(typeset(text)).replace("→", Markup(ARROW)))
+    """The text typeset and escaped, its arrows drawn, its options unbroken."""
+    return _unbroken(typeset(text)).replace("→", Markup(ARROW))
+
+
+def _unbroken(text: str) -> Markup:
+    """The text escaped, each option of a command in one piece."""
+    return Markup(OPTION.sub(r'<span class="option">\1</span>', str(escape(text))))
 
 
 def render(page: Page) -> str:
@@ -113,7 +122,7 @@ def render(page: Page) -> str:
     import jinja2
 
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["typeset"] = _marked
+    environment.filters |= {"typeset": _marked, "unbroken": _unbroken}
     # The worst first; each keeps its place among the folded, by which views know it.
     findings = sorted(enumerate(fold(tuple(page.findings))), key=lambda item: ORDER.index(item[1].level))
     items = (*page.first, *page.others)
@@ -128,7 +137,7 @@ def render(page: Page) -> str:
         made_with += " and uPlot"
     text: str = environment.from_string(_file("report.html.j2")).render(
         page=page, first=shown[:len(page.first)], others=shown[len(page.first):], folded=FOLDED,
-        findings=findings, levels=_levels(page.findings), placed=frozenset().union(*(
+        findings=findings, signs=SIGN_OF, levels=_levels(page.findings), placed=frozenset().union(*(
             item.marks for item in items if isinstance(item, View))), result=embedded(page.result), styles="\n".join(styles),
         script=_file("report.js"), scripts=scripts, made_with=made_with, version=version("compstiff"))
     return text.encode("utf-8", "backslashreplace").decode("utf-8")

@@ -117,6 +117,10 @@ def check_columns(
     if missing:
         lower = [name.lower() for name in names]
         hint = "; names are in small letters" * any(name in lower for name in missing) + hint
+        free = [name for name in names if name not in required]
+        near = [(other, name) for name in missing for other in difflib.get_close_matches(name, free, n=1, cutoff=0.5)]
+        if near and not hint:
+            hint = "; " + ", ".join(f"is '{other}' meant to be {name}?" for other, name in near)
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=file, line=line,
                     hint="the header line names the columns, unit included, as in docs/formats.md of the project" + hint)
@@ -129,6 +133,10 @@ def check_columns(
 
 def check_unique(names: Sequence[str], file: str, line: int) -> None:
     """Raises CompstiffError (CS0202) for a column that stands in the header twice."""
+    nameless = sum(not name for name in names)
+    if nameless > 1:
+        raise error("CS0202", f"{nameless} of {len(names)} columns have no name", file=file, line=line,
+                    hint="the first row that does not begin with # must name the columns: delete what stands above it")
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         more = f" and {len(twice) - MOST_COMPLAINTS} more" if len(twice) > MOST_COMPLAINTS else ""
@@ -271,7 +279,10 @@ def decoded(content: bytes, name: str, offset: int = 0, encoding: str = "utf-8")
     try:
         return content.decode(encoding)
     except UnicodeDecodeError as reason:
+        # The line is known where the part is the whole file.
+        line = None if offset or encoding != "utf-8" else content[:reason.start].count(b"\n") + 1
         raise error("CS0201", f"is not {encoding.upper()} text: {reason.reason} at byte {offset + reason.start}", file=name,
+                    line=line,
                     hint=f"is it the file that is meant, in its place on the command line? {SAVE_AS}") from reason
 
 
@@ -313,7 +324,8 @@ def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
     if len(wrong):
         row = int(wrong[0])
         raise error("CS0201", f"{widths[row]} cells where the header names {len(names)} columns", file=str(file),
-                    line=kept[1:][row] + 1, hint=f"cells are separated by {separator!r}, taken from the header line")
+                    line=kept[1:][row] + 1, hint=f"cells are separated by {separator!r}, taken from the header line"
+                    + ("; are there decimal commas? then cells need ';' between them" if separator == "," else ""))
     try:
         frame = pd.read_csv(io.StringIO("\n".join(body)), sep=separator, names=names, header=None, na_values=[""],
                             keep_default_na=False, skipinitialspace=True, skip_blank_lines=False, engine="c",

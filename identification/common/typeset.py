@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 
 BLANK = "\u00a0"
-UNITS = "µm|µrad|mm|m|kN|N|kg|Hz|rpm|deg|rad|min|ms|s|%"
+UNITS = "µm|µrad|µs|mrad|arcsec|mm|m|kN|N|kg|Hz|rpm|deg|rad|min|ms|s|%"
 RULES = tuple((re.compile(pattern), to) for pattern, to in (
     # um and urad behind a number or in brackets; never inside the name of a column or an option.
-    (r"(?<=\d )u(?=(?:m|rad)\b)", "µ"), (r"(?<=\[)u(?=(?:m|rad)[\]/^])", "µ"),
+    (r"(?<=\d )u(?=(?:m|rad|s)\b)", "µ"), (r"(?<=\[)u(?=(?:m|rad)[\]/^])", "µ"),
     (r"(?<=\w)\*(?=m\b)", "·"),
     (r"(?<=\d) \+- (?=[\d.])", f"{BLANK}±{BLANK}"), (r"(?<=\d) -> (?=[-\d])", f"{BLANK}→ "),
     (r"(?<=\d) \.\.\. (?=[-\d])", f"{BLANK}… "),
+    (r"\bp <= (?=[\d.])", f"p{BLANK}≤{BLANK}"),
     (r"\bN m(?=/rad\b|\b)", f"N{BLANK}m"),
     (rf"(?<=\d) (?=(?:{UNITS})(?![\w=]))", BLANK)))
 

@@ -130,7 +130,8 @@ def _mapping(file: str | Path) -> tuple[dict[str, Any], dict[Key, Place]]:
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (None, None)
-        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, line=line, column=column, hint=MEANT) from reason
+        hint = "indent with blanks: YAML takes no tabs" if "'\\t'" in str(reason.problem) else MEANT
+        raise error("CS0101", f"is not YAML: {reason.problem}", file=name, line=line, column=column, hint=hint) from reason
     except yaml.YAMLError as reason:
         raise error("CS0101", f"is not YAML: {reason}", file=name, hint=MEANT) from reason
     except RecursionError as reason:

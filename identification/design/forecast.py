@@ -88,7 +88,7 @@ class Forecast:
         lines = [f"of {len(self.causes)} possible causes at their typical size this plan{before} names "
                  f"{counts['identifiable']}, only notices {counts['detectable']} and misses {counts['invisible']} "
                  f"(sizes: compstiff diagnose --plan). {BORNE_OUT}"]
-        return lines + (["noticed at their typical size but not told apart: " + "; ".join(alike)] if alike else [])
+        return lines + (["noticed at their typical size but not told apart:", *(f"  {one}" for one in alike)] if alike else [])
 
     def length_lines(self) -> list[str]:
         """What plans of other lengths would tell; empty where that is not known."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from identification.common.chart import AXIS_COLOURS, Axis, Bars, Figure, Line, Panel, Points, Series
 from identification.common.command_line import call
+from identification.common.quantities import parameter_words
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
 from identification.common.scene import SpaceLine, scene
 from identification.design.discrimination import Discrimination
@@ -122,7 +123,7 @@ def _causes(expected: Forecast) -> ReportTable:
                        ["cause", "found from", "named from", "typical", "unit", "parameter", "at its typical size",
                         "not told from"],
                        [[cause.entry.label, cause.shown(cause.detectable), cause.shown(cause.identifiable),
-                         f"{cause.typical:.2g}", "" if cause.unit == "1" else cause.unit, cause.parameter, cause.grade,
+                         cause.shown(1.0), cause.read_in[1], parameter_words(cause.parameter), cause.grade,
                          ", ".join(cause.alike)] for cause in ranked], numbers=(1, 2, 3))
 
 

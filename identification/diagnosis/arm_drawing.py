@@ -12,6 +12,8 @@ from identification.diagnosis.judgement import Cause
 JOINTS = {1: (150, 226), 2: (172, 188), 3: (138, 84), 4: (214, 74), 5: (300, 66), 6: (318, 92)}
 PARTS = {"base": (150, 268), "track": (150, 300), "link": (152, 134), "rod": (112, 150), "spring": (196, 150),
          "tool": (322, 146), "force sensor": (320, 116), "load": (322, 232), "deflection sensor": (372, 180)}
+# What stands up to here is named on the left.
+COLUMN = 172
 # Of the links that may bend, by the joint they follow.
 LINKS = {2: (152, 134), 3: (256, 70)}
 OF_FAMILY = {"gear": "link", "structure": "link", "base": "base", "tool": "tool", "load path": "load",
@@ -52,15 +54,41 @@ def arm_drawing(causes: Sequence[Cause], certain: bool, rod: bool = True) -> Mar
     kind = "bad" if certain else "warn"
     rings = [Markup('<circle class="line stroke-{}{}" stroke-width="4" cx="{}" cy="{}" r="21" fill="none"/>').format(
         kind, "" if certain else " dashed", *where) for _, where in marked]
-    names = [Markup('<path class="stroke-{0}" stroke-width="1.5" d="M{1} {2}L{3} {4}"/><text class="name" x="{5}" '
-                    'y="{6}">{7}</text>').format(
-        kind, x + 21, y, 436, 40 + 30 * row, 442, 44 + 30 * row, name) for row, (name, (x, y)) in enumerate(marked)]
-    joints = [Markup('<circle class="joint" cx="{}" cy="{}" r="{}"/><text x="{}" y="{}" text-anchor="middle">{}</text>').format(
-        x, y, 11 if number < 4 else 9, x, y + 4, number) for number, (x, y) in JOINTS.items()]
+    names = [*_labels([one for one in marked if one[1][0] <= COLUMN], kind, left=True),
+             *_labels([one for one in marked if one[1][0] > COLUMN], kind, left=False)]
     label = ("The arm under test; marked: " if certain else "The arm under test; it may be: ") + (
         ", ".join(name for name, _ in marked) or "nothing")
-    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="0 0 640 320">{}{}{}{}</svg>').format(
-        label, Markup("").join(here), Markup("").join(joints), Markup("").join(rings), Markup("").join(names))
+    return _drawing(label, [*here, *_joints(), *rings, *names])
+
+
+def sound_arm(rod: bool) -> Markup:
+    """The arm with nothing to blame: a ring around each joint, whose spring is all there is."""
+    rings = [Markup('<circle class="line stroke-good" stroke-width="3" cx="{}" cy="{}" r="{}" fill="none"/>').format(
+        x, y, 15 if number < 4 else 13) for number, (x, y) in JOINTS.items()]
+    return _drawing("The arm under test; a spring in each of six joints, nothing to blame",
+                    [ARM, *([ROD] if rod else []), *_joints(), *rings])
+
+
+def _drawing(label: str, parts: Sequence[Markup]) -> Markup:
+    return Markup('<svg class="scene arm" role="img" aria-label="{}" viewBox="-110 0 710 320">{}</svg>').format(
+        label, Markup("").join(parts))
+
+
+def _joints() -> list[Markup]:
+    return [Markup('<circle class="joint" cx="{}" cy="{}" r="{}"/><text x="{}" y="{}" text-anchor="middle">{}</text>').format(
+        x, y, 11 if number < 4 else 9, x, y + 4, number) for number, (x, y) in JOINTS.items()]
+
+
+def _labels(marked: Sequence[tuple[str, tuple[int, int]]], kind: str, left: bool) -> list[Markup]:
+    """The names of one side, each at the height of its place, or as much lower as the one above it asks for."""
+    parts, free = [], 0
+    for name, (x, y) in sorted(marked, key=lambda one: one[1][1]):
+        at = max(y, free)
+        free = at + 24
+        start, end, text, anchor = (x - 21, 46, 40, "end") if left else (x + 21, 414, 420, "start")
+        parts.append(Markup('<path class="stroke-{}" stroke-width="1.5" d="M{} {}L{} {}"/><text class="name" x="{}" y="{}" '
+                            'text-anchor="{}">{}</text>').format(kind, start, y, end, at, text, at + 5, anchor, name))
+    return parts
 
 
 ROD = Markup('<path class="limb" stroke-width="7" d="M128 202L104 100L138 84"/>')

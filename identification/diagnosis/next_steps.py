@@ -12,12 +12,13 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
     """By the verdict, the first thing first."""
     cell, source, verdict = diagnosis.cell.source, diagnosis.measurements.source, diagnosis.verdict
     again = ("diagnose", cell, source, "-o", "diagnosis.json")
+    more = call("design", cell, "--add", 3, source, "--criterion", "C", "-o", "more.csv")
     listed = next_measurements(diagnosis.judgement)
     checks = [Step(f"Check: {what} ({about}).") for what, about in checks_of(listed)[:MOST_CHECKS]]
     if verdict == "adequate":
         use = Step("Use the six springs:", call("identify", cell, source, "-o", "stiffness.json", "--report", "identify.html"))
         further = Step("To look for what these rows would not have shown, plan further runs; measure them, add the rows, "
-                       "diagnose again:", call("design", cell, "--add", 4, source, "--criterion", "C", "-o", "more.csv"))
+                       "diagnose again:", more)
         return [use, further] if diagnosis.judgement.overlooked else [use]
     if verdict == "mistake":
         return [*checks[:1], Step("Write the file without the mistake, then diagnose it again:",
@@ -27,7 +28,10 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
         return [Step("Plan loads that tell them apart; measure them, add the rows, diagnose again:",
                      call("design", cell, "--add", 3, source, "--diagnosis", "diagnosis.json", "-o", "more.csv")), *checks]
     if verdict == "unknown":
-        return checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+        first = checks or [Step("Look at the residuals below: a pose, an axis or a time that stands out says where to look.")]
+        return [*first, Step("If that does not settle it: plan loads that tell more causes apart, measure them, add the rows "
+                             "and diagnose again. Correct nothing with these stiffnesses until then:",
+                             more)]
     left_out, count = diagnosis.judgement.dropped
     repeat = [Step(f"Measure again: {left_out}. What comes back is no slip.")] if count else []
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)

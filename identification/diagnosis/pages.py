@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import rms
 from identification.common.chart import AXES, AXIS_COLOURS, Axis, Band, Bars, Figure, Line, Panel, Points, Rule, Series
+from identification.common.quantities import parameter_words, readable_unit
 from identification.common.report import Key, Page, ReportTable, Verdict, View, render
-from identification.diagnosis.arm_drawing import arm_drawing
+from identification.diagnosis.arm_drawing import arm_drawing, sound_arm
 from identification.diagnosis.diagnose import Diagnosis
 from identification.diagnosis.gain import Gain
 from identification.diagnosis.judgement import Judgement
@@ -42,10 +43,14 @@ def diagnosis_report(diagnosis: Diagnosis) -> str:
         first.append(_held_out(judgement.gain, judgement))
     if judgement.causes and named:
         first.append(_explained(judgement))
-    others = [_in_order(judgement.rows, before, after, allowed), _by_pose(judgement.rows, before, after, allowed),
+    in_order = _in_order(judgement.rows, before, after, allowed)
+    others = [_by_pose(judgement.rows, before, after, allowed),
               _by_load(judgement.rows, before), _patterns(judgement)]
-    if not first:
-        first, others = [others[0]], others[1:]
+    # What the noise allows is the whole answer where there is no cause.
+    if first and diagnosis.verdict != "adequate":
+        others.insert(0, in_order)
+    else:
+        first.append(in_order)
     return render(Page(f"Diagnosis: {Path(diagnosis.measurements.source).name}", _verdict(diagnosis), _keys(judgement, content),
                        steps_of(diagnosis), _words(diagnosis), tables, first, others, diagnosis.findings, content))
 
@@ -86,7 +91,8 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
         return Verdict("caution", "READINGS LEFT OUT", f"Left out, for they do not fit the others: {judgement.dropped[0]}. "
                        f"Of the rest {sizes}.")
     words = "; ".join(causes)
-    better = "" if gain is None else (f". Named, it leaves {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
+    leave = "it leaves" if len(causes) == 1 else "they leave"
+    better = "" if gain is None else (f". Named, {leave} {1e6 * gain.after:.1f} µm in place of {1e6 * gain.before:.1f} µm "
                                       "on poses that were not fitted")
     dropped, count = judgement.dropped
     left_out = f" Left out, for they do not fit the others: {dropped}." if count else ""
@@ -99,6 +105,12 @@ def _probability(judgement: Judgement) -> str:
     return f"p {'≤' if detection.p_value <= detection.resolution else '='} {detection.p_value:.2g}"
 
 
+def _percent(judgement: Judgement) -> str:
+    """The same in per cent, for a card."""
+    detection = judgement.detection
+    return f"{'≤ ' if detection.p_value <= detection.resolution else ''}{100 * detection.p_value:.2g}"
+
+
 def _ratio(gain: Gain) -> str:
     """The factor with its interval, to so many places as tell its ends apart."""
     low, high = gain.interval
@@ -109,8 +121,7 @@ def _ratio(gain: Gain) -> str:
 def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     keys = [Key("left by six springs", f"{1e6 * rms(judgement.plain.residual):.1f}", "µm",
                 f"RMS; the noise allows {1e6 * rms(judgement.expected_std):.1f} µm"),
-            Key("by chance", _probability(judgement).removeprefix("p ").removeprefix("= "), "",
-                "probability of such a misfit without any fault")]
+            Key("by chance", _percent(judgement), "%", "probability of such a misfit without any fault")]
     names, count = judgement.dropped
     if count:
         keys.append(Key("left out", str(count), "reading" if count == 1 else "readings", names))
@@ -127,8 +138,8 @@ def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     if ranked and judgement.verdict != "unknown":
         keys.append(Key("likeliest cause", f"{100 * ranked[0].probability:.0f}", "%", ranked[0].sentence))
     if judgement.robot_difference is not None:
-        keys.append(Key("what is open makes", f"{1e6 * judgement.robot_difference:.1f}", "µm",
-                        "RMS, for a correction under the measured loads"))
+        keys.append(Key("a wrong choice costs", f"{1e6 * judgement.robot_difference:.1f}", "µm",
+                        "RMS, in a correction under the measured loads"))
     elif content["causes"] and "largest_um" in content["causes"][0]:
         keys.append(Key("the cause makes up to", f"{content['causes'][0]['largest_um']:.0f}", "µm", "in these measurements"))
     return keys
@@ -136,13 +147,16 @@ def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
 
 def _where(judgement: Judgement) -> list[View]:
     """The arm with the place of the causes, or of the likeliest of those that are open."""
-    causes = judgement.causes or judgement.alternatives[:MOST_MARKED]
+    causes, rod = judgement.causes or judgement.alternatives[:MOST_MARKED], judgement.plain.data.cell.robot.rod is not None
+    if judgement.verdict == "adequate":
+        return [View("Where it gives way", "Not to scale. A spring in each gear is all that these measurements show.", "", {},
+                     sound_arm(rod))]
     if not causes or judgement.verdict == "unknown":
         return []
     certain = bool(judgement.causes)
     marked = "The ring marks what is to blame." if certain else "Broken rings mark what these measurements cannot tell apart."
     return [View("Where it sits" if certain else "Where it may sit", f"Not to scale. {marked}", "", {},
-                 arm_drawing(causes, certain, rod=judgement.plain.data.cell.robot.rod is not None))]
+                 arm_drawing(causes, certain, rod))]
 
 
 def _probabilities(judgement: Judgement) -> list[Figure]:
@@ -166,18 +180,20 @@ def _mistakes(judgement: Judgement) -> ReportTable | None:
 
 def _causes(content: dict[str, Any]) -> ReportTable | None:
     small = [cause | {"sentence": f"{cause['sentence']} (small beside the cause: no name)"} for cause in content["companions"]]
-    rows = [[cause["sentence"], name, value(item),
+    rows = [[cause["sentence"], parameter_words(name), value(item),
+             f"{cause['largest_um']:.0f}" if "largest_um" in cause else "",
              "corrected along the path" if cause["of_robot"] else "taken out of the data, not carried into the correction",
              cause["effect"] + (f"[{cause['joint']}]" if cause["joint"] else "")]
             for cause in [*content["causes"], *small] for name, item in cause["parameters"].items()]
-    return ReportTable("The cause", ["cause", "parameter", "estimate", "what is done", "name"], rows) if rows else None
+    return ReportTable("The cause", ["cause", "of it", "estimate", "makes up to [um]", "what is done", "name"], rows,
+                       numbers=(3,)) if rows else None
 
 
 def _ranking(judgement: Judgement) -> ReportTable | None:
     ranked = [*judgement.causes, *judgement.alternatives][:12]
     if not ranked:
         return None
-    title = {"unknown": "Nearest names, none of which is enough", "ambiguous": "What it may be"}.get(
+    title = {"unknown": "Nearest names, none of which is enough: shares among them", "ambiguous": "What it may be"}.get(
         judgement.verdict, "Causes by probability")
     return ReportTable(title, ["cause", "probability", "family", "name"], [
         [cause.sentence, f"{cause.probability:.3f}", cause.effect.family, cause.label] for cause in ranked], numbers=(1,))
@@ -192,23 +208,22 @@ def _next(content: dict[str, Any]) -> ReportTable | None:
 def _parts(judgement: Judgement) -> ReportTable | None:
     rows = [[conflict.part, conflict.rest, f"{conflict.distance:.1f}", f"{conflict.corrected:.2g}"]
             for conflict in judgement.conflicts][:8]
-    header = ["rows", "against", "Mahalanobis distance", "p, corrected"]
+    header = ["rows", "against", "how far apart [sigma]", "by chance"]
     return ReportTable("Parts of the data that want different springs", header, rows, numbers=(2, 3)) if rows else None
 
 
 def _showing(judgement: Judgement) -> ReportTable | None:
     rows = []
     for each in sorted(judgement.showing, key=lambda each: (each.of_typical_size, -each.typical_largest)):
-        said, unit = each.as_dict(), each.entry.effect.size_parameter.unit
+        said, (factor, unit) = each.as_dict(), readable_unit(each.typical, each.entry.effect.size_parameter.unit)
         never = said["noticed_from"] is None
-        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no", f"{each.typical:.2g}",
-                     "never" if never else f"{said['noticed_from']:.2g}", unit, f"{said['typical_um']:.1f}",
+        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no", f"{each.typical / factor:.2g} {unit}".rstrip(),
+                     "never" if never else f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}",
                      "never" if never else f"{said['noticed_from_um']:.1f}", each.entry.label])
-    if not rows:
-        return None
-    header = ["cause", "typical one would have shown", "typical size", "shows from", "unit",
-              "typical one moves the tool by [um]", "shows from [um]", "name"]
-    return ReportTable("What these rows would have shown, four times in five", header, rows, numbers=(2, 3, 5, 6))
+    header = ["cause", "typical one would have shown", "typical size", "shows from", "typical one moves the tool by [um]",
+              "shows from [um]", "name"]
+    return ReportTable("What these rows would have shown, four times in five", header, rows,
+                       numbers=(2, 3, 4, 5)) if rows else None
 
 
 def _thinned(count: int) -> NDArray[np.intp]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
+from identification.common.quantities import readable_unit
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
@@ -58,7 +59,12 @@ class Outlook:
 
     def shown(self, size: float) -> str:
         """A size [typical sizes] in the unit of the parameter; never, where it is beyond a thousand typical ones."""
-        return f"{size * self.typical:.2g}" if size < NEVER else "never"
+        return f"{size * self.typical / self.read_in[0]:.2g}" if size < NEVER else "never"
+
+    @property
+    def read_in(self) -> tuple[float, str]:
+        """What sizes are divided by to be read, and the unit they are in then."""
+        return readable_unit(self.typical, self.unit)
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values; sizes beyond 1e6 typical ones are null."""
@@ -97,8 +103,8 @@ class PlanOutlook:
         for outlook in self.effects:
             sizes = "".join(f"{outlook.shown(size):>12}" for size in (outlook.detectable, outlook.identifiable))
             alike = f"  like {', '.join(outlook.alike[:3])}" if outlook.alike else ""
-            unit = outlook.unit if outlook.unit != "1" else ""
-            lines.append(f"{outlook.entry.label:<28}{sizes}{outlook.typical:>10.2g} {unit:<11} {outlook.grade}{alike}".rstrip())
+            lines.append(f"{outlook.entry.label:<28}{sizes}{outlook.shown(1.0):>10} {outlook.read_in[1]:<12} {outlook.grade}"
+                         f"{alike}".rstrip())
         counts = self.counts
         lines.append(f"of {len(self.effects)} possible causes at their typical size this plan names {counts['identifiable']}, "
                      f"only notices {counts['detectable']} and misses {counts['invisible']}")

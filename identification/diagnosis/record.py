@@ -8,6 +8,7 @@ import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.findings import Finding
+from identification.common.quantities import parameter_words, quantity
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import brought_along
@@ -159,7 +160,8 @@ def answer(judgement: Judgement) -> list[str]:
     others = " of the other rows" if judgement.bad_visits or judgement.bad_rows else ""
     lines = [*_verdict(judgement),
              f"the plain model leaves {before:.2f} um RMS{others}, the noise allows {allowed:.2f} um "
-             f"(p = {judgement.detection.p_value:.3g}, resolution {judgement.detection.resolution:.2g})"]
+             f"(p {'<=' if judgement.detection.p_value <= judgement.detection.resolution else '='} "
+             f"{judgement.detection.p_value:.3g})"]
     lines += [*_beside_the_names(judgement), *_overlooked(judgement)]
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:
@@ -175,7 +177,7 @@ def answer(judgement: Judgement) -> list[str]:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
         lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
                      f"({angles}) deg separates {load.separates[0]} from {load.separates[1]} by {load.distance:.1f} sigma")
-    return lines + [f"next: check {what} ({about})" for what, about in checks_of(next_measurements(judgement))[:MOST_CHECKS]]
+    return lines + [f"next: check: {what} ({about})" for what, about in checks_of(next_measurements(judgement))[:MOST_CHECKS]]
 
 
 def _verdict(judgement: Judgement) -> list[str]:
@@ -196,10 +198,11 @@ def _verdict(judgement: Judgement) -> list[str]:
         return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
                 *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
-    names = [f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:8]]
-    names += [f"{mistake.key} (a mistake in the {mistake.candidate.mistake.of})" for mistake in judgement.mistakes]
-    lines = [f"ambiguous: these data cannot tell apart: {', '.join(names)}",
-             *(f"  {mistake.sentence}" for mistake in judgement.mistakes), *left_out]
+    lines = ["ambiguous: these data cannot tell apart:",
+             *(f"  {cause.sentence} ({cause.label}, probability {cause.probability:.2f})"
+               for cause in judgement.alternatives[:8]),
+             *(f"  {mistake.sentence} ({mistake.key}, a mistake in the {mistake.candidate.mistake.of})"
+               for mistake in judgement.mistakes), *left_out]
     if judgement.robot_difference is not None:
         lines.append(f"for a correction the choice makes {1e6 * judgement.robot_difference:.1f} um RMS under the measured "
                      "loads")
@@ -211,7 +214,7 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
     lines, brought = [], brought_along(judgement.extended)
     for cause in judgement.companions:
         content = _cause(judgement, cause)
-        values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
+        values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
         why = f"{brought[cause.label]} brings so much of it along" if cause.label in brought else (
             "too small against its typical size to be a name")
         lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} ({values})"
@@ -239,7 +242,7 @@ def _overlooked(judgement: Judgement) -> list[str]:
 
 def _cause_line(judgement: Judgement, cause: Cause) -> str:
     content = _cause(judgement, cause)
-    values = ", ".join(f"{name} = {value(item)}" for name, item in content["parameters"].items())
+    values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
     line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
             f"({cause.label}: {values}; probability {cause.probability:.3f})")
     if cause.open_laws and judgement.robot_difference is not None:
@@ -266,10 +269,7 @@ def _swing_line(swing: Swing) -> str:
 def value(item: dict[str, Any]) -> str:
     """A parameter with its uncertainty and unit."""
     estimate, std = item["estimate"], item["std"]
-    if not std:
-        return str(estimate)
-    unit = item.get("unit", "1")
-    return f"{estimate:.3g} +- {std:.2g}" + ("" if unit == "1" else f" {unit}")
+    return quantity(estimate, std, item.get("unit", "1")) if std else str(estimate)
 
 
 def judgement_findings(judgement: Judgement) -> list[Finding]:
@@ -279,7 +279,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     if judgement.verdict == "unknown":
         findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains: "
                                 + _seen_of(judgement), file=source,
-                                hint="no effect is carried into the model; look at the residuals in the report"))
+                                hint="no effect is carried into the model, and correct refuses the plain springs; look at the "
+                                     "residuals in the report (--report)"))
     if judgement.verdict != "mistake":
         findings += common_factor_findings(judgement.plain)
     else:
@@ -288,7 +289,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
         findings.append(Finding("CS1402", "warning", f"the data cannot tell several causes apart: {', '.join(labels)}",
                                 file=source,
-                                hint="measure the loads named under next_measurements, or do the checks named there"))
+                                hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
+                                     "apart; compstiff explain NAME tells a check without a load"))
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
                  *validation_findings(judgement.validation, source)]
     for bad in judgement.bad_rows:
@@ -324,9 +326,11 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
     if judgement.verdict == "adequate":
-        findings.append(Finding("CS1406", "note", "a wrong scale of the force sensor (force_gain) can never be seen in "
-                                "deflections alone: it is the same as all stiffnesses changed together", file=source,
-                                hint=effects()["force_gain"].settles))
+        # The hook is no candidate where nothing hangs.
+        loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (
+            "weights", "weigh what hangs, hook and rope too")
+        findings.append(Finding("CS1406", "note", f"a wrong scale of the {loads} (force_gain) can never be seen in deflections "
+                                "alone: it is the same as all stiffnesses changed together", file=source, hint=hint))
     return findings
 
 

@@ -12,6 +12,7 @@ from identification.common.arrays import read_only, rms
 from identification.common.findings import CompstiffError, Finding, error
 from identification.fit.fitted_model import predicted_deflection
 from identification.fit.identifiability import (
+    LOOK_FOR_IT,
     RELIABLE_LOG_STD,
     Ellipsoid,
     JointGrade,
@@ -221,9 +222,14 @@ def _findings(fitted: Posterior, grades: tuple[JointGrade, ...], conflicts: tupl
         if grade.grade == "not identifiable":
             findings.append(Finding("CS1012", "warning", f"k{grade.joint} is not identifiable from these loads, its value is "
                                     f"the prior's: {grade.reason}", file=source, hint=grade.helpful))
-        elif grade.grade == "tentative":
+        elif grade.grade == "tentative" and grade.helpful != LOOK_FOR_IT:
             findings.append(Finding("CS1014", "note", f"k{grade.joint} is tentative: {grade.reason}", file=source,
                                     hint=grade.helpful))
+    fallen = [f"k{grade.joint}" for grade in grades if grade.helpful == LOOK_FOR_IT]
+    if fallen:
+        findings.append(Finding("CS1014", "note", f"{', '.join(fallen)} {'is' if len(fallen) == 1 else 'are'} tentative: the "
+                                "model of all joints is rejected, whatever the loads tell of one", file=source,
+                                hint=LOOK_FOR_IT))
     findings += [*_against_prior(fitted, grades), *_other_noise(fitted),
                  *_not_independent(fitted), *_light_rows(fitted)]
     for conflict in conflicts:

@@ -27,7 +27,7 @@ TRADE_OFF = 0.7
 CANDIDATES = 1500
 CANDIDATE_FORCE_N = 300.0
 AXIS_NAMES = "xyz"
-LOOK_FOR_IT = "no further load: compstiff diagnose looks for what the model lacks"
+LOOK_FOR_IT = "compstiff diagnose looks for what the model lacks"
 
 
 @dataclass(frozen=True)
@@ -83,16 +83,16 @@ def grade_joints(posterior: Posterior, check: ModelCheck) -> tuple[JointGrade, .
         partner = int(np.argmax(others))
         trades = others[partner] >= TRADE_OFF
         if signal[i] < UNLOADED_SIGMAS:
-            reason = (f"joint {i + 1} was never loaded: its largest share of a reading is {signal[i]:.2g} of the sensor's sigma"
+            reason = (f"joint {i + 1} was never loaded: it moves no reading by more than {signal[i]:.2g} of the sensor's sigma"
                       + (", and no load turns it: all point straight down" if plumb and turned[i] < UNTURNED else ""))
         elif trades:
             reason = f"k{i + 1} and k{partner + 1} trade off (correlation {correlation[i, partner]:+.2f})"
         else:
-            reason = f"its largest share of a reading is {signal[i]:.3g} of the sensor's sigma"
+            reason = f"it moves a reading by up to {signal[i]:.3g} times the sensor's sigma"
         helpful = "" if grade == "reliable" else _helpful(posterior, i)
         if fallen:
             grade, helpful = "tentative", LOOK_FOR_IT
-            reason = f"the model of all joints is rejected (p = {check.p_value:.2g}: {check.seen}); by itself {reason}"
+            reason = f"the model of all joints is rejected; by itself {reason}"
         grades.append(JointGrade(i + 1, grade, shrinkage, float(signal[i]), partner + 1 if trades else 0,
                                  float(correlation[i, partner]) if trades else 0.0, reason, helpful))
     return tuple(grades)
@@ -117,7 +117,7 @@ def _helpful(posterior: Posterior, joint: int) -> str:
     left = np.sqrt(max(1 - gained[best] / posterior.covariance[joint, joint], 0.0))
     angles = ", ".join(f"{angle:.0f}" for angle in np.degrees(theta[best]))
     return (f"one load of {CANDIDATE_FORCE_N:g} N along base {AXIS_NAMES[axis[best]]} at joints ({angles}) deg would bring the "
-            f"uncertainty of k{joint + 1} to {100 * left:.0f} % of what it is")
+            f"uncertainty of k{joint + 1} to {f'{100 * left:.0f} %' if left >= 0.015 else 'under 2 %'} of what it is")
 
 
 def ellipsoid(posterior: Posterior) -> Ellipsoid:

@@ -23,6 +23,7 @@ from identification.common.chart import (
 from identification.common.command_line import call
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, count_words, render
 from identification.fit.fit import Fit
+from identification.fit.identifiability import LOOK_FOR_IT
 from identification.fit.visit_findings import mending
 from identification.measurements import Measurements
 from identification.model.cell import Cell
@@ -52,15 +53,15 @@ def identification_report(fit: Fit) -> str:
     if fit.held_out is not None:
         lead.append(f"On the validation rows, which were not fitted: {1e6 * fit.held_out[0]:.1f} um RMS with the prior's "
                     f"stiffnesses, {1e6 * fit.held_out[1]:.1f} um with the identified ones.")
-    rows = [[f"k{i}", f"{k:.4g}", f"{low:.4g} ... {high:.4g}", f"{100 * s:.1f} %", f"{p:.3g}", grade.grade,
-             grade.reason + (f"; {grade.helpful}" if grade.helpful else "")]
+    rows = [[f"k{i}", f"{k:.4g}", f"{low:.4g} ... {high:.4g}", f"{200 * s:.1f} %", f"{p:.3g}", grade.grade,
+             grade.reason + (f"; {grade.helpful}" if grade.helpful not in ("", LOOK_FOR_IT) else "")]
             for i, (k, (low, high), s, p, grade) in enumerate(zip(
                 model.stiffness, model.interval_95, model.log_std, cell.prior.stiffness, fit.grades, strict=True), 1)]
     tables = [
-        ReportTable("Stiffnesses", ["joint", "k [N m/rad]", "95 % interval", "std of ln k", "prior median", "grade", "why"],
+        ReportTable("Stiffnesses", ["joint", "k [N m/rad]", "95 % interval", "2 sigma", "known before", "grade", "why"],
                     rows, numbers=(1, 2, 3, 4)),
         ReportTable("Do parts of the data agree?",
-                    ["rows", "against", "Mahalanobis distance", "directions", "p, corrected", "verdict"],
+                    ["rows", "against", "how far apart [sigma]", "directions", "by chance", "verdict"],
                     [[c.part, c.rest, f"{c.distance:.1f}", f"{c.directions}", f"{c.corrected:.2g}",
                       "conflict" if c.is_conflict else "agree"] for c in fit.conflicts], numbers=(2, 3, 4)),
     ]
@@ -112,7 +113,7 @@ def _keys(fit: Fit) -> list[Key]:
     if fit.held_out is not None:
         keys.append(Key("on rows not fitted", f"{1e6 * fit.held_out[0]:.1f} → {1e6 * fit.held_out[1]:.1f}", "µm",
                         "RMS, with what was known before and now"))
-    return [*keys, Key("least certain joint", JOINTS[worst], "", f"1 sigma {100 * model.log_std[worst]:.1f} %"),
+    return [*keys, Key("least certain joint", JOINTS[worst], "", f"2 sigma {200 * model.log_std[worst]:.1f} %"),
             Key("reliable joints", f"{sum(grade == 'reliable' for grade in model.grades)} of 6", "",
                 f"{len(fit.bad_visits)} poses left out" if fit.bad_visits else "no pose left out")]
 
@@ -182,15 +183,17 @@ def _by_pose(measurements: Measurements, fit: Fit) -> Figure:
 
 def _correlations(fit: Fit) -> Figure:
     std = fit.model.log_std
-    return Figure("Correlations of ln k", fit.ellipsoid.sentence[0].upper() + fit.ellipsoid.sentence[1:] + ".", [
+    sentence = fit.ellipsoid.sentence
+    return Figure("Which stiffnesses trade off (correlations of ln k)", f"{sentence[0].upper()}{sentence[1:]}.", [
         Panel([Cells(fit.model.covariance / np.outer(std, std))], Axis(categories=JOINTS), Axis(categories=JOINTS),
               height=290)])
 
 
 def _spectrum(fit: Fit) -> Figure:
-    series: list[Series] = [Bars("information", np.maximum(fit.spectrum, 1e-6), "after"), Rule(1.0, "as much as was known "
-                                                                                                    "before")]
-    return Figure("Information spectrum", "Below the dashed line what was known before says more than the data.", [
+    series: list[Series] = [Bars("information", np.maximum(fit.spectrum, 1e-6), "after"),
+                            Rule(1.0, "as much as was known before")]
+    return Figure("How much the data say, direction by direction", "Each direction is a mixture of the six stiffnesses. Below "
+                  "the dashed line what was known before says more than the data.", [
         Panel(series, Axis("direction, best known first", categories=[f"{i}" for i in range(1, 7)]),
               Axis("information of the data over the prior's", log=True))])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
 from dataclasses import dataclass, field, replace
@@ -385,5 +386,7 @@ def _robot(name: str, cell: Path, geometry: bool) -> RobotModel:
     path = cell.parent / name
     if os.path.isfile(path):        # False, too, for what no file can be called
         return read_robot(path, geometry=geometry)
-    raise error("CS0104", f"robot '{name}' is neither built in ({', '.join(known)}) nor a file {path}", file=str(cell),
-                hint="compstiff robots lists the built-in ones; a path is relative to the folder of cell.yaml")
+    near = difflib.get_close_matches(name.lower().replace(" ", ""), known, n=3, cutoff=0.5)
+    raise error("CS0104", f"robot '{name}' is neither built in nor a file {path}", file=str(cell),
+                hint=(f"near it: {', '.join(near)}; " if near else "")
+                + "compstiff robots lists the built-in ones; a path is relative to the folder of cell.yaml")

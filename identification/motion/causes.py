@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.quantities import parameter_words, quantity
 from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis
 from identification.motion.dictionary import Shape
@@ -59,9 +60,9 @@ class LogCause:
         estimates = []
         for parameter, value, std in zip(self.shape.effect.parameters, self.values, self.std, strict=True):
             if np.isfinite(std):
-                estimates.append(f"{parameter.name} = {value:.4g} +- {std:.2g} {parameter.unit}")
+                estimates.append(f"{parameter_words(parameter.name)} {quantity(value, std, parameter.unit)}")
             elif parameter.shape:
-                estimates.append(f"{parameter.name} = {value:.4g} {parameter.unit}")
+                estimates.append(f"{parameter_words(parameter.name)} {quantity(value, 0.0, parameter.unit)}")
         return ", ".join(estimates)
 
     def as_dict(self) -> dict[str, Any]:

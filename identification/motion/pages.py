@@ -44,8 +44,10 @@ def stiffness_report(fit: JointLogFit) -> str:
                           "these logs do not tell the stiffness from what else moves with the load; stated: "
                           f"{', '.join(stated) or 'none'}.")
     else:
-        verdict = Verdict("good", "STATED", f"{', '.join(stated)} {'comes' if len(stated) == 1 else 'come'} from these logs; "
-                          "the other joints stay at what was known before.")
+        rest = "the other joints stay at what was known before"
+        verdict = Verdict("good" if len(stated) == 6 else "caution", f"{len(stated)} OF 6 STIFFNESSES IDENTIFIED",
+                          f"{', '.join(stated)} {'comes' if len(stated) == 1 else 'come'} from these logs"
+                          + ("." if len(stated) == 6 else f"; {rest}."))
     model = fit.model
     # The file's own values: the logs' with what was known before.
     keys = [Key(f"k{joint.joint}", "refused" if joint.refused else f"{model.stiffness[joint.joint - 1]:.3g}",

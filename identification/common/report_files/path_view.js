@@ -47,16 +47,17 @@ class PathView {
 
   marks() {
     const { space, data } = this;
-    for (const level of ["note", "warning", "error"]) {
-      const some = data.marks.filter(mark => mark.level === level && Number.isFinite(this.place[mark.index][0]));
-      if (!some.length) continue;
-      space.points(Float32Array.from(some.flatMap(mark => this.place[mark.index])), 9, { note: "soft", warning: "caution", error: "bad" }[level]);
-      for (const mark of some.slice(0, 12)) {
-        const tag = space.tag(`${level === "note" ? "" : "! "}line ${mark.line}`);
-        tag.at.set(...this.place[mark.index]);
-        tag.element.style.paddingBottom = "2.2em";
-      }
+    const known = data.marks.filter(mark => Number.isFinite(this.place[mark.index][0])), named = new Set();
+    for (const [level, name] of [["note", "soft"], ["warning", "caution"], ["error", "bad"]]) {
+      const some = known.filter(mark => mark.level === level);
+      if (some.length) space.points(Float32Array.from(some.flatMap(mark => this.place[mark.index])), 9, name);
     }
+    // The worst first: they stand nearest to their places.
+    for (const level of ["error", "warning", "note"])
+      for (const mark of known.filter(one => one.level === level && !named.has(one.line)).slice(0, 12)) {
+        named.add(mark.line);
+        space.tag(`${level === "note" ? "" : "! "}line ${mark.line}`, "mark").at.set(...this.place[mark.index]);
+      }
     this.halo = space.points(new Float32Array(3), 17, "ink");
     this.cursor = space.points(new Float32Array(3), 11, "page");
     this.halo.renderOrder = 3; this.cursor.renderOrder = 4;
@@ -116,7 +117,9 @@ class PathView {
       width: holder.clientWidth || 600, height: 210, legend: { show: false }, cursor: { y: false, drag: { x: true, y: false } },
       scales: { x: { time: false } },
       axes: [{ ...axis(), size: 46, label: "path length [mm]", labelSize: 20, space: 90 }, axis()],
-      series: [{}, { stroke: colour("after"), width: 1.5, spanGaps: false, points: { show: false } },
+      series: [{}, { stroke: colour("after"), width: 1.5, spanGaps: false,
+        // A value alone between gaps makes no line.
+        points: { show: true, size: 4, width: 0, fill: colour("after"), filter: () => this.lone } },
         { stroke: colour("bad"), width: 1, dash: [6, 4], points: { show: false } }],
       hooks: {
         draw: [chart => {
@@ -160,8 +163,17 @@ class PathView {
     }
     this.air = air.length ? space.lines(new Float32Array(air), null, 1, "muted") : null;
     this.cut = ends.length ? space.lines(new Float32Array(ends), new Float32Array(colours), 3.5) : null;
+    // What is over the tolerance may be a single target on a long path: each stretch has a mark at its largest.
+    const over = [];
+    if (quantity.kind === "share") for (let i = 0, best = -1; i <= this.count; i++) {
+      if (values[i] > 100) best = best < 0 || values[i] > values[best] ? i : best;
+      else if (best >= 0) { if (Number.isFinite(place[best][0])) over.push(place[best]); best = -1; }
+    }
+    if (this.over) { space.scene.remove(this.over); this.over.geometry.dispose(); this.over.material.dispose(); }
+    this.over = over.length ? space.points(Float32Array.from(over.flat()), 9, "bad") : null;
     space.resize();
     space.recolour();
+    this.lone = values.flatMap((value, i) => value !== null && (values[i - 1] ?? null) === null && (values[i + 1] ?? null) === null ? [i] : []);
     this.chart.setData([this.length, values, values.map(() => quantity.tolerance ?? null)]);
     this.ramp(quantity, dark);
     this.live.querySelector(".along-words").textContent = `${quantity.name} [${quantity.unit}] along the path`;
@@ -208,7 +220,7 @@ class PathView {
     ].map(([name, words]) => {
       const pair = document.createElement("div"), term = document.createElement("dt"), detail = document.createElement("dd");
       term.textContent = name; detail.textContent = words;
-      pair.append(term, detail);
+      pair.append(term, " ", detail);
       return pair;
     }));
     if (Number.isFinite(place[0])) {

@@ -39,7 +39,7 @@ class SpaceView {
     this.tags = [];
     for (const axis of "xyz") this.tag(axis);
     this.axes = this.lines(new Float32Array(18), null, 1.5);
-    const views = stage.appendChild(document.createElement("div"));
+    const views = this.views = stage.appendChild(document.createElement("div"));
     views.className = "views";
     for (const [name, from] of Object.entries(VIEWS)) {
       const button = views.appendChild(document.createElement("button"));
@@ -52,11 +52,26 @@ class SpaceView {
     this.resize();
   }
 
-  tag(text) {
+  tag(text, kind = "") {
     const element = this.stage.appendChild(document.createElement("span"));
-    element.className = "tag"; element.textContent = text; element.setAttribute("aria-hidden", "true");
+    element.className = `tag ${kind}`; element.textContent = text; element.setAttribute("aria-hidden", "true");
     this.tags.push({ element, at: new THREE.Vector3() });
     return this.tags.at(-1);
+  }
+
+  // A label above its place, higher where another one stands already, all of it on the stage; below it where there is no room.
+  placed(x, y, word) {
+    const { signs, stage: { clientWidth: width, clientHeight: height } } = this, wide = word.offsetWidth, high = word.offsetHeight;
+    const left = Math.min(Math.max(x - wide / 2, 2), width - wide - 2);
+    let top = y - high - 16;
+    const taken = () => top < 2 || signs.some(one => left < one.left + one.wide + 3 && one.left < left + wide + 3
+      && top < one.top + one.high + 3 && one.top < top + high + 3);
+    while (taken() && top > 2) top -= high / 2;
+    if (taken()) for (top = y + 12; taken() && top < height - high; top += high / 2);
+    signs.push({ left, top, wide, high });
+    word.style.setProperty("--foot", `${Math.min(Math.max(x - left, 0), wide)}px`);
+    word.style.setProperty("--lift", `${Math.max(y - top - high, 0)}px`);
+    return [left, top];
   }
 
   // Segments as pairs of ends (6 numbers each); colours alike, null for one.
@@ -175,9 +190,12 @@ class SpaceView {
         tag.at.copy(corner); tag.at.setComponent(i, tag.at.getComponent(i) + 52 * scale);
       });
       this.axes.geometry.setPositions(ends);
+      const { offsetLeft: left, offsetTop: top, offsetWidth: wide, offsetHeight: high } = this.views;
+      this.signs = [{ left, top, wide, high }];
       for (const { element, at } of this.tags) {
         const [x, y] = this.onStage(at.x, at.y, at.z);
-        element.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+        element.style.transform = element.classList.contains("mark")
+          ? `translate(${this.placed(x, y, element).map(Math.round).join("px, ")}px)` : `translate(${x}px, ${y}px) translate(-50%, -50%)`;
       }
       this.renderer.render(this.scene, this.camera);
     });

@@ -56,7 +56,7 @@ def page_of(words: str) -> tuple[str, Markup]:
 def test_nothing_from_a_file_becomes_markup() -> None:
     """The same elements whatever the words, no handler, and the embedded result is what went in."""
     text, page = page_of(HOSTILE)
-    _, plain = page_of("w" * len(HOSTILE))
+    _, plain = page_of(re.sub(r"\S", "w", HOSTILE))
     assert page.tags == plain.tags
     assert not page.handlers
     # A script element that holds `<!--<script` does not end where it says: a browser would take the rest of the page into it.
@@ -79,6 +79,20 @@ def test_the_answer_stands_before_everything_else_in_words_and_sign() -> None:
     drawn = r'<svg class="arrow" role="img" aria-label="to"[^>]*><path d="[^"]+"/></svg>'
     assert len(re.findall(rf"3\.1\s{drawn}\s0\.4", arrow)) == 2
     assert len({Verdict(level, "w", "s").sign for level in ("good", "caution", "bad", "open")}) == 4
+
+
+def test_no_option_is_torn_at_its_hyphens() -> None:
+    """In a command and in a sentence; the text stays what it was, so that it is copied whole."""
+    command, words = "compstiff identify my-cell/a-b.csv -o s.json --tolerance-um 5", "see --tolerance-um, a -b and x--y"
+    text = render(Page("t", Verdict("open", "w", "s"), [], [Step(words, command)], [words], [], [], [], [], {}))
+    for option, times in (("-o", 1), ("--tolerance-um", 3), ("-b", 2)):
+        assert text.count(f'<span class="option">{option}</span>') == times
+    assert text.count('class="option"') == 6
+    page = Markup()
+    page.feed(text)
+    assert command in "".join(page.text)
+    css = (Path(report.FILES) / "report.css").read_text()
+    assert ".option { white-space: nowrap; }" in css
 
 
 def test_a_page_without_views_carries_no_library() -> None:

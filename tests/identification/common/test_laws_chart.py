@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from identification.common.chart import Axis, Band, Bars, Cells, Figure, Line, Panel, Points, Rule
 from identification.common.chart_numbers import MOST_ROWS, chart_numbers
-from identification.common.chart_svg import WIDE, draw, extremes, legend, log_ticks, number, numbers, ticks
+from identification.common.chart_svg import NARROW, WIDE, draw, extremes, legend, log_ticks, number, numbers, ticks
+from identification.common.report import FILES
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -49,6 +50,28 @@ def test_words_below_a_chart_stand_in_it_and_clear_of_each_other() -> None:
     marks = {float(text.get("y")) for text in picture.iter("text") if text.get("text-anchor") == "middle"}
     assert marks
     assert max(marks) + 14 <= title <= height - 4
+
+
+def test_a_value_alone_between_gaps_is_seen() -> None:
+    """As a dot; so is each of many that are all alone."""
+    x, y = np.arange(9.0), np.array([1.0, 2, np.nan, 3, np.nan, np.nan, 4, np.nan, 5])
+    line = next(one for one in shown(Panel([Line("l", x, y)], Axis(), Axis())).iter("path") if "line" in one.get("class"))
+    assert [part.count("L") for part in line.get("d").split("M")[1:]] == [1, 0, 0, 0]
+    assert line.get("d").count("h0") == 3
+    assert ".line:not(.dashed) { stroke-linecap: round; }" in (FILES / "report.css").read_text()
+
+
+def test_no_word_of_a_name_beside_a_chart_is_cut() -> None:
+    """Names in further lines, each within the picture and clear of the next one's; on a telephone too."""
+    names = ["the robot rocks on its base: floor, anchors or pedestal give way",
+             "a load along one axis moves the tool in a way no spring explains", "short"]
+    panel = Panel([Bars("b", [1.0, 2.0, 3.0])], Axis(), Axis(categories=names), height=100, sideways=True)
+    for width in (WIDE, NARROW):
+        texts = [one for one in ET.fromstring(str(draw(panel, width, "l"))).iter("text") if re.search("[a-z]", one.text or "")]
+        assert " ".join(one.text for one in texts) == " ".join(names)
+        heights = [float(one.get("y")) for one in texts]
+        assert min(np.diff(heights)) >= 13
+        assert all(7.0 * len(one.text) < float(one.get("x")) < 0.5 * width for one in texts)
 
 
 def test_bars_begin_at_zero_and_are_as_long_as_their_values() -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from identification.diagnosis.arm_drawing import JOINTS, arm_drawing, places
+from identification.diagnosis.arm_drawing import JOINTS, arm_drawing, places, sound_arm
 from identification.model.effects import effects
 
 
@@ -51,3 +52,30 @@ def test_a_rod_and_a_compensator_are_drawn_where_there_are_such() -> None:
         (gear, False), (gear, True), (spring, False)))
     assert [picture.count("<path") for picture in (rod, compensated)] == [bare.count("<path") + 1] * 2
     assert rod != compensated
+
+
+def test_names_stand_at_the_height_of_what_they_name() -> None:
+    """Lines from name to ring do not cross each other."""
+    causes = [cause("base_rocking", None), cause("backlash", 1), cause("backlash", 3), cause("stand_compliance", None),
+              cause("spindle_compliance", None)]
+    picture = ET.fromstring(str(arm_drawing(causes, certain=True)))
+    lines = [tuple(map(int, re.findall(r"-?\d+", one.get("d")))) for one in picture.iter("path")
+             if one.get("class") == "stroke-bad"]
+    assert len(lines) == len(causes)
+    for side in (True, False):
+        ends = sorted((y0, y1) for x0, y0, x1, y1 in lines if (x1 < x0) == side)
+        assert [end for _, end in ends] == sorted(end for _, end in ends)
+    left, _, width, _ = map(float, picture.get("viewBox").split())
+    for text in picture.iter("text"):
+        if text.get("class") == "name":
+            long = 8.5 * len(text.text)
+            start = float(text.get("x")) - (long if text.get("text-anchor") == "end" else 0)
+            assert left <= start
+            assert start + long <= left + width
+
+
+def test_nothing_to_blame_is_drawn_around_every_joint() -> None:
+    picture = ET.fromstring(str(sound_arm(rod=True)))
+    rings = {(int(one.get("cx")), int(one.get("cy"))) for one in picture.iter("circle") if "stroke-good" in one.get("class")}
+    assert rings == set(JOINTS.values())
+    assert "nothing to blame" in picture.get("aria-label")

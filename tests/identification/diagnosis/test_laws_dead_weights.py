@@ -155,3 +155,13 @@ def test_the_likelihood_of_a_visit_is_that_of_the_whole_covariance() -> None:
         values, own = _visit(residual, sigma, carried, load, down)
         differences.append(dense - _Visits(values[None], own[None]).log_likelihood(parts)[0])
     np.testing.assert_allclose(differences, differences[0], rtol=1e-9)      # a constant, whatever the residual
+
+
+def test_what_no_deflection_tells_is_said_of_the_loads_there_are() -> None:
+    """Weights have no force sensor: it is they that are to be weighed."""
+    for design, loads, check in (("hung12", "weights", "weigh what hangs"), ("poses20", "force sensor", "dead weight")):
+        _, found = diagnosed(7, design=design)
+        assert found.verdict == "adequate"
+        said, = [finding for finding in found.findings if finding.code == "CS1406"]
+        assert loads in said.message
+        assert check in said.hint

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -121,9 +125,38 @@ def test_robots(tmp_path: Path) -> None:
 
 def test_explain() -> None:
     assert kit.run("explain", "CS4107").code == 0
+    # A cause as diagnose writes it, with its joint.
+    play = kit.run("explain", "backlash[3]")
+    assert "free play" in play.out
+    assert "urad" in play.out
+    assert "correct takes it into account" in play.out
+    assert "taken out of the data" in kit.run("explain", "stand_compliance").out
+    assert {"CS4107", "backlash"} <= {line.split()[0] for line in kit.run("explain").out.splitlines() if line}
     unknown = kit.run("explain", "CS9999", "--json")
     assert unknown.code in (1, 2)
     assert unknown.json["findings"]
+
+
+@pytest.mark.parametrize("columns", [60, 100])
+def test_sentences_break_between_words_on_a_terminal(columns: int) -> None:
+    """And not where they are piped, where every finding is a line; what is read together is the same."""
+    pty = pytest.importorskip("pty", reason="a terminal of POSIX")
+    primary, secondary = pty.openpty()
+    command = [sys.executable, "-m", "compstiff", "explain", "CS1016"]
+    with subprocess.Popen(command, stdin=secondary, stdout=secondary, stderr=secondary, env=os.environ | {
+            "COLUMNS": str(columns)}) as process:
+        os.close(secondary)
+        shown = b""
+        with contextlib.suppress(OSError):      # what a terminal says when nobody writes to it any more
+            while part := os.read(primary, 4096):
+                shown += part
+        process.wait(timeout=30)
+    os.close(primary)
+    piped = kit.run("explain", "CS1016").out
+    lines = shown.decode().splitlines()
+    assert max(map(len, piped.splitlines())) > 100
+    assert columns - 20 < max(map(len, lines)) <= columns
+    assert " ".join(shown.decode().split()) == " ".join(piped.split())
 
 
 def test_help_is_quick_and_everywhere() -> None:

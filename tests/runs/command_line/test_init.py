@@ -226,8 +226,8 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
 
     try:
         for question, answer in (("Robot", "?"), ("Robot (", "irb6660-205-1.90"), ("TCP", "120,0"), ("TCP", "120,0,250"),
-                                 ("Turn of the tool", ""), ("Mass", "80"), ("1 sigma", ""), ("hung weights", ""),
-                                 ("Frame", "tool"), ("Do the logged", "")):
+                                 ("Turn of the tool", ""), ("Mass", "80"), ("centre of mass", "10,0,180"), ("1 sigma", ""),
+                                 ("hung weights", ""), ("Frame", "tool"), ("Do the logged", "")):
             until(question)
             os.write(primary, f"{answer}\n".encode())
         until("next steps")
@@ -239,5 +239,6 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     assert "irb4400-60" in shown, "the question mark lists the robots"
     assert process.returncode == 0
     text = (tmp_path / "asked" / "cell.yaml").read_text()
-    for said in ("robot: irb6660-205-1.90", "position_mm: [120, 0, 250]", "mass_kg: 80", "frame: tool", "spindle_rpm: 9000"):
+    for said in ("robot: irb6660-205-1.90", "position_mm: [120, 0, 250]", "mass_kg: 80", "centre_of_mass_mm: [10, 0, 180]",
+                 "frame: tool", "spindle_rpm: 9000"):
         assert said in text

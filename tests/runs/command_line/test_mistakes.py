@@ -309,3 +309,63 @@ def test_no_mistake_is_silent(tmp_path: Path, mistake: Mistake, robot: str) -> N
         out = tmp_path / "out.mod"
         assert not out.exists() or out.read_text() == "mine"
     assert kit.run("explain", findings[0]["code"]).code == 0
+
+
+def typed(text: str) -> str:
+    """A table with decimal commas and commas between its cells."""
+    header, *rows = text.splitlines()
+    return "\n".join([header, *(row.replace(".", ",") for row in rows)]) + "\n"
+
+
+# What is spoilt, the call, what the answer must say beside its code, and on which line where there is one.
+SAID: tuple[tuple[str, str, Change, tuple[str, ...], str, str, int | None], ...] = (
+    ("unit left out of a name", "measurements.csv", swap("dx_um", "dx"), IDENTIFY, "CS0202", "is 'dx' meant to be dx_um?", 1),
+    ("the same, checked", "measurements.csv", swap("dx_um", "dx"), ("check", "@cell.yaml", "@measurements.csv"), "CS0202",
+     "is 'dx' meant to be dx_um?", 1),
+    ("decimal commas", "measurements.csv", typed, IDENTIFY, "CS0201", "decimal commas? then cells need ';'", 2),
+    ("a letter of another encoding", "measurements.csv", lambda text: b"# by J\xfcrgen\n" + text.encode(), IDENTIFY, "CS0201",
+     "UTF-8", 1),
+    ("a row above the header", "measurements.csv", lambda text: "hall 3" + "," * (len(COLUMNS) - 1) + "\n" + text, IDENTIFY,
+     "CS0202", "the first row that does not begin with # must name the columns", 1),
+    ("a tab in the cell", "cell.yaml", swap("tool: {", "tool:\n\t{"), IDENTIFY, "CS0101", "no tabs", None),
+    ("positions in metres", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1e-3), ALONG, "CS3005", "in metres", None),
+    ("positions in inches", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1 / 25.4), ALONG, "CS3005", "in inches", None),
+    ("positions of elsewhere", "along.csv", columns(["x_mm"], lambda x: x + 500), ALONG, "CS3005", "log of this program", None),
+)
+
+
+@pytest.mark.parametrize(("file", "change", "words", "code", "said", "line"), [one[1:] for one in SAID],
+                         ids=[one[0] for one in SAID])
+def test_the_answer_says_what_to_do(
+    tmp_path: Path, file: str, change: Change, words: tuple[str, ...], code: str, said: str, line: int | None
+) -> None:
+    job = workshop(ROBOTS[1])
+    result = job.run(tmp_path, {file: change(job.files[file])}, *words)
+    assert result.code == 1, result
+    found, = [finding for finding in result.json["findings"] if finding["code"] == code]
+    assert said in f"{found['message']} {found['hint']}", found
+    assert Path(found["file"]).name == file
+    assert line is None or found["line"] == line
+
+
+def test_names_that_are_nearly_right(tmp_path: Path) -> None:
+    """A robot written as on its plate, and a command a letter short."""
+    job = workshop(ROBOTS[1])
+    plate = job.run(tmp_path, {"cell.yaml": job.files["cell.yaml"].replace("irb6700-200-2.60", "IRB 6700-200")}, *IDENTIFY)
+    assert "irb6700-200-2.60" in next(one["hint"] for one in plate.json["findings"] if one["code"] == "CS0104")
+    short = kit.run("identifi")
+    assert short.code == 2
+    assert "Did you mean identify?" in short.err
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_bias_at_both_ends_of_a_program_with_one_feed_is_said(tmp_path: Path, robot: str) -> None:
+    """No move is told from a cut by its feed; the first and the last one are in the air all the same. With a tare it is gone;
+    of the sound job it is a note, its noise being what the scatter of five samples lets through."""
+    job = workshop(robot)
+    biased = columns(["fx_n"], lambda force: force + 30.0)(job.files["forces.csv"])
+    for forces, words, level in ((biased, CORRECT, {"warning"}), (biased, (*CORRECT, "--force", "--tare", "0:1"), set()),
+                                 (job.files["forces.csv"], (*CORRECT, "--force"), {"note"})):
+        result = job.run(tmp_path, {"forces.csv": forces}, *words)
+        assert result.code == 0, result
+        assert {finding["level"] for finding in result.json["findings"] if finding["code"] == "CS3041"} == level

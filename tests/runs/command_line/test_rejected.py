@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from tests.support import compstiff
+from tests.virtual_cell.cell import Hidden, simulate
 
 SAMPLES = Path(__file__).parents[3] / "samples"
 
@@ -45,3 +46,19 @@ def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
     record = json.loads((tmp_path / "part.mod.json").read_text())
     assert record["settings"]["accept_rejected"] is True
     assert any(finding["code"] == "CS1023" for finding in record["findings"])
+
+
+def test_an_unknown_cause_is_not_followed_by_a_correction(tmp_path: Path) -> None:
+    """The file that diagnose writes all the same is one that correct refuses: nothing leads there."""
+    case = simulate(65, "poses20", (Hidden("hose_pull", None, 2.0),), validation=6)
+    cell, rows = case.write(tmp_path)
+    done = compstiff("diagnose", cell, rows, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json", "--replicates", "39")
+    assert done.returncode == 0, done.stderr
+    assert "unknown: " in done.stdout
+    said, following = done.stderr.split("next: ")
+    assert "correct refuses it" in said
+    assert "compstiff correct" not in following
+    assert "compstiff design" in following
+    assert "--criterion C" in following
+    assert json.loads((tmp_path / "s.json").read_text())["fit"]["model_check"]["rejected"] is True
+

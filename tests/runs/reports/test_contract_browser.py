@@ -6,14 +6,19 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from compensator.correction.correct import Corrected
+import compstiff
+from compensator.correction.correct import Corrected, correct
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.settings import Settings
 from identification.common.packed import packed
+from identification.common.shipped import shipped
 from tests.runs.reports.browser import opened
 from tests.runs.reports.pages import VERDICTS
 
@@ -111,9 +116,9 @@ def test_picture_plot_and_line_move_together(browser: Any, folder: Path, sample:
     page = found.page
     program = sample.planned.program.text.source.data.decode().splitlines()
     predicted = sample.predicted
-    size = 1e6 * np.linalg.norm(predicted.prediction.position, axis=1)
+    size, left = 1e6 * np.linalg.norm(predicted.prediction.position, axis=1), 2e6 * sample.left.std
     toolpath = predicted.path.toolpath
-    most = predicted.targets[int(np.argmax(size))]
+    most = predicted.targets[int(np.argmax(left))]
     readout, slider = page.locator(".readout"), page.get_by_label("Along the path", exact=True)
 
     def where() -> tuple[int, int]:
@@ -121,8 +126,9 @@ def test_picture_plot_and_line_move_together(browser: Any, folder: Path, sample:
         assert readout.locator("code").inner_text() == program[int(line) - 1].strip()[:160]
         return int(line), int(target)
 
-    assert where() == (toolpath.line[most], toolpath.number[most]), "it begins where the deviation is largest"
-    assert f"{size.max():.1f} µm" in readout.inner_text()
+    assert where() == (toolpath.line[most], toolpath.number[most]), "it begins where most is left"
+    assert page.locator(".choices label:has(:checked)").inner_text() == "Expected left"
+    assert f"Expected left {left.max():.1f} µm" in readout.inner_text().replace("\n", " ")
     before = pixels(page)
     assert coloured(before).sum() > 3000, "the cut is drawn in colour"
     slider.press("End")
@@ -136,11 +142,10 @@ def test_picture_plot_and_line_move_together(browser: Any, folder: Path, sample:
     page.keyboard.press("Enter")
     assert abs(where()[0] - 700) <= 1
     # Another quantity: other colours, its own scale, its own largest place.
-    page.locator(".choices label", has_text="Expected left").click()
-    left = 1e6 * sample.left.std
-    at = predicted.targets[int(np.argmax(left))]
+    page.locator(".choices label", has_text="Deviation").click()
+    at = predicted.targets[int(np.argmax(size))]
     button = page.locator("button.largest")
-    assert button.inner_text() == f"Largest: {left.max():.1f} µm, line {toolpath.line[at]}"
+    assert button.inner_text() == f"Largest: {size.max():.1f} µm, line {toolpath.line[at]}"
     button.click()
     assert where()[0] == toolpath.line[at]
     page.wait_for_timeout(200)
@@ -156,6 +161,56 @@ def test_picture_plot_and_line_move_together(browser: Any, folder: Path, sample:
     assert where()[0] < 400
     assert found.complaints == []
     page.close()
+
+
+@pytest.mark.parametrize("width", [1200, 390])
+def test_labels_in_space_can_be_read(browser: Any, folder: Path, width: int) -> None:
+    """Each on a ground of its own, whole, and clear of the others, from every side."""
+    found = opened(browser, folder / "correct.html", width=width)
+    for side in ("Oblique", "Top", "Front", "Side"):
+        found.page.get_by_role("button", name=side).click()
+        found.page.wait_for_timeout(150)
+        stage = found.page.locator(".stage").bounding_box()
+        boxes = [one.bounding_box() for one in found.page.locator(".tag.mark").all()]
+        assert len(boxes) >= 2
+        for place, box in enumerate(boxes):
+            assert stage["x"] <= box["x"] <= stage["x"] + stage["width"] - box["width"], side
+            assert stage["y"] <= box["y"] <= stage["y"] + stage["height"] - box["height"], side
+            for other in boxes[:place]:
+                apart = (abs(box["x"] - other["x"]) >= min(box["width"], other["width"])
+                         or abs(box["y"] - other["y"]) >= box["height"])
+                assert apart, f"two labels on each other, {side}"
+    ground = found.page.eval_on_selector(".tag.mark", "one => getComputedStyle(one).backgroundColor")
+    assert ground == "rgb(255, 255, 255)"
+    found.page.close()
+
+
+def test_what_is_over_the_tolerance_is_marked_each(browser: Any, folder: Path, sample: Corrected) -> None:
+    """A single target among thousands is no line that anyone sees: each stretch over it has a mark, where it is most over."""
+    found = opened(browser, folder / "budget.html")
+    std = np.zeros(len(sample.predicted.path.toolpath))
+    std[sample.predicted.targets] = 2e6 * sample.left.std
+    first = np.flatnonzero(np.diff(np.r_[0, (std > 50.0).astype(int), 0]) == 1)
+    assert 1 < len(first) < len(std) / 10
+    marks = "document.querySelector('figure[data-view]').view.over"
+    assert found.page.evaluate(f"{marks}.geometry.attributes.position.count") == len(first)
+    places = np.array(found.page.evaluate(f"Array.from({marks}.geometry.attributes.position.array)")).reshape(-1, 3)
+    most = 1e3 * sample.predicted.path.base_from_tcp.position[int(np.argmax(std))]
+    assert np.abs(places - most).max(axis=1).min() < 0.01
+    found.page.locator(".choices label", has_text="Deviation").click()
+    assert found.page.evaluate(f"{marks} === null")
+    found.page.close()
+
+
+def test_paper_begins_with_answer_command_and_picture(browser: Any, folder: Path) -> None:
+    """All three on the first sheet of A4 (269 mm high within its margins)."""
+    found = opened(browser, folder / "correct.html", width=688)
+    found.page.emulate_media(media="print")
+    bottom = found.page.locator("figure").first.bounding_box()
+    assert bottom["y"] + bottom["height"] <= 269 / 25.4 * 96
+    names = found.page.locator(".picture text.mark").all_text_contents()
+    assert any(name.startswith("largest, line ") for name in names)
+    found.page.close()
 
 
 def test_keys_turn_the_view(browser: Any, folder: Path) -> None:
@@ -253,6 +308,27 @@ def test_a_command_is_copied(browser: Any, folder: Path) -> None:
     assert command.startswith("compstiff correct ")
     assert page.evaluate("navigator.clipboard.readText()") == command
     context.close()
+
+
+def test_the_reports_of_one_program_agree(sample_inputs: Inputs) -> None:
+    """`predict` and `correct` tell the same of the program as it was given, whatever the correction added to it."""
+    planned = predict_files(replace(sample_inputs, cell=shipped("samples") / "cell.yaml"), Settings.of(tare=((0, 2),)))
+    corrected = correct(planned)
+    assert corrected.as_dict()["added_targets"] > 100
+    texts = [compstiff.report(job).replace("\xa0", " ") for job in (planned, corrected)]
+    for pattern in (r"largest; RMS (\d+)", r"(\d+ of \d+) targets of \S+ carry force",
+                    r"by up to (\d+ µm \(\d+ µm RMS\)); that"):
+        first, second = (re.findall(pattern, text) for text in texts)
+        assert first == second != [], pattern
+
+
+def test_what_makes_most_of_it_uncertain_is_said_first(folder: Path, sample: Corrected) -> None:
+    """Of a program whose cut nobody stated: in the verdict, before its warnings, and as the first step."""
+    left = sample.left.as_dict()
+    assert left["cut"] > 0.5 * left["rms"]
+    text = (folder / "correct.html").read_text(encoding="utf-8")
+    order = [text.index(words) for words in ("BUT THE CUT IS NOT STATED", "nobody stated the cut", "compstiff verify")]
+    assert order == sorted(order)
 
 
 def test_numbers_arrive_as_they_were_packed(browser: Any, folder: Path) -> None:

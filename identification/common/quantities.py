@@ -1,0 +1,48 @@
+"""Physical values for people: half a gap of 86 urad, where files say 8.6e-05 rad."""
+
+from __future__ import annotations
+
+import math
+import re
+
+# What a value is read in, from the largest unit that leaves a tenth of it before the point.
+PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"))
+TAKES_PREFIX = re.compile(r"(rad|m|s)(/|$)")
+# Of the names of parameters: the unit at their end.
+UNIT = re.compile(r"(_(rad|m|n|nm|s|kg))?(_per_\w+)?$")
+
+
+def readable_unit(size: float, unit: str) -> tuple[float, str]:
+    """What a value of this size [unit] is divided by to be read, and the unit that it is in then.
+
+    >>> readable_unit(8.6e-5, "rad"), readable_unit(3.0, "N")
+    ((1e-06, 'urad'), (1.0, 'N'))
+    """
+    if not TAKES_PREFIX.match(unit) or not size or not math.isfinite(size):
+        return 1.0, "" if unit == "1" else unit
+    factor, prefix = next((one for one in PREFIXES if abs(size) >= 0.1 * one[0]), PREFIXES[-1])
+    return factor, prefix + unit
+
+
+def quantity(value: float, std: float, unit: str) -> str:
+    """A value with its standard deviation (0 or NaN: none is told), angles in degrees or arc seconds too.
+
+    >>> quantity(8.62e-5, 3.3e-6, "rad"), quantity(1.07e-7, 3.7e-9, "rad/(N*m)")
+    ('86.2 +- 3.3 urad (17.8 arcsec)', '0.107 +- 0.0037 urad/(N*m)')
+    """
+    factor, name = readable_unit(value, unit)
+    spread = f" +- {std / factor:.2g}" if std and math.isfinite(std) else ""
+    angle = ""
+    if unit == "rad":
+        degrees = math.degrees(value)
+        angle = f" ({degrees:.3g} deg)" if abs(degrees) >= 0.05 else f" ({3600 * degrees:.3g} arcsec)"
+    return f"{value / factor:.3g}{spread} {name}{angle}".rstrip()
+
+
+def parameter_words(name: str) -> str:
+    """The name of a parameter without its unit.
+
+    >>> [parameter_words(name) for name in ("half_gap_rad", "compliance_rad_per_nm", "x_m", "share")]
+    ['half gap', 'compliance', 'x', 'share']
+    """
+    return UNIT.sub("", name).replace("_", " ") or name
