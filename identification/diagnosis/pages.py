@@ -216,11 +216,12 @@ def _showing(judgement: Judgement) -> ReportTable | None:
     rows = []
     for each in sorted(judgement.showing, key=lambda each: (each.of_typical_size, -each.typical_largest)):
         said, (factor, unit) = each.as_dict(), readable_unit(each.typical, each.entry.effect.size_parameter.unit)
-        never = said["noticed_from"] is None
-        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no", f"{each.typical / factor:.2g} {unit}".rstrip(),
-                     "never" if never else f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}",
-                     "never" if never else f"{said['noticed_from_um']:.1f}", each.entry.label])
-    header = ["cause", "typical one would have shown", "typical size", "shows from", "typical one moves the tool by [um]",
+        shows = ["never", "never"]
+        if said["noticed_from"] is not None:
+            shows = [f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['noticed_from_um']:.1f}"]
+        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no",
+                     f"{each.typical / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows, each.entry.label])
+    header = ["cause", "typical one would have shown", "typical size", "moves the tool by [um]", "shows from",
               "shows from [um]", "name"]
     return ReportTable("What these rows would have shown, four times in five", header, rows,
                        numbers=(2, 3, 4, 5)) if rows else None
