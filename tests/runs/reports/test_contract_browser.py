@@ -4,6 +4,7 @@ way round, controls that move together, light, dark, paper, telephone, and no se
 from __future__ import annotations
 
 import base64
+import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,6 +38,10 @@ PIXELS = """canvas => {
 }"""
 
 
+# A folder in which a picture of every report is kept for people to look at.
+SCREENSHOTS = os.environ.get("COMPSTIFF_SCREENSHOTS", "")
+
+
 def pixels(page: Any) -> np.ndarray:
     """(height, width, 3) of the view in space."""
     width, height, data = page.eval_on_selector(".stage canvas", PIXELS)
@@ -58,6 +63,8 @@ def test_no_request_no_complaint_no_overflow(browser: Any, folder: Path, name: s
         found.page.emulate_media(media=media)
         found.page.set_viewport_size({"width": width, "height": 800})
         over = found.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        if SCREENSHOTS:
+            found.page.screenshot(path=Path(SCREENSHOTS) / f"{name}-{media}-{width}.png", full_page=True)
         assert over <= 0, f"{name} is {over} px too wide for {width} px, {media}"
     found.page.close()
 
