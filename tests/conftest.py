@@ -15,6 +15,9 @@ from identification.fit.fit import fit_stiffness
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 
+# Checks that several files of tests share: their assertions explain themselves too. Named before any of these is imported.
+pytest.register_assert_rewrite("tests.runs.hidden_effects.hide_and_diagnose", "tests.runs.hidden_effects.places")
+
 TARE = (0, 2)
 
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.

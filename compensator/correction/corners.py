@@ -34,8 +34,8 @@ SHARP = float(np.sin(np.radians(45.0) / 2))
 def corner_misses(toolpath: Toolpath, position: Array) -> tuple[Array, Array]:
     """How far the path passes each target (N,) [m], 0 at stop points, and sin(a / 2) (N,) of its turn.
 
-    position (N, 3) [m] of the targets in one frame. Joint moves, targets of unknown position or zone, and the program's ends
-    have 0.
+    position (N, 3) [m] of the targets in one frame. Joint moves, targets of unknown position or zone, those beside a move of no
+    length, and the program's ends have 0.
     """
     count = len(toolpath)
     miss, half_sine = np.zeros(count), np.zeros(count)
@@ -45,7 +45,8 @@ def corner_misses(toolpath: Toolpath, position: Array) -> tuple[Array, Array]:
     arriving, leaving, before = _directions(toolpath.move[known], position[known])
     here = known[1:-1]
     cosine = np.clip(np.einsum("ni,ni->n", arriving[:-1], leaving[1:]), -1.0, 1.0)
-    half_sine[here] = np.sqrt(np.maximum(0.5 * (1 - cosine), 0.0))
+    # A move of no length has no direction to turn from.
+    half_sine[here] = np.where((before[:-1] > 0) & (before[1:] > 0), np.sqrt(np.maximum(0.5 * (1 - cosine), 0.0)), 0.0)
     linear = np.isin(toolpath.move[known], (Move.LINEAR, Move.ARC_END, Move.ARC_VIA))
     both = linear[1:-1] & linear[2:] & (toolpath.move[here] != Move.ARC_VIA)
     radius = np.minimum(np.nan_to_num(toolpath.zone[here]), 0.5 * np.minimum(before[:-1], before[1:]))

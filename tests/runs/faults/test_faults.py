@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from identification.common import files as writing
+from identification.common.files import Content
 from identification.common.findings import CompstiffError, Finding
 from identification.common.locks import folders_locked
 from tests.runs.faults.faults import FAULTS, killed_at_steps
@@ -41,8 +42,9 @@ def test_killed_at_some_steps(tmp_path: Path, command: str) -> None:
 
 def test_a_fault_that_is_not_dealt_with_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Written in place, and the program before its record: both are named."""
-    def in_place(files: dict[Path, bytes], **_: object) -> None:
-        for path, content in reversed(files.items()):
+    def in_place(files: dict[Path, Content], **_: object) -> None:
+        for path, blocks in reversed(files.items()):
+            content = blocks if isinstance(blocks, bytes) else b"".join(blocks)
             handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             for half in (content[:len(content) // 2], content[len(content) // 2:]):
                 os.write(handle, half)
