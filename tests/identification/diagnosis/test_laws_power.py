@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from identification.diagnosis.detect import goodness_of_fit
+from identification.diagnosis.detect import base_of, goodness_of_fit
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.pages import diagnosis_report
 from identification.diagnosis.power import needed, showing, weakest
 from identification.fit.load_test import LoadTest
-from identification.fit.posterior import posterior
+from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
@@ -68,6 +69,34 @@ def test_a_cause_of_that_size_is_noticed(name: str, tmp_path: Path) -> None:
     assert counts[0] <= 10
     assert counts[1] >= 11
     assert counts[2] >= 18
+
+
+def test_noise_that_is_fitted_beside_a_cause_grows_by_it(tmp_path: Path) -> None:
+    """A joint's zero that moved looks like re-seating: fitted anew with that size in the readings, the noise leaves it at the
+    distance that shows, in the mean of ten draws; in the noise that was known before it would stand farther out."""
+    cell_file, table = simulate(0, "poses20").write(tmp_path)
+    cell = read_cell(cell_file)
+    fit, rng = posterior(LoadTest.of(cell, read_measurements(table, cell.robot))), np.random.default_rng(6)
+    catalogue = {"encoder_zero": effects()["encoder_zero"]}
+    at, critical = fit.at_map, 3.0
+    shown = next(each for each in showing(fit, catalogue, critical) if each.entry.joint == 3)
+    place = shown.entry.signatures.start + len(shown.entry.signatures) // 2
+    shape = shown.entry.effect.signatures(fit.load_state, 3)[len(shown.entry.signatures) // 2]
+    asked = needed(10.0**-critical / (0.5 * len(shown.entry.signatures)), 1)
+
+    def distance(model: Posterior) -> float:
+        """Of a cause of that size from what the springs do."""
+        columns = dictionary_of(model.load_state, model.at_map.noise, catalogue).columns[:, :, place, :1]
+        return shown.size * float(np.sqrt(base_of(model).gram(columns)[0, 0]))
+
+    def again() -> Posterior:
+        noise = at.noise.draw(fit.components.values[None], np.ones(len(fit.data.rows)), rng)[:, :, 0]
+        moved = shown.size * (shape.rows * shape.scale)[:, :3, 0]
+        reading = fit.predicted(fit.data) + np.linalg.solve(at.noise.whitening, noise[:, :, None])[:, :, 0] + moved
+        return posterior(replace(fit.data, rows=replace(fit.data.rows, deflection=reading)), (), fit)
+
+    assert distance(fit) > 1.15 * asked
+    assert np.mean([distance(again()) for _ in range(10)]) == pytest.approx(asked, rel=0.12)
 
 
 def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
