@@ -1,7 +1,7 @@
 """Single bad rows: readings that even the heavy tails of the other rows' noise do not explain.
 
-The smallest case of `sensor_step`. A row's distance from the fitted model is held against the Student distribution that the
-other rows follow, family-wise over the rows; rows in which a force error decides what a named gear does are left out of it.
+The smallest case of `sensor_step`. A row's distance from the fitted model is held against the Student distributions that the
+other rows leave open, family-wise over the rows; rows in which a force error decides what a named gear does are left out of it.
 """
 
 from __future__ import annotations
@@ -14,21 +14,16 @@ from numpy.typing import NDArray
 
 from identification.fit.noise import residual_std
 from identification.fit.posterior import Posterior
-from identification.fit.student import DEGREES, distances, tails
+from identification.fit.student import distances, probability_beyond
 
 Array = NDArray[np.float64]
-# Rare on purpose: heavier tails than estimated would do it, and such a row counts little in the fit anyway.
+# Rare on purpose: such a row counts little in the fit anyway.
 ALARM = 0.0005
 # Rows at one pose without which none of them can be called bad.
 COMPANY = 3
 # More bad rows than this share are no single mistakes, nor are more than so many in one visit (identification/fit/visits.py).
 MOST = 0.05
 MOST_IN_A_VISIT = 2
-
-
-def heavier(degrees: float) -> float:
-    """Two steps heavier tails than estimated, as far as they are tried: a few hundred rows do not tell tails well."""
-    return DEGREES[max(DEGREES.index(degrees) - 2, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +62,8 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
             return ()
         worst = int(candidates[np.argmax(distance[candidates])])
         others = candidates[candidates != worst]
-        degrees, scale = tails(distance[others], count[others])
-        p_value = len(candidates) * _probability(float(distance[worst] / scale), int(count[worst]), heavier(degrees))
+        p_value = len(candidates) * probability_beyond(
+            float(distance[worst]), int(count[worst]), distance[others], count[others])
         if p_value > ALARM:
             break
         bad[worst] = p_value
@@ -80,10 +75,3 @@ def bad_rows(fitted: Posterior) -> tuple[BadRow, ...]:
     std = residual_std(fitted.data, fitted.components, fitted.compliance)
     return tuple(BadRow(int(rows.row[k]), int(rows.line[k]), fitted.residual[k], std[k], p_value)
                  for k, p_value in bad.items())
-
-
-def _probability(squared: float, count: int, degrees: float) -> float:
-    """That a row of `count` components is so far off (squared, in its noise's scale)."""
-    from scipy.stats import chi2, f
-
-    return float(chi2.sf(squared, count) if np.isinf(degrees) else f.sf(squared / count, count, degrees))

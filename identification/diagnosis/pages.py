@@ -219,7 +219,8 @@ def _showing(judgement: Judgement) -> ReportTable | None:
         shows = ["never", "never"]
         if said["noticed_from"] is not None:
             shows = [f"{said['noticed_from'] / factor:.2g} {unit}".rstrip(), f"{said['noticed_from_um']:.1f}"]
-        rows.append([each.entry.sentence, "yes" if each.of_typical_size else "no",
+        unless = " (unless the arm's weight presses its teeth to one side)" if each.weighed else ""
+        rows.append([each.entry.sentence + unless, "yes" if each.of_typical_size else "no",
                      f"{each.typical / factor:.2g} {unit}".rstrip(), f"{said['typical_um']:.1f}", *shows, each.entry.label])
     header = ["cause", "typical one would have shown", "typical size", "moves the tool by [um]", "shows from",
               "shows from [um]", "name"]

@@ -180,9 +180,9 @@ def _outlook(dictionary: Dictionary, number: int, gram: Array, slices: dict[int,
     entry = dictionary.entries[number]
     own = [slices[s] for s in entry.signatures if s in slices]
     # The shape in the middle of the range: not the easiest, not the hardest.
-    by_strength = sorted(own, key=lambda block: weakest(gram[block, block])[0])
+    by_strength = sorted(own, key=lambda block: weakest(gram[block, block]))
     mine = by_strength[len(by_strength) // 2]
-    detectable = needed / weakest(gram[mine, mine])[0]
+    detectable = needed / weakest(gram[mine, mine])
     left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
             for k, other in enumerate(dictionary.entries) if k != number}
     worst = min(left.values(), default=np.inf)
@@ -215,7 +215,7 @@ def _left(gram: Array, mine: slice, other: slice) -> float:
     """The same once the other block is free."""
     cross = gram[mine, other]
     free = gram[other, other] + 1e-9 * (np.trace(gram[other, other]) + 1e-12) * np.eye(other.stop - other.start)
-    return weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))[0]
+    return weakest(gram[mine, mine] - cross @ np.linalg.solve(free, cross.T))
 
 
 def not_told_apart(outlooks: Iterable[Outlook]) -> list[str]:

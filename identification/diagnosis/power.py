@@ -2,10 +2,10 @@
 
 A cause of a typical sizes gives its score a noncentrality a^2 G once the springs are free (projection.py), with G its
 information under the noise of the rows. A score is noticed where it passes what five in a hundred data sets without any cause
-reach. The noise is fitted to rows that have the cause in them, and its parts grow by what they can take of it: in ln of each,
-their covariance times the gradient -a^2/2 dG/dln (one part alone with E of d numbers grows by ln(1 + E/d)/2). Of several
-parameters a cause may have any direction: G is that of all but the worst fifth of them. Of several shapes the one in the middle
-of the range counts: not the easiest, not the hardest.
+reach, in four cases of five over the noise, over the directions that a cause of several parameters may have, and over what its
+real law may be where that is not known exactly. The noise is fitted to rows that have the cause in them, and its parts grow by
+what they can take of it: in ln of each, their covariance times the gradient -a^2/2 dG/dln (one part alone with E of d numbers
+grows by ln(1 + E/d)/2). Of several shapes the one in the middle of the range counts: not the easiest, not the hardest.
 """
 
 from __future__ import annotations
@@ -20,20 +20,22 @@ from numpy.typing import NDArray
 from identification.diagnosis.detect import base_of, shares
 from identification.diagnosis.dictionary import Entry, dictionary_of
 from identification.diagnosis.projection import Base, information_blocks
+from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
 from identification.fit.noise import SMALLEST_LOG
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
+from identification.model.law_of import uncertain
 
 Array = NDArray[np.float64]
-# What is called noticed or named is so with this probability, over the noise and over the cause's direction.
+# What is called noticed or named is so with this probability.
 POWER = 0.8
 # Beyond so many typical sizes it is never noticed.
 NEVER = 1e3
 # So much information is none.
 NOTHING = 1e-12
 # Sizes that are tried, as multiples of what would show in a noise that is known; differences in ln of a part of the noise.
-SIZES = np.geomspace(1.0, 10.0, 16)
+SIZES = np.geomspace(0.5, 20.0, 24)
 STEP = 0.1
 
 
@@ -41,12 +43,14 @@ STEP = 0.1
 class Showing:
     """From which size on [typical sizes] a cause would have been noticed, with 80 % probability; typical: that size on this
     robot, in the unit of the parameter that says how large it is; largest [m]: how far the tool moves at `size` in the row in
-    which it moves most."""
+    which it moves most. weighed: whether all this is only so where no weight, which nobody stated, holds its gear on one
+    side."""
 
     entry: Entry
     size: float
     typical: float
     largest: float
+    weighed: bool
 
     @property
     def of_typical_size(self) -> bool:
@@ -65,7 +69,8 @@ class Showing:
         return {"effect": self.entry.effect.name, "joint": self.entry.joint, "parameter": parameter.name,
                 "unit": parameter.unit, "typical": self.typical, "noticed_from": None if never else self.size * self.typical,
                 "noticed_from_typical_sizes": None if never else self.size,
-                "noticed_from_um": None if never else 1e6 * self.largest, "typical_um": 1e6 * self.typical_largest}
+                "noticed_from_um": None if never else 1e6 * self.largest, "typical_um": 1e6 * self.typical_largest,
+                "unless_held_by_weight": self.weighed}
 
 
 def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) -> tuple[Showing, ...]:
@@ -76,44 +81,61 @@ def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) ->
     information, tail = information_blocks(base, dictionary), np.minimum(10.0**-critical / shares(dictionary), 0.5)
     found = []
     for entry in dictionary.entries:
-        each = [(*weakest(information[s, : dictionary.widths[s], : dictionary.widths[s]]), s)
-                for s in dictionary.unweighed(entry)]
-        _, way, middle = sorted(each, key=lambda item: item[0])[len(each) // 2]
-        signal = dictionary.columns[:, :, middle, : len(way)] @ way
-        size = _size(fitted, base, signal, needed(float(tail[middle]), len(way)))
+        each = {s: along(information[s, : dictionary.widths[s], : dictionary.widths[s]]) for s in dictionary.unweighed(entry)}
+        middle = sorted(each, key=lambda s: each[s][worst_fifth(each[s])])[(len(each) - 1) // 2]
+        strength, width = each[middle], int(dictionary.widths[middle])
+        way = directions(width)[worst_fifth(strength)]
+        signal = dictionary.columns[:, :, middle, :width] @ way
+        differs = LAW_SHARE if uncertain(entry.effect) else 0.0
+        size, asked = NEVER, needed(float(tail[middle]), width)
+        unit = strength[worst_fifth(strength)]
+        if unit**2 > NOTHING:
+            sizes = asked / unit * SIZES
+            left = _left(fitted, base, signal, sizes)
+            size = _reached(sizes, chance(np.multiply.outer(sizes * left, strength), asked, differs))
         shape = dictionary.signatures[middle]
         moved = np.linalg.norm((shape.rows[:, :3] * shape.scale) @ way, axis=1).max()
-        found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved)))
+        weighed = len(each) < len(entry.signatures)
+        found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved), weighed))
     return tuple(found)
 
 
-def _size(fitted: Posterior, base: Base, signal: Array, distance: float) -> float:
-    """At which size a signal (n, 3), of a typical one, is at this distance from the springs in the noise that is fitted beside
-    it; NEVER beyond the largest that is tried."""
+def _left(fitted: Posterior, base: Base, signal: Array, sizes: Array) -> Array:
+    """Distance from the springs of a signal (n, 3) of these sizes (S,) in the noise that is fitted beside it, as a share of
+    that in the noise as it is (S,)."""
     gram, logs = NoiseGram(fitted.at_map.noise, fitted.row_weight, base.design, signal), fitted.components.logs
 
-    def left(at: Array) -> Array:
+    def information(at: Array) -> Array:
         """G (S,) of the signal, the springs free, for the logarithms (S, 6) of the noise's parts."""
         products = gram(np.maximum(at, SMALLEST_LOG))[0]
         cross = products[:, :-1, -1:]
         taken = np.linalg.solve(products[:, :-1, :-1] + base.precision, cross)
-        return np.asarray(products[:, -1, -1] - np.sum(cross * taken, axis=(1, 2)))
+        return np.asarray(np.maximum(products[:, -1, -1] - np.sum(cross * taken, axis=(1, 2)), 0.0))
 
     unit = STEP * np.eye(len(logs))
-    here, ahead, behind = np.split(left(logs + np.concatenate([0 * unit[:1], unit, -unit])), [1, 1 + len(unit)])
-    if here[0] < NOTHING:
-        return NEVER
-    sizes = distance / np.sqrt(here[0]) * SIZES
+    here, ahead, behind = np.split(information(logs + np.concatenate([0 * unit[:1], unit, -unit])), [1, 1 + len(unit)])
     pull = fitted.components_covariance @ (behind - ahead) / (4 * STEP)
     grown = np.multiply.outer(sizes**2, pull)
     grown = np.where(grown > 0, 0.5 * np.log1p(2 * np.maximum(grown, 0)), np.maximum(grown, -1.0))
-    passed = sizes * np.sqrt(np.maximum(left(logs + grown), 0.0))
-    first = int(np.argmax(passed >= distance))
-    if passed[first] < distance:
+    return np.asarray(np.sqrt(information(logs + grown) / here))
+
+
+def _reached(sizes: Array, noticed: Array) -> float:
+    """The smallest of the sizes (S,) at which this share (S,) is POWER; NEVER beyond the largest."""
+    first = int(np.argmax(noticed >= POWER))
+    if noticed[first] < POWER:
         return NEVER
     if first == 0:
         return float(sizes[0])
-    return float(np.interp(distance, passed[first - 1: first + 1], sizes[first - 1: first + 1]))
+    return float(np.exp(np.interp(POWER, noticed[first - 1: first + 1], np.log(sizes[first - 1: first + 1]))))
+
+
+def chance(distance: Array, asked: float, differs: float) -> Array:
+    """With what probability a cause at a distance (..., directions) from the springs is noticed, all directions alike, where
+    one at `asked` is with POWER; differs: by what share, 1 sigma, its real law's distance is off the dictionary's."""
+    from scipy.special import ndtr, ndtri
+
+    return np.asarray(np.mean(ndtr((distance - asked + ndtri(POWER)) / np.hypot(1.0, differs * distance)), axis=-1))
 
 
 def needed(tail: float, degrees: int) -> float:
@@ -124,17 +146,26 @@ def needed(tail: float, degrees: int) -> float:
     return float(np.sqrt(chndtrinc(chdtri(degrees, tail), degrees, 1.0 - POWER)))
 
 
-def weakest(information: Array) -> tuple[float, Array]:
-    """Root of the information (p, p) of a block, what a cause of unit size gives in all but the worst fifth of the directions
-    that it may have; and the direction (p,) at that fifth."""
-    directions = _directions(len(information))
-    along = np.einsum("di,ij,dj->d", directions, information, directions)
-    at = int(np.argsort(along)[int((1.0 - POWER) * len(along))])
-    return float(np.sqrt(max(along[at], NOTHING))), directions[at]
+def along(information: Array) -> Array:
+    """Root of the information (p, p) of a block along each direction that a cause may have (directions,): what one of unit size
+    gives."""
+    ways = directions(len(information))
+    return np.asarray(np.sqrt(np.maximum(np.einsum("di,ij,dj->d", ways, information, ways), NOTHING)))
+
+
+def worst_fifth(strength: Array) -> int:
+    """The direction of those (directions,) that all but the worst fifth surpass."""
+    return int(np.argsort(strength)[int((1.0 - POWER) * len(strength))])
+
+
+def weakest(information: Array) -> float:
+    """What a cause of unit size gives in all but the worst fifth of the directions, from the information (p, p)."""
+    strength = along(information)
+    return float(strength[worst_fifth(strength)])
 
 
 @cache
-def _directions(width: int) -> Array:
+def directions(width: int) -> Array:
     """Unit vectors (400, width), evenly at random; of a single parameter the one."""
     if width == 1:
         return np.ones((1, 1))

@@ -236,8 +236,14 @@ def _overlooked(judgement: Judgement) -> list[str]:
         return []
     names = ", ".join(f"{each.entry.label} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
     more = f" and {len(missed) - MOST_OVERLOOKED} more" if missed[MOST_OVERLOOKED:] else ""
-    return [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} possible causes of typical size, four "
-            f"times in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
+    lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} possible causes of typical size, four "
+             f"times in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
+    held = sorted({each.entry.joint for each in every if each.weighed and each.entry.joint})
+    if held:
+        gears = f"gear{'s' if held[1:] else ''} {', '.join(map(str, held))}"
+        lines.append(f"  of play and soft zones of {gears} this holds where the "
+                     "arm's weight does not press the teeth to one side: the robot file states no `links`")
+    return lines
 
 
 def _cause_line(judgement: Judgement, cause: Cause) -> str:

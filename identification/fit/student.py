@@ -38,14 +38,29 @@ def student_weights(
 
 def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
     """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
-    best, chosen = -np.inf, (np.inf, 1.0)
-    for degrees in DEGREES:
-        scale = _student_scale(distance, count, degrees)
-        value = float(np.sum(_student_log_density(distance / scale, count, degrees) - 0.5 * count * np.log(scale)))
-        value -= np.log2(100.0 / min(degrees, 100.0))
-        if value > best:
-            best, chosen = value, (degrees, scale)
-    return chosen
+    value, scale = _tried(distance, count)
+    best = int(np.argmax(value - np.log2(100.0 / np.minimum(DEGREES, 100.0))))
+    return DEGREES[best], float(scale[best])
+
+
+def probability_beyond(squared: float, components: int, distance: Array, count: NDArray[np.int_]) -> float:
+    """That a row of so many components is as far off as this squared distance, or farther, where others are at `distance` (n,),
+    of `count` components: all degrees of freedom that these leave open, none of them likelier beforehand."""
+    from scipy.stats import chi2, f
+
+    value, scale = _tried(distance, count)
+    weight = np.exp(value - value.max())
+    beyond = [chi2.sf(squared / s, components) if np.isinf(degrees) else f.sf(squared / s / components, components, degrees)
+              for degrees, s in zip(DEGREES, scale, strict=True)]
+    return float(weight @ beyond / weight.sum())
+
+
+def _tried(distance: Array, count: NDArray[np.int_]) -> tuple[Array, Array]:
+    """ln likelihood of each of DEGREES and its best scale."""
+    scale = np.array([_student_scale(distance, count, degrees) for degrees in DEGREES])
+    value = [np.sum(_student_log_density(distance / s, count, degrees) - 0.5 * count * np.log(s))
+             for degrees, s in zip(DEGREES, scale, strict=True)]
+    return np.array(value), scale
 
 
 def _student_scale(distance: Array, count: NDArray[np.int_], degrees: float) -> float:

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.stats import chi2
 
 from identification.diagnosis.detect import base_of, goodness_of_fit
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.dictionary import dictionary_of
 from identification.diagnosis.pages import diagnosis_report
-from identification.diagnosis.power import needed, showing, weakest
+from identification.diagnosis.power import chance, needed, showing, weakest
 from identification.fit.load_test import LoadTest
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
@@ -34,11 +35,39 @@ def test_four_draws_in_five_pass(degrees: int, tail: float) -> None:
 
 def test_the_worst_fifth_of_the_directions_does_not_count() -> None:
     """In a plane whose one axis alone tells, a fifth of the directions lie within 18 degrees of the other."""
-    assert weakest(np.array([[9.0]]))[0] == 3.0
-    assert weakest(4 * np.eye(3))[0] == pytest.approx(2.0)
-    strength, way = weakest(np.diag([25.0, 0.0]))
-    assert strength == pytest.approx(5 * np.sin(np.radians(18)), rel=0.15)
-    assert strength == pytest.approx(5 * abs(way[0]))
+    assert weakest(np.array([[9.0]])) == 3.0
+    assert weakest(4 * np.eye(3)) == pytest.approx(2.0)
+    assert weakest(np.diag([25.0, 0.0])) == pytest.approx(5 * np.sin(np.radians(18)), rel=0.15)
+
+
+@pytest.mark.parametrize("differs", [0.0, 0.3])
+@pytest.mark.parametrize("distance", [3.0, 5.0, 7.0])
+def test_the_chance_of_being_noticed(differs: float, distance: float) -> None:
+    """Against draws of the real law's distance and of the noise, in two directions of which one shows half as much."""
+    rng, tail = np.random.default_rng(7), 1e-4
+    real = np.array([distance, distance / 2]) * (1 + differs * rng.standard_normal((40_000, 1)))
+    passed = np.mean((rng.standard_normal(real.shape) + real) ** 2 > chi2.isf(tail, 1))
+    assert chance(np.array([distance, distance / 2]), needed(tail, 1), differs) == pytest.approx(passed, abs=0.015)
+    assert chance(np.array([[needed(tail, 1)]]), needed(tail, 1), 0.0) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_weight_that_nobody_stated_may_hold_a_gear(links: bool, tmp_path: Path) -> None:
+    """Play of gear 3 shows nothing where the arm hangs on one side of it: said where nobody can know, and nowhere else."""
+    cell_file, table = simulate(3, "poses20").write(tmp_path)
+    robot = tmp_path / "robot.yaml"
+    if not links:
+        content = yaml.safe_load(robot.read_text())
+        del content["links"]
+        robot.write_text(yaml.safe_dump(content))
+    cell = read_cell(cell_file)
+    found = diagnose(cell, read_measurements(table, cell.robot))
+    assert found.verdict == "adequate"
+    held = {(each["effect"], each["joint"]) for each in found.as_dict()["showing"] if each["unless_held_by_weight"]}
+    assert held == (set() if links else {(law, joint) for law in ("backlash", "soft_zone") for joint in (2, 3, 4, 5)})
+    said = [line for line in found.lines() if "press the teeth to one side" in line]
+    assert len(said) == (0 if links else 1)
+    assert ("presses its teeth to one side" in diagnosis_report(found)) is not links
 
 
 @pytest.mark.parametrize("name", ["base_rocking", "force_misalignment", "encoder_zero[3]"])
