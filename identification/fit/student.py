@@ -10,6 +10,10 @@ from identification.fit.noise import NoiseModel, VarianceComponents, Weights
 Array = NDArray[np.float64]
 # Degrees of freedom that are tried; the last is the normal distribution, the prior's favourite.
 DEGREES = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
+# How often each doubles the heaviness of a distribution that is as good as normal.
+DOUBLINGS = np.log2(100.0 / np.minimum(DEGREES, 100.0))
+# What a doubling costs, in ln, where a row may be called bad: sensors that now and then jump are no rarity.
+OPEN = 0.5
 
 
 def distances(
@@ -39,16 +43,18 @@ def student_weights(
 def tails(distance: Array, count: NDArray[np.int_]) -> tuple[float, float]:
     """Degrees of freedom and scale of the Student distribution that squared distances (n,) of `count` components follow."""
     value, scale = _tried(distance, count)
-    best = int(np.argmax(value - np.log2(100.0 / np.minimum(DEGREES, 100.0))))
+    best = int(np.argmax(value - DOUBLINGS))
     return DEGREES[best], float(scale[best])
 
 
 def probability_beyond(squared: float, components: int, distance: Array, count: NDArray[np.int_]) -> float:
     """That a row of so many components is as far off as this squared distance, or farther, where others are at `distance` (n,),
-    of `count` components: all degrees of freedom that these leave open, none of them likelier beforehand."""
+    of `count` components: over all degrees of freedom that these leave open, beforehand each doubling of heaviness as much less
+    likely as OPEN says."""
     from scipy.stats import chi2, f
 
     value, scale = _tried(distance, count)
+    value = value - OPEN * DOUBLINGS
     weight = np.exp(value - value.max())
     beyond = [chi2.sf(squared / s, components) if np.isinf(degrees) else f.sf(squared / s / components, components, degrees)
               for degrees, s in zip(DEGREES, scale, strict=True)]
