@@ -86,7 +86,16 @@ def goodness_of_fit(
     """Whether the fitted model explains its rows, the laws of its terms free within their shapes."""
     state, at = fitted.load_state, fitted.at_map
     dictionary = dictionary_of(state, at.noise, catalogue)
-    base = base_of(fitted)
+    noise = FittedNoise(at.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
+    return detect(base_of(fitted, dictionary), dictionary, patterns_of(state, at.noise), noise, rng, replicates)
+
+
+def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
+    """The fitted model linearised; free beside it what the arm's unknown weight may do, and the laws of its terms within their
+    shapes."""
+    state, at, precision = fitted.load_state, fitted.at_map, fitted.prior.precision(fitted.map)
+    shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
+    base = Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(state, at.noise))
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
         base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
@@ -94,16 +103,7 @@ def goodness_of_fit(
         if undecided.shape[2]:
             base = base.extended(undecided)
     found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
-    base = base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
-    noise = FittedNoise(at.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
-    return detect(base, dictionary, patterns_of(state, at.noise), noise, rng, replicates)
-
-
-def base_of(fitted: Posterior) -> Base:
-    """The fitted model linearised, what the arm's unknown weight may do free beside it."""
-    at, precision = fitted.at_map, fitted.prior.precision(fitted.map)
-    shift = np.asarray(-np.linalg.solve(precision, fitted.prior.gradient(fitted.map)))
-    return Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(fitted.load_state, at.noise))
+    return base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
 
 
 def detect(

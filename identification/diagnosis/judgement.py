@@ -67,8 +67,8 @@ class Judgement:
     hang, found in what the model leaves and allowed for in the rows' sigmas. visits: whether single visits fit the others;
     bad_visits: those that do not, not among `rows`; suspects: those that a sensor named for their pose explains as well.
     validation: the outliers among the validate rows. mistakes: those of the table or the cell file: the one where the
-    verdict is one, else rivals of the alternatives. showing: where six springs are enough, from which size on each cause would
-    have been noticed."""
+    verdict is one, else rivals of the alternatives. showing: where six springs, or they and what is named, are
+    enough, from which size on each other cause would have been noticed."""
 
     verdict: Verdict
     plain: Posterior
@@ -131,8 +131,8 @@ class Judgement:
 
     @property
     def overlooked(self) -> tuple[Showing, ...]:
-        """Where six springs are enough: the causes that would not have been noticed at their typical size, what moves the tool
-        most first; last what other loads would hardly show either."""
+        """Of `showing`: the causes that would not have been noticed at their typical size, what moves the tool most first; last
+        what other loads would hardly show either."""
         return tuple(sorted((each for each in self.showing if not each.of_typical_size),
                             key=lambda each: (each.size > FAR, -each.typical_largest)))
 

@@ -1,11 +1,11 @@
-"""How large a cause must be for rows to show it: what an `adequate` is worth.
+"""How large a cause must be for rows to show it: what an `adequate` is worth, and a name for what may hide beside it.
 
-A cause of a typical sizes gives its score a noncentrality a^2 G once the springs are free (projection.py), with G its
-information under the noise of the rows. A score is noticed where it passes what five in a hundred data sets without any cause
-reach, in four cases of five over the noise, over the directions that a cause of several parameters may have, and over what its
-real law may be where that is not known exactly. The noise is fitted to rows that have the cause in them, and its parts grow by
-what they can take of it: in ln of each, their covariance times the gradient -a^2/2 dG/dln (one part alone with E of d numbers
-grows by ln(1 + E/d)/2). Of several shapes the one in the middle of the range counts: not the easiest, not the hardest.
+A cause of a typical sizes gives its score a noncentrality a^2 G once the springs, and what is named, are free (projection.py),
+with G its information under the noise of the rows. A score is noticed where it passes what five in a hundred data sets without
+any cause reach, in four cases of five over the noise, over the directions that a cause of several parameters may have, and over
+what its real law may be where that is not known exactly. The noise is fitted to rows that have the cause in them, and its parts
+grow by what they can take of it: in ln of each, their covariance times the gradient -a^2/2 dG/dln (one part alone with E of d
+numbers grows by ln(1 + E/d)/2). Of several shapes the one in the middle of the range counts: not the easiest, not the hardest.
 """
 
 from __future__ import annotations
@@ -74,13 +74,17 @@ class Showing:
 
 
 def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) -> tuple[Showing, ...]:
-    """Of every effect of the catalogue at every joint, beside the fitted springs; critical: the surprise that is noticed
-    (detect.py)."""
+    """Of every effect of the catalogue at every joint, beside the fitted model, but those that it has and other laws of gears
+    that have one in it; critical: the surprise that is noticed (detect.py)."""
     dictionary = dictionary_of(fitted.load_state, fitted.at_map.noise, catalogue)
-    base = base_of(fitted)
+    base = base_of(fitted, dictionary)
+    labels = {term.label for term in fitted.terms}
+    geared = {entry.joint for entry in dictionary.entries if entry.label in labels and entry.effect.gear_law}
     information, tail = information_blocks(base, dictionary), np.minimum(10.0**-critical / shares(dictionary), 0.5)
     found = []
     for entry in dictionary.entries:
+        if entry.label in labels or (entry.effect.gear_law and entry.joint in geared):
+            continue
         each = {s: along(information[s, : dictionary.widths[s], : dictionary.widths[s]]) for s in dictionary.unweighed(entry)}
         middle = sorted(each, key=lambda s: each[s][worst_fifth(each[s])])[(len(each) - 1) // 2]
         strength, width = each[middle], int(dictionary.widths[middle])

@@ -95,9 +95,10 @@ def judge(
     catalogue = effects() if catalogue is None else catalogue
     procedure = Procedure(LoadTest.of(cell, looked_at), catalogue, alarm, replicates, seed)
     found = replace(procedure.allowing_for_swing(procedure.of_good_rows()), thinning=thinning, share=share)
-    if found.causes or found.verdict not in ("adequate", "named"):
+    enough = found.adequacy if found.causes else found.detection
+    if found.verdict not in ("adequate", "named") or enough is None or enough.p_value <= alarm:
         return found
-    return replace(found, showing=showing(found.plain, catalogue, found.detection.critical))
+    return replace(found, showing=showing(found.extended, catalogue, enough.critical))
 
 
 @dataclass(frozen=True, eq=False)

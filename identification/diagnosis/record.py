@@ -230,14 +230,15 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
 
 
 def _overlooked(judgement: Judgement) -> list[str]:
-    """What springs that are enough are worth."""
+    """What the answer is worth where nothing more is seen."""
     every, missed = judgement.showing, judgement.overlooked
     if not every:
         return []
     names = ", ".join(f"{each.entry.label} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
     more = f" and {len(missed) - MOST_OVERLOOKED} more" if missed[MOST_OVERLOOKED:] else ""
-    lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} possible causes of typical size, four "
-             f"times in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
+    causes = "other possible causes" if judgement.causes else "possible causes"
+    lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} {causes} of typical size, four times "
+             f"in five{f'; not (um they move the tool here): {names}{more}' if missed else ''}"]
     held = sorted({each.entry.joint for each in every if each.weighed and each.entry.joint})
     if held:
         gears = f"gear{'s' if held[1:] else ''} {', '.join(map(str, held))}"

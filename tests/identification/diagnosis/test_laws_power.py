@@ -21,6 +21,7 @@ from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.effects import effects
 from tests.virtual_cell.cell import simulate
+from tests.virtual_cell.hidden import Hidden
 
 
 @pytest.mark.parametrize("degrees", [1, 2, 3])
@@ -115,8 +116,8 @@ def test_noise_that_is_fitted_beside_a_cause_grows_by_it(tmp_path: Path) -> None
 
     def distance(model: Posterior) -> float:
         """Of a cause of that size from what the springs do."""
-        columns = dictionary_of(model.load_state, model.at_map.noise, catalogue).columns[:, :, place, :1]
-        return shown.size * float(np.sqrt(base_of(model).gram(columns)[0, 0]))
+        dictionary = dictionary_of(model.load_state, model.at_map.noise, catalogue)
+        return shown.size * float(np.sqrt(base_of(model, dictionary).gram(dictionary.columns[:, :, place, :1])[0, 0]))
 
     def again() -> Posterior:
         noise = at.noise.draw(fit.components.values[None], np.ones(len(fit.data.rows)), rng)[:, :, 0]
@@ -148,3 +149,24 @@ def test_an_adequate_answer_says_what_it_is_worth(tmp_path: Path) -> None:
     assert f"{len(shown) - len(missed)} of {len(shown)} possible causes" in line
     assert f"{len(shown) - len(missed)}, four times in five" in diagnosis_report(found)
 
+
+
+def test_a_name_says_what_may_hide_beside_it(tmp_path: Path) -> None:
+    """Beside a bearing that tilts, bending of the arm it carries shows later than before, because the bearing may do much of
+    it; the others show as before, but for the noise."""
+    sizes, names = [], []
+    for folder, hidden in (("alone", ()), ("beside", (Hidden("bearing_tilt", 2, 1.0),))):
+        (tmp_path / folder).mkdir()
+        cell_file, table = simulate(3, "poses20", hidden).write(tmp_path / folder)
+        cell = read_cell(cell_file)
+        found = diagnose(cell, read_measurements(table, cell.robot))
+        sizes.append({each.entry.label: each.size for each in found.judgement.showing})
+        names.append([cause.label for cause in found.judgement.causes])
+    assert names == [[], ["bearing_tilt[2]"]]
+    alone, beside = sizes
+    assert set(alone) - set(beside) == {"bearing_tilt[2]"}
+    later = {label: size / alone[label] for label, size in beside.items()}
+    usual = np.median(list(later.values()))
+    assert usual == pytest.approx(1.0, abs=0.15)
+    assert later["link_bending[2]"] > 1.25 * usual
+    assert f"of {len(beside)} other possible causes" in "\n".join(found.lines())
