@@ -51,6 +51,11 @@ class FittedNoise:
     covariance: Array
     row_weight: Array
 
+    @classmethod
+    def of(cls, fitted: Posterior) -> FittedNoise:
+        """Of a fitted model."""
+        return cls(fitted.at_map.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
+
     @property
     def readings(self) -> int:
         """How many numbers were measured."""
@@ -86,8 +91,8 @@ def goodness_of_fit(
     """Whether the fitted model explains its rows, the laws of its terms free within their shapes."""
     state, at = fitted.load_state, fitted.at_map
     dictionary = dictionary_of(state, at.noise, catalogue)
-    noise = FittedNoise(at.noise, fitted.components, fitted.components_covariance, fitted.row_weight)
-    return detect(base_of(fitted, dictionary), dictionary, patterns_of(state, at.noise), noise, rng, replicates)
+    patterns = patterns_of(state, at.noise)
+    return detect(base_of(fitted, dictionary), dictionary, patterns, FittedNoise.of(fitted), rng, replicates)
 
 
 def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:

@@ -1,9 +1,9 @@
 """What a plan could and could not tell, before anything is measured (docs/effects.md, `--plan`).
 
-With the stated noise and the prior's stiffnesses, an effect of size a (in typical sizes) gives a noncentrality `a sqrt(G)` once
-the stiffnesses are free. It is found with a probability of 80 % where that is the family-wise critical value plus 0.84, and
-told from another effect where as much is left when that one is free too (with any shape of its own). An effect of several
-parameters may have any direction: G is that of all but the worst fifth of them.
+With the stated noise and the prior's stiffnesses, an effect is found from the size on that `diagnose` will say it would have
+noticed (power.py). It is told from another effect, with the same probability, where a family-wise critical value plus 0.84 is
+left of its distance from the springs when that one is free too, with any shape of its own; of several parameters in all but the
+worst fifth of the directions.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 
 from identification.common.findings import Finding
 from identification.common.quantities import readable_unit
+from identification.diagnosis.detect import FittedNoise
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
-from identification.diagnosis.power import NEVER, POWER, weakest
+from identification.diagnosis.power import NEVER, POWER, noticed_from, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import base_at
+from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
-from identification.fit.noise import VarianceComponents, noise_model
+from identification.fit.noise import NoiseModel, VarianceComponents, noise_model
+from identification.fit.variance_components import ComponentPosterior, log_covariance
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -67,9 +70,9 @@ class Outlook:
         return readable_unit(self.typical, self.unit)
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON values; sizes beyond 1e6 typical ones are null."""
+        """JSON values; sizes beyond a thousand typical ones are null."""
         def size(value: float, of: float = 1.0) -> float | None:
-            return value * of if value < 1e6 else None
+            return value * of if value < NEVER else None
 
         return {"effect": self.entry.effect.name, "joint": self.entry.joint, "grade": self.grade,
                 "minimal_detectable_typical_sizes": size(self.detectable),
@@ -122,11 +125,13 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
     """
     from scipy.stats import norm
 
-    rows = planned.select(~planned.validate)
-    base, dictionary = _linearised(cell, rows, -np.log(cell.prior.stiffness), effects())
+    data, log_compliance = _planned(cell, planned), -np.log(cell.prior.stiffness)
+    base, dictionary, noise = _linearised(data, log_compliance, effects())
+    shown = noticed_from(base, dictionary, dictionary.entries, _as_it_will_be_known(data, log_compliance, base, noise),
+                         -float(np.log10(ALARM / len(dictionary.entries))))
     gram, slices = _gram(base, dictionary)
     needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + float(norm.ppf(POWER))
-    outlooks = tuple(_outlook(dictionary, k, gram, slices, needed) for k in range(len(dictionary.entries)))
+    outlooks = tuple(_outlook(dictionary, k, each.size, gram, slices, needed) for k, each in enumerate(shown))
     return PlanOutlook(outlooks, dictionary.left_out, planned.findings)
 
 
@@ -144,8 +149,8 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
     """Of planned rows, the arm linearised at ln c (6,). Of a cause with several shapes the one in the middle of the range.
     Causes that are bound to a place in the table are left out: they hang on the order of the visits."""
     catalogue = {name: effect for name, effect in effects().items() if not effect.where}
-    rows = planned.select(~planned.validate)
-    base, dictionary = _linearised(cell, rows, log_compliance, catalogue)
+    data = _planned(cell, planned)
+    base, dictionary, _ = _linearised(data, log_compliance, catalogue)
     columns, labels = [base.design], []
     for entry in dictionary.entries:
         shapes = dictionary.unweighed(entry)
@@ -155,7 +160,7 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
         labels += [entry.label] * int(dictionary.widths[middle])
     stacked = np.concatenate(columns, axis=2)
     weighted = base.weights.apply(stacked)
-    _, first = np.unique(rows.visit, return_index=True)
+    _, first = np.unique(data.rows.visit, return_index=True)
     # Rows of a visit stand together; visits share no error.
     of = np.stack([np.einsum("nap,naq->pq", mine, its) for mine, its in zip(
         np.split(stacked, first[1:]), np.split(weighted, first[1:]), strict=True)])
@@ -164,25 +169,38 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
     return VisitInformation(of, prior, tuple(labels))
 
 
+def _planned(cell: Cell, planned: Measurements) -> LoadTest:
+    """The planned rows with a reading in every component, validate rows left aside: a plan leaves the readings empty."""
+    rows = planned.select(~planned.validate)
+    return LoadTest.of(cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
+
+
 def _linearised(
-    cell: Cell, rows: Measurements, log_compliance: Array, catalogue: dict[str, Effect]
-) -> tuple[Base, Dictionary]:
-    """The plain model at ln c (6,) and the dictionary, as planned rows would show them."""
-    # With a reading in every component: a plan leaves them empty.
-    data = LoadTest.of(cell, replace(rows, deflection=np.zeros_like(rows.deflection)))
+    data: LoadTest, log_compliance: Array, catalogue: dict[str, Effect]
+) -> tuple[Base, Dictionary, NoiseModel]:
+    """The plain model at ln c (6,) and the dictionary, as planned rows would show them, in their stated noise."""
     noise, state = noise_model(data, np.exp(log_compliance)), data.load_state(np.exp(log_compliance))
     base = base_at(data, log_compliance, noise, noise.weights(VarianceComponents()))
-    return base, dictionary_of(state, noise, catalogue)
+    return base, dictionary_of(state, noise, catalogue), noise
 
 
-def _outlook(dictionary: Dictionary, number: int, gram: Array, slices: dict[int, slice], needed: float) -> Outlook:
-    """Of one entry; needed: the noncentrality at which an effect is found."""
+def _as_it_will_be_known(data: LoadTest, log_compliance: Array, base: Base, noise: NoiseModel) -> FittedNoise:
+    """The stated noise, its parts known as well as rows that have it will tell: by a draw of it."""
+    stated, alike = VarianceComponents(), np.ones(len(data.rows))
+    drawn = noise.draw(stated.values[None], alike, np.random.default_rng(0))[:, :, 0]
+    at = Linearised(noise, base.design, drawn, alike, data.prior, log_compliance)
+    return FittedNoise(noise, stated, log_covariance(ComponentPosterior(at), stated), alike)
+
+
+def _outlook(
+    dictionary: Dictionary, number: int, detectable: float, gram: Array, slices: dict[int, slice], needed: float,
+) -> Outlook:
+    """Of one entry; detectable: its smallest size that is found; needed: the distance at which it is told from others."""
     entry = dictionary.entries[number]
     own = [slices[s] for s in entry.signatures if s in slices]
     # The shape in the middle of the range: not the easiest, not the hardest.
     by_strength = sorted(own, key=lambda block: weakest(gram[block, block]))
     mine = by_strength[len(by_strength) // 2]
-    detectable = needed / weakest(gram[mine, mine])
     left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
             for k, other in enumerate(dictionary.entries) if k != number}
     worst = min(left.values(), default=np.inf)

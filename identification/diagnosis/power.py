@@ -10,6 +10,7 @@ numbers grows by ln(1 + E/d)/2). Of several shapes the one in the middle of the 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -17,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.detect import base_of, shares
-from identification.diagnosis.dictionary import Entry, dictionary_of
+from identification.diagnosis.detect import FittedNoise, base_of, shares
+from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.projection import Base, information_blocks
 from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
@@ -77,14 +78,20 @@ def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) ->
     """Of every effect of the catalogue at every joint, beside the fitted model, but those that it has and other laws of gears
     that have one in it; critical: the surprise that is noticed (detect.py)."""
     dictionary = dictionary_of(fitted.load_state, fitted.at_map.noise, catalogue)
-    base = base_of(fitted, dictionary)
     labels = {term.label for term in fitted.terms}
     geared = {entry.joint for entry in dictionary.entries if entry.label in labels and entry.effect.gear_law}
+    others = [entry for entry in dictionary.entries
+              if entry.label not in labels and not (entry.effect.gear_law and entry.joint in geared)]
+    return noticed_from(base_of(fitted, dictionary), dictionary, others, FittedNoise.of(fitted), critical)
+
+
+def noticed_from(
+    base: Base, dictionary: Dictionary, entries: Iterable[Entry], noise: FittedNoise, critical: float,
+) -> tuple[Showing, ...]:
+    """Of these entries of the dictionary, beside a linearised model."""
     information, tail = information_blocks(base, dictionary), np.minimum(10.0**-critical / shares(dictionary), 0.5)
     found = []
-    for entry in dictionary.entries:
-        if entry.label in labels or (entry.effect.gear_law and entry.joint in geared):
-            continue
+    for entry in entries:
         each = {s: along(information[s, : dictionary.widths[s], : dictionary.widths[s]]) for s in dictionary.unweighed(entry)}
         middle = sorted(each, key=lambda s: each[s][worst_fifth(each[s])])[(len(each) - 1) // 2]
         strength, width = each[middle], int(dictionary.widths[middle])
@@ -95,7 +102,7 @@ def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) ->
         unit = strength[worst_fifth(strength)]
         if unit**2 > NOTHING:
             sizes = asked / unit * SIZES
-            left = _left(fitted, base, signal, sizes)
+            left = _left(base, noise, signal, sizes)
             size = _reached(sizes, chance(np.multiply.outer(sizes * left, strength), asked, differs))
         shape = dictionary.signatures[middle]
         moved = np.linalg.norm((shape.rows[:, :3] * shape.scale) @ way, axis=1).max()
@@ -104,10 +111,10 @@ def showing(fitted: Posterior, catalogue: dict[str, Effect], critical: float) ->
     return tuple(found)
 
 
-def _left(fitted: Posterior, base: Base, signal: Array, sizes: Array) -> Array:
+def _left(base: Base, noise: FittedNoise, signal: Array, sizes: Array) -> Array:
     """Distance from the springs of a signal (n, 3) of these sizes (S,) in the noise that is fitted beside it, as a share of
     that in the noise as it is (S,)."""
-    gram, logs = NoiseGram(fitted.at_map.noise, fitted.row_weight, base.design, signal), fitted.components.logs
+    gram, logs = NoiseGram(noise.model, noise.row_weight, base.design, signal), noise.components.logs
 
     def information(at: Array) -> Array:
         """G (S,) of the signal, the springs free, for the logarithms (S, 6) of the noise's parts."""
@@ -118,7 +125,7 @@ def _left(fitted: Posterior, base: Base, signal: Array, sizes: Array) -> Array:
 
     unit = STEP * np.eye(len(logs))
     here, ahead, behind = np.split(information(logs + np.concatenate([0 * unit[:1], unit, -unit])), [1, 1 + len(unit)])
-    pull = fitted.components_covariance @ (behind - ahead) / (4 * STEP)
+    pull = noise.covariance @ (behind - ahead) / (4 * STEP)
     grown = np.multiply.outer(sizes**2, pull)
     grown = np.where(grown > 0, 0.5 * np.log1p(2 * np.maximum(grown, 0)), np.maximum(grown, -1.0))
     return np.asarray(np.sqrt(information(logs + grown) / here))
