@@ -22,10 +22,9 @@ from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, noticed_from, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import base_at
-from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, VarianceComponents, noise_model
-from identification.fit.variance_components import ComponentPosterior, log_covariance
+from identification.fit.planned_noise import planned_covariance
 from identification.measurements import Measurements
 from identification.model.cell import Cell
 from identification.model.effects import Effect, effects
@@ -127,8 +126,9 @@ def judge_plan(cell: Cell, planned: Measurements) -> PlanOutlook:
 
     data, log_compliance = _planned(cell, planned), -np.log(cell.prior.stiffness)
     base, dictionary, noise = _linearised(data, log_compliance, effects())
-    shown = noticed_from(base, dictionary, dictionary.entries, _as_it_will_be_known(data, log_compliance, base, noise),
-                         -float(np.log10(ALARM / len(dictionary.entries))))
+    known = FittedNoise(noise, VarianceComponents(), planned_covariance(data, log_compliance, noise, base.design),
+                        np.ones(len(data.rows)))
+    shown = noticed_from(base, dictionary, dictionary.entries, known, -float(np.log10(ALARM / len(dictionary.entries))))
     gram, slices = _gram(base, dictionary)
     needed = float(norm.isf(ALARM / 2 / len(dictionary.entries))) + float(norm.ppf(POWER))
     outlooks = tuple(_outlook(dictionary, k, each.size, gram, slices, needed) for k, each in enumerate(shown))
@@ -182,14 +182,6 @@ def _linearised(
     noise, state = noise_model(data, np.exp(log_compliance)), data.load_state(np.exp(log_compliance))
     base = base_at(data, log_compliance, noise, noise.weights(VarianceComponents()))
     return base, dictionary_of(state, noise, catalogue), noise
-
-
-def _as_it_will_be_known(data: LoadTest, log_compliance: Array, base: Base, noise: NoiseModel) -> FittedNoise:
-    """The stated noise, its parts known as well as rows that have it will tell: by a draw of it."""
-    stated, alike = VarianceComponents(), np.ones(len(data.rows))
-    drawn = noise.draw(stated.values[None], alike, np.random.default_rng(0))[:, :, 0]
-    at = Linearised(noise, base.design, drawn, alike, data.prior, log_compliance)
-    return FittedNoise(noise, stated, log_covariance(ComponentPosterior(at), stated), alike)
 
 
 def _outlook(

@@ -1,4 +1,4 @@
-"""How large a cause must be for rows to show it: what an `adequate` is worth, and a name for what may hide beside it.
+"""How large a cause must be for rows to show it: what an answer is worth that sees nothing more.
 
 A cause of a typical sizes gives its score a noncentrality a^2 G once the springs, and what is named, are free (projection.py),
 with G its information under the noise of the rows. A score is noticed where it passes what five in a hundred data sets without
