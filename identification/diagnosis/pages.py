@@ -126,7 +126,7 @@ def _keys(judgement: Judgement, content: dict[str, Any]) -> list[Key]:
     if count:
         keys.append(Key("left out", str(count), "reading" if count == 1 else "readings", names))
     missed = judgement.overlooked
-    if missed:
+    if missed and not judgement.causes:
         keys.append(Key("most that may hide", f"{1e6 * missed[0].typical_largest:.0f}", "µm", "in these rows, by a cause of "
                         f"typical size that they would not have shown: {missed[0].entry.sentence}"))
     gain = judgement.gain
