@@ -41,8 +41,7 @@ def milled(path: Path3, shift: np.ndarray, cutting: float = CUTTING, share: floa
 
     def cut(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is asked for beyond this part (COUNT,) of the planned depth's force, and where the tool stands under it."""
-        stood = shift + [kit.deviation(IRB6660, q, TOOL.p, np.r_[f, 0, 0, 0], K)
-                         for q, f in zip(path.q, base * part[:, None], strict=True)]
+        stood = shift + kit.deviation(IRB6660, np.array(path.q), TOOL.p, np.pad(base * part[:, None], ((0, 0), (0, 3))), K)
         away = np.einsum("ni,ni->n", stood, across / size[:, None])
         return 1 - 1e3 * cutting * away / size - part, stood
 
