@@ -288,7 +288,7 @@ def test_the_cell_states_the_cut(tmp_path: Path, path: Path3, uncorrected: Passe
     first, _ = uncorrected
     job = Job(tmp_path, program=path.program(), forces=text(first))
     plain = job.cell
-    assert job.correct("--cutting-stiffness", f"{CUTTING}:40").code == 0
+    optional = job.correct("--json", "--cutting-stiffness", f"{CUTTING}:40").json["result"]["expected_left_um"]
     by_option = commanded(job)
     job.cell = plain + f"cutting: {{stiffness_n_per_mm: {CUTTING}, std_n_per_mm: 40}}\n"
     result = job.correct("--force", "--json")
@@ -298,6 +298,7 @@ def test_the_cell_states_the_cut(tmp_path: Path, path: Path3, uncorrected: Passe
     assert exact["cut"] == 0
     left = result.json["result"]["expected_left_um"]
     assert left["cut"] > 1
+    assert left == pytest.approx(optional, rel=1e-6)
     assert left["model"] == pytest.approx(exact["model"], rel=1e-3)
     job.cell = plain + "cutting: {material: steel, tool_diameter_mm: 16}\n"
     result = job.correct("--force", "--json")

@@ -16,6 +16,7 @@ from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
 from compstiff.cli.main import compstiff
+from identification.common.findings import CompstiffError
 from identification.model.cell import read_cell
 from tests.support import write_cell
 
@@ -245,6 +246,16 @@ def test_files_that_cannot_be_compared(
     result = verify(passes["cell"], passes["before"], other)
     assert result.exit_code == 1
     assert f"error {code}" in result.stderr
+
+
+@pytest.mark.parametrize(("header", "rows", "line"), [
+    ("target,dx_um", [[0, 1], [1.5, 2], [3, 1], [-1, 2]], 3), ("target,dn_um,nx,ny,nz", [[0, 1, 1, 0, 0], [1, 2, 1, 1, 0]], 3)])
+def test_the_first_line_that_is_wrong_is_named(
+    passes: dict[str, Path], tmp_path: Path, header: str, rows: list[list[float]], line: int,
+) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(csv(tmp_path, "r.csv", header, np.array(rows)), read_cell(passes["cell"]))
+    assert stopped.value.findings[0].line == line
 
 
 def test_a_prediction_that_cannot_be_joined(passes: dict[str, Path], tmp_path: Path) -> None:
