@@ -86,6 +86,7 @@ def test_the_documented_refusals_are_those_of_the_device():
     words = {"header": "header", "sequence": "sequence", "page length": "page_length", "offset": "offset", "CRC": "crc",
              "disk": "storage", "another writer": "other_writer", "robot running": "robot_running",
              "a repeated page differs": "page_changed"}
-    told = {word: int(number) for number, word in re.findall(r"(\d) ([^,]+?)(?: over the limit or no offset)?(?:,|$)", listed[1])}
+    entries = re.findall(r"(\d) ([^,]+?)(?: over the limit or no offset)?(?:,|$)", listed[1])
+    told = {word: int(number) for number, word in entries}
     assert told == {word: registers.Result[name.upper()].value for word, name in words.items()}
     assert sorted(registers.Result) == [0, *sorted(told.values())]
