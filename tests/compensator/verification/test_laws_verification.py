@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -246,6 +247,15 @@ def test_files_that_cannot_be_compared(
     result = verify(passes["cell"], passes["before"], other)
     assert result.exit_code == 1
     assert f"error {code}" in result.stderr
+
+
+def test_a_reading_along_a_normal_has_the_mean_variance_of_the_cell_s_axes(passes: dict[str, Path], tmp_path: Path) -> None:
+    cell = read_cell(passes["cell"])
+    cell = replace(cell, noise=replace(cell.noise, deflection=1e-6 * np.array([1.0, 2.0, 4.0])))
+    along, across = (read_readings(csv(tmp_path, "r.csv", f"target,{names}", np.array([row])), cell).sigma
+                     for names, row in (("dn_um,nx,ny,nz", [0, 5, 1, 0, 0]), ("dx_um,dy_um,dz_um", [0, 5, 6, 7])))
+    np.testing.assert_allclose(1e6 * along, [[np.sqrt(7.0)]])
+    np.testing.assert_allclose(1e6 * across, [[1.0, 2.0, 4.0]])
 
 
 @pytest.mark.parametrize(("header", "rows", "line"), [
