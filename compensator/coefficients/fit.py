@@ -15,7 +15,7 @@ from compensator.correction.logged_pass import read_offsets
 from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
-from compensator.cutting.cut import Cut, cut_of
+from compensator.cutting.cut import cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import coefficients_of
 from compensator.cutting.posterior import fit_coefficients
@@ -23,7 +23,7 @@ from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
 from compensator.cutting.stock_file import read_stock
-from compensator.forces.placement import ForceLog
+from compensator.forces.placement import ForceLog, TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.common.files import sha256
@@ -80,7 +80,8 @@ def cutting_coefficients(
     depth = float(np.median(cut.engagement.depth[cut.engagement.cuts]))
     noise = float(np.hypot(found.floor, 0.5))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
-    findings = (*predicted.findings, *cut.findings(), *assumed, *_said(found.mean, found.aside, cut, predicted, used))
+    said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, predicted.forces, used)
+    findings = (*predicted.findings, *cut.findings(), *assumed, *said)
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
 
 
@@ -137,11 +138,14 @@ def standing(predicted: Predicted) -> Array:
     return stood
 
 
-def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: NDArray[np.bool_]) -> list[Finding]:
-    """What a user must know of the fit."""
+def said_of_the_fit(
+    mean: Array, aside: Array, position_std: float, forces: TargetForces, used: NDArray[np.bool_],
+) -> list[Finding]:
+    """What a user must know of the fit. mean (6,): of the coefficients. aside (3,): the tool beside the stock in the work
+    object, in multiples of position_std [m]. used: targets that were taken."""
     findings = []
-    source = predicted.forces.log.source
-    with_force = int(predicted.forces.forced.sum())
+    source = forces.log.source
+    with_force = int(forces.forced.sum())
     if with_force and used.sum() < 0.8 * with_force:
         findings.append(Finding("CS4733", "warning", f"{with_force - int(used.sum())} of {with_force} targets with force cut "
                                 "nothing of the stock, or are not known to, and were left out", file=source,
@@ -151,7 +155,7 @@ def _said(mean: Array, aside: Array, cut: Cut, predicted: Predicted, used: NDArr
                                 file=source, hint="check force_log.frame and sign, the spindle's sense of turning, the stock"))
     far = np.abs(aside) > 2
     if far.any():
-        where = ", ".join(f"{-1e3 * value * cut.left.position_std:+.2f} mm in {name}" for value, name, one in zip(
+        where = ", ".join(f"{-1e3 * value * position_std:+.2f} mm in {name}" for value, name, one in zip(
             aside, "xyz", far, strict=True) if one)
         findings.append(Finding("CS4735", "warning", f"the log fits best where the stock stands aside by {where}, more than "
                                 "twice what its file says may be", file=source, hint="measure where the stock stands"))

@@ -168,7 +168,7 @@ def test_the_container_s_call_runs_without_root_and_its_health_is_the_lock(cell:
             assert time.monotonic() < end, "the watch is not healthy after a minute"
             time.sleep(0.1)
         process.terminate()
-        assert process.wait(timeout=30) == 0
+        assert process.wait(timeout=120) == 0
     assert subprocess.run(health, cwd=cell, capture_output=True).returncode != 0
 
 
@@ -195,7 +195,7 @@ def test_completion(shell: str, tmp_path: Path) -> None:
     where = environment(tmp_path)
 
     def asked(**more: str) -> str:
-        return subprocess.run(["compstiff"], env=where | more, capture_output=True, text=True, timeout=30).stdout
+        return subprocess.run(["compstiff"], env=where | more, capture_output=True, text=True, timeout=120).stdout
 
     script = asked(_COMPSTIFF_COMPLETE=f"{shell}_source")
     assert "compstiff" in script
@@ -215,7 +215,7 @@ def test_bash_completes_as_it_is_told(tmp_path: Path) -> None:
     where = environment(tmp_path)
     code = ('eval "$(_COMPSTIFF_COMPLETE=bash_source compstiff)"\nCOMP_WORDS=(compstiff diagn)\nCOMP_CWORD=1\n'
             '_compstiff_completion compstiff diagn compstiff\necho "${COMPREPLY[@]}"')
-    done = subprocess.run(["bash", "-c", code], env=where, capture_output=True, text=True, timeout=30)
+    done = subprocess.run(["bash", "-c", code], env=where, capture_output=True, text=True, timeout=120)
     assert "diagnose" in done.stdout, done.stderr
 
 

@@ -141,6 +141,9 @@ def beyond_the_fit(plain: Posterior) -> NamedMistake | None:
 def mistakes_in(plain: Posterior) -> Mistakes:
     """The mistakes that these rows may hold, without a look at physics."""
     found = search(plain)
+    # Rows of two robots are named of a gross misfit alone; of any other they only stand beside what is named.
+    if _is_gross(found.plain) or any(_named(found, each) for each in found.candidates):
+        found = found.with_those_apart()
     good = [named for each in found.candidates if (named := _named(found, each)) is not None]
     if not good:
         return Mistakes(found, (), None)

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import USUAL_FORCE_RELATIVE, USUAL_OFFSET_M
-from identification.model.compliance import regressor
+from identification.model.kinematics import jacobian
 
 Array = NDArray[np.float64]
 ROUNDS = 60
+# A data set is at its best springs where a step gains less of ln likelihood, or none does however short.
+LITTLE, HOPELESS = 1e-9, 1e6
 # A force under this is none [N].
 LEAST_FORCE = 1.0
 
@@ -48,7 +50,7 @@ class Sums:
     def __sub__(self, other: Sums) -> Sums:
         return Sums(*(a - b for a, b in zip(self._parts, other._parts, strict=True)))
 
-    def __getitem__(self, which: slice) -> Sums:
+    def __getitem__(self, which: slice | NDArray[np.intp]) -> Sums:
         return Sums(*(part[which] for part in self._parts))
 
     @property
@@ -61,9 +63,20 @@ class Sums:
         return Sums(*(np.concatenate(parts) for parts in zip(*(each._parts for each in sums), strict=True)))
 
 
-def sums(data: LoadTest) -> Sums:
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The linear model of some rows: columns (n, 3, 6) for compliances in units of the prior's medians, readings (n, 3) [m]
+    with zero where none was taken, and the variance (n,) [m^2] of a reading."""
+
+    data: LoadTest
+    columns: Array
+    readings: Array
+    variance: Array
+
+
+def sums(model: Linear) -> Sums:
     """Of these rows, by visit."""
-    columns, scaled, variance = linear(data)
+    data, columns, scaled, variance = model.data, model.columns, model.readings, model.variance
     precision = np.where(np.isnan(data.rows.deflection), 0.0, 1 / variance[:, None])
     offset = data.cell.noise.pose_offset if data.cell.noise.offset_stated else np.full(3, USUAL_OFFSET_M)
     visit = np.unique(data.rows.visit, return_inverse=True)[1]
@@ -85,18 +98,24 @@ def sums(data: LoadTest) -> Sums:
     return Sums(gram[:, :6, :6], gram[:, :6, 6], gram[:, 6, 6], by_visit(measured.sum(axis=1).astype(float)), log_determinant)
 
 
-def linear(data: LoadTest) -> tuple[Array, Array, Array]:
-    """Columns (n, 3, 6) for compliances in units of the prior's medians, readings (n, 3) with zero where none was taken, and
-    the variance (n,) of a reading."""
+def linear(data: LoadTest, arm: Array | None = None) -> Linear:
+    """The linear model of these rows; arm (n, 6, 6): the springs' Jacobian at their poses, where it is known."""
     cell, rows = data.cell, data.rows
-    columns = regressor(cell.robot, rows.theta, cell.flange_from_tcp, rows.wrench)[:, :3] / data.prior.prior.stiffness
+    arm = spring_jacobian(data) if arm is None else arm
+    torque = np.einsum("nri,nr->ni", arm, rows.wrench)
+    columns = arm[:, :3] * torque[:, None, :] / data.prior.prior.stiffness
     readings = np.nan_to_num(rows.deflection)
     sensor = np.where(np.isnan(rows.sigma), cell.noise.deflection, rows.sigma)
     force = np.linalg.norm(rows.wrench[:, :3], axis=1)
     noise = cell.noise
     relative = noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE
     share = np.minimum(relative**2 + np.mean(noise.force**2) / np.maximum(force, LEAST_FORCE) ** 2, 1.0)
-    return columns, readings, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1)
+    return Linear(data, columns, readings, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1))
+
+
+def spring_jacobian(data: LoadTest) -> Array:
+    """The springs' Jacobian (n, 6, 6) [m/rad, rad/rad] at the poses of these rows."""
+    return jacobian(data.cell.robot, data.rows.theta, data.cell.flange_from_tcp)
 
 
 def log_scores(each: Sums, log_std: Array) -> tuple[Array, Array]:
@@ -104,36 +123,39 @@ def log_scores(each: Sums, log_std: Array) -> tuple[Array, Array]:
 
     log_std (6,): of the log-normal prior. The common scale of the noise is the likeliest one.
     """
-    gram, pull, count = each.gram, each.pull, np.maximum(each.count, 1.0)
-    x = np.zeros_like(pull)
+    count = np.maximum(each.count, 1.0)
+    x = np.zeros_like(each.pull)
     damping = np.full(len(x), 1e-3)
 
-    def chi2(x: Array) -> Array:
-        c = np.exp(x)
-        value = each.squares - 2 * np.einsum("hp,hp->h", pull, c) + np.einsum("hp,hpq,hq->h", c, gram, c)
-        return np.asarray(np.maximum(value, 1e-3 * count))
+    def chi2(which: NDArray[np.intp], x: Array) -> Array:
+        c, gram, pull = np.exp(x), each.gram[which], each.pull[which]
+        value = each.squares[which] - 2 * np.einsum("hp,hp->h", pull, c) + np.einsum("hp,hpq,hq->h", c, gram, c)
+        return np.asarray(np.maximum(value, 1e-3 * count[which]))
 
-    def cost(x: Array, left: Array) -> Array:
-        return np.asarray(0.5 * count * np.log(left / count) + 0.5 * np.sum((x / log_std) ** 2, axis=1))
+    def cost(which: NDArray[np.intp], x: Array, left: Array) -> Array:
+        readings = count[which]
+        return np.asarray(0.5 * readings * np.log(left / readings) + 0.5 * np.sum((x / log_std) ** 2, axis=1))
 
-    left = chi2(x)
-    value = cost(x, left)
+    ahead = np.arange(len(x))
+    left = chi2(ahead, x)
+    value = cost(ahead, x, left)
     for _ in range(ROUNDS):
-        c, scale = np.exp(x), (left / count)[:, None]
-        gradient = c * (pull - np.einsum("hpq,hq->hp", gram, c)) / scale - x / log_std**2
+        gram, at, c, scale = each.gram[ahead], x[ahead], np.exp(x[ahead]), (left[ahead] / count[ahead])[:, None]
+        gradient = c * (each.pull[ahead] - np.einsum("hpq,hq->hp", gram, c)) / scale - at / log_std**2
         curvature = c[:, :, None] * gram * c[:, None, :] / scale[:, :, None] + np.diag(1 / log_std**2)
         diagonal = np.einsum("hpp->hp", curvature)
-        damped = curvature + np.eye(6) * (damping[:, None] * diagonal)[:, None, :]
+        damped = curvature + np.eye(6) * (damping[ahead, None] * diagonal)[:, None, :]
         steps = np.linalg.solve(damped, gradient[:, :, None])[:, :, 0]
         steps *= np.minimum(1.0, 1.5 / np.maximum(np.abs(steps).max(axis=1), 1e-300))[:, None]
-        trial = x + steps
-        trial_left = chi2(trial)
-        trial_value = cost(trial, trial_left)
-        better = trial_value <= value
-        gained = np.max(np.where(better, value - trial_value, 0.0), initial=0.0)
-        x, left = np.where(better[:, None], trial, x), np.where(better, trial_left, left)
-        value = np.where(better, trial_value, value)
-        damping = np.where(better, 0.2 * damping, 5 * damping + 1e-12)
-        if gained < 1e-3 and np.all(better | (damping > 1e6)):
+        trial = at + steps
+        trial_left = chi2(ahead, trial)
+        trial_value = cost(ahead, trial, trial_left)
+        gained = value[ahead] - trial_value
+        better = gained >= 0
+        moved = ahead[better]
+        x[moved], left[moved], value[moved] = trial[better], trial_left[better], trial_value[better]
+        damping[ahead] = np.where(better, 0.2 * damping[ahead], 5 * damping[ahead] + 1e-12)
+        ahead = ahead[np.where(better, gained >= LITTLE, damping[ahead] <= HOPELESS)]
+        if not len(ahead):
             break
     return -value - 0.5 * each.log_determinant, x

@@ -6,7 +6,7 @@ counted: the prior of a mistake is shared out over those that were tried.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from identification.fit.mistakes.cell_file import cell_mistakes
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
-from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
+from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
 from identification.fit.posterior import Posterior, posterior
 from identification.model.effects_in_force import EFFECTS
@@ -63,20 +63,35 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """plain: the fit of the rows as they are; its ln evidence; candidates, the likeliest first; how many were tried."""
+    """plain: the fit of the rows as they are; its ln evidence; candidates, the likeliest first; how many were tried; apart:
+    what is worth a fit and was not fitted, rows that want springs of their own."""
 
     plain: Posterior
     log_evidence: float
     candidates: tuple[Candidate, ...]
     tried: int
+    apart: tuple[_Guess, ...] = ()
+
+    def with_those_apart(self) -> Search:
+        """With the fits of rows that want springs of their own, two for each, among the candidates."""
+        return replace(self, candidates=_likeliest_first([*self.candidates, *_fits(self.plain, self.apart)]), apart=())
 
 
 def search(plain: Posterior) -> Search:
-    """All mistakes that mend something in the rows of this fit."""
+    """All mistakes that mend something in the rows of this fit; those apart are left to who asks for them."""
     fitted = _portion(plain)
     look = _Look(fitted.data)
-    found = [candidate for guess in look.guesses() if (candidate := _fitted(fitted, guess)) is not None]
-    return Search(fitted, log_evidence(fitted), tuple(sorted(found, key=lambda each: -each.log_posterior)), look.tried)
+    guesses = look.guesses()
+    alone, apart = (tuple(guess for guess in guesses if guess.split == split) for split in (False, True))
+    return Search(fitted, log_evidence(fitted), _likeliest_first(_fits(fitted, alone)), look.tried, apart)
+
+
+def _likeliest_first(candidates: list[Candidate]) -> tuple[Candidate, ...]:
+    return tuple(sorted(candidates, key=lambda each: -each.log_posterior))
+
+
+def _fits(plain: Posterior, guesses: tuple[_Guess, ...]) -> list[Candidate]:
+    return [candidate for guess in guesses if (candidate := _fitted(plain, guess)) is not None]
 
 
 def _portion(plain: Posterior) -> Posterior:
@@ -126,6 +141,7 @@ class _Look:
         self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *cell_mistakes(data)]
         self.visits, self._number = np.unique(data.rows.visit, return_inverse=True)
         self._log_std = data.prior.prior.log_std
+        self._arm = spring_jacobian(data)
         count = len(self.visits)
         evenly = np.linspace(1, count - 1, min(count - 1, MOST_BOUNDARIES)) if count > 1 else np.empty(0)
         self.boundaries = np.unique(evenly.astype(int))
@@ -133,9 +149,14 @@ class _Look:
         self.usual = sum(mistake.usual for mistake in self.mistakes) + self.places + 1
         self.tried = len(self.mistakes) + self.places + 1
 
+    def _linear(self, mended: LoadTest) -> Linear:
+        """The linear model of mended data; where the poses are those of the table the arm is known."""
+        as_it_is = mended.cell is self.data.cell and mended.rows.theta is self.data.rows.theta
+        return linear(mended, self._arm if as_it_is else None)
+
     def guesses(self) -> list[_Guess]:
         """The few that are worth a fit, the likeliest first."""
-        plain = sums(self.data)
+        plain = sums(self._linear(self.data))
         scores, springs = log_scores(plain.total(), self._log_std)
         found = [*self._of_columns(plain), *self._of_sizes(springs[0])]
         best = max((guess.score for guess in found), default=-np.inf)
@@ -145,35 +166,33 @@ class _Look:
 
     def _of_columns(self, plain: Sums) -> list[_Guess]:
         """Those without a size: in all rows, before or from a visit on; and two sets of springs."""
-        each = [sums(mistake.mended(self.data)) for mistake in self.mistakes]
+        each = [sums(self._linear(mistake.mended(self.data))) for mistake in self.mistakes]
         volume = [self._log_volume(mistake) for mistake in self.mistakes]
-        totals, labels = [one.total() for one in each], [(k, 0, False) for k in range(len(each))]
+        # Before each boundary, then from each on.
+        parts = [(self._number < b) == head for head in (True, False) for b in self.boundaries]
+        places = [(None, 1.0), *((part, float(part.mean())) for part in parts)]
+        totals, labels = [one.total() for one in each], [(k, 0) for k in range(len(each))]
         before = plain.up_to()
         for k, one in enumerate(each):
             if not self.mistakes[k].usual or self.mistakes[k].of == "cell":
                 continue
-            mended = one.up_to()
-            for b in self.boundaries:
-                first, last = slice(b - 1, b), slice(-1, None)
-                totals += [mended[first] + before[last] - before[first], before[first] + mended[last] - mended[first]]
-                labels += [(k, int(b), True), (k, int(b), False)]
+            mended, first, last = one.up_to(), self.boundaries - 1, slice(-1, None)
+            totals += [mended[first] + before[last] - before[first], before[first] + mended[last] - mended[first]]
+            labels += [(k, place) for place in range(1, len(places))]
         scores, _ = log_scores(Sums.joined(totals), self._log_std)
         found = []
-        for score, (k, boundary, head) in zip(scores, labels, strict=True):
-            rows = None if boundary == 0 else (self._number < boundary) == head
-            prior = self._log_prior(self.mistakes[k].usual, boundary > 0)
-            share = volume[k] if rows is None else volume[k] * float(rows.mean())
-            found.append(_Guess(self.mistakes[k], rows, float(score) + share + prior, prior))
+        for score, (k, place) in zip(scores, labels, strict=True):
+            rows, share = places[place]
+            prior = self._log_prior(self.mistakes[k].usual, rows is not None)
+            found.append(_Guess(self.mistakes[k], rows, float(score) + volume[k] * share + prior, prior))
         return found + self._of_two_robots(before)
 
     def _of_two_robots(self, before: Sums) -> list[_Guess]:
         """The rows from a visit on want other springs."""
         if not len(self.boundaries):
             return []
-        last = slice(-1, None)
-        heads = Sums.joined([before[b - 1: b] for b in self.boundaries])
-        tails = Sums.joined([before[last] - before[b - 1: b] for b in self.boundaries])
-        scores = log_scores(heads, self._log_std)[0] + log_scores(tails, self._log_std)[0]
+        heads = before[self.boundaries - 1]
+        scores = log_scores(heads, self._log_std)[0] + log_scores(before[slice(-1, None)] - heads, self._log_std)[0]
         prior = self._log_prior(True, True)
         return [_Guess(_two_robots(), self._number >= b, float(score) + prior, prior, split=True)
                 for b, score in zip(self.boundaries, scores, strict=True)]
@@ -196,16 +215,16 @@ class _Look:
         high = np.array([parameter.high for parameter in size.parameters])
         values, x, best, score = np.zeros(len(typical)), springs, np.zeros(len(typical)), -np.inf
         for _ in range(SIZE_STEPS):
-            data = size.mistake(self.data, joint, values, values).mended(self.data)
-            own, at = log_scores(sums(data).total(), self._log_std)
+            model = self._linear(size.mistake(self.data, joint, values, values).mended(self.data))
+            columns, readings = model.columns, model.readings
+            own, at = log_scores(sums(model).total(), self._log_std)
             if own[0] > score:
                 best, score, x = values, float(own[0]), at[0]
-            slopes = np.stack([linear(size.mistake(self.data, joint, values + 0.1 * step, values).mended(self.data))[0]
-                               @ np.exp(x) for step in np.diag(typical)], axis=2)
-            columns, readings, variance = linear(data)
+            slopes = np.stack([self._linear(size.mistake(self.data, joint, values + 0.1 * step, values).mended(
+                self.data)).columns @ np.exp(x) for step in np.diag(typical)], axis=2)
             design = np.concatenate([columns * np.exp(x), (slopes - (columns @ np.exp(x))[:, :, None]) / 0.1], axis=2)
             left = readings - columns @ np.exp(x)
-            weight = np.where(np.isnan(data.rows.deflection), 0.0, 1 / variance[:, None])
+            weight = np.where(np.isnan(self.data.rows.deflection), 0.0, 1 / model.variance[:, None])
             gram = np.einsum("nap,na,naq->pq", design, weight, design) + np.diag(np.r_[1 / self._log_std**2, 0.04 / typical**0])
             step = np.linalg.solve(gram, np.einsum("nap,na,na->p", design, weight, left))[6:]
             values = np.clip(values + typical * np.clip(step, -3, 3), -high, high)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from compensator.coefficients.fit import said_of_the_fit
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
@@ -43,3 +45,21 @@ def test_what_is_known_before_is_how_far_forces_scatter() -> None:
     scatter = np.sqrt(np.sum(np.var(drawn @ matrix.T, axis=0))) / np.linalg.norm(matrix @ mean)
     assert found.after < found.before
     assert scatter < 1.03 * found.before
+
+
+@pytest.mark.parametrize(("mean", "aside", "used", "said"), [
+    ((8, 3, 1, 20, 10, 5), (1.9, -1.9, 0), 8, []), ((-8, 3, 1, 20, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]),
+    ((8, 3, 1, -2, 10, 5), (0, 0, 0), 10, ["CS4734 a tangential"]), ((8, -3, -1, 20, -10, -5), (0, 0, 0), 10, []),
+    ((8, 3, 1, 20, 10, 5), (0, 2.5, -3), 10, ["CS4735 the log fits best where the stock stands aside by -0.50 mm in y, "
+                                              "+0.60 mm in z,"]),
+    ((8, 3, 1, 20, 10, 5), (0, 0, 0), 7, ["CS4733 3 of 10 targets with force"]),
+])
+def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used: int, said: list[str]) -> None:
+    """Either tangential coefficient negative, and no other; a stock beside where its file says by more than two of the 0.2 mm
+    that this states, which is to the other side than the tool; more than a fifth of the targets with force left out."""
+    forces = SimpleNamespace(log=SimpleNamespace(source="log.csv"), forced=np.arange(12) < 10)
+    found = said_of_the_fit(np.array(mean, dtype=float), np.array(aside, dtype=float), 2e-4, forces, np.arange(12) < used)
+    assert len(found) == len(said)
+    for finding, words in zip(found, said, strict=True):
+        assert (finding.level, finding.file) == ("warning", "log.csv")
+        assert f"{finding.code} {finding.message}".startswith(words)

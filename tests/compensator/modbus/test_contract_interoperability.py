@@ -41,14 +41,14 @@ def test_another_client_writes_a_table_and_reads_it_back(served):
     table = [word for row in range(97) for word in client.read_holding_registers(4096 + 3 * row, 3)]
     assert table == [32768 + component for row in um for component in row]
     # compstiff reads what the other wrote as the old table, and replaces it.
-    assert kit.push(server.port, kit.random_table(1), timeout_s=3.0).text == "committed"
+    assert kit.push(server.port, kit.random_table(1)).text == "committed"
     assert client.read_holding_registers(32, 11) == kit.random_table(1).header.registers()
 
 
 def test_a_gateway_asks_for_rows_with_single_writes(served):
     client, server, _ = served
     table = kit.random_table(1)
-    kit.push(server.port, table, timeout_s=3.0)
+    kit.push(server.port, table)
     for row in (0, 41, 89):
         assert client.write_single_register(50, row)
         answer = client.read_input_registers(64, 11)

@@ -35,7 +35,7 @@ def test_another_writer_in_between(tmp_path, request_number, whole):
                         got.append(str(reason))
 
         proxy.arm(Fault("before request", request_number), interfere)
-        ending = kit.push(proxy.port, new, timeout_s=2.0, retries=0)
+        ending = kit.push(proxy.port, new, retries=0)
         assert got
         assert proxy.fired
         active = kit.rows_on_disk(tmp_path)
@@ -44,7 +44,7 @@ def test_another_writer_in_between(tmp_path, request_number, whole):
         else:
             assert (ending.code, active) == (3, kit.offsets_of(other))
             assert f"table {other.header.name} with 90 rows is active (read back)" in ending.text
-        assert kit.push(server.port, new, timeout_s=2.0).code == 0
+        assert kit.push(server.port, new).code == 0
         assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)
 
 
@@ -63,7 +63,7 @@ def test_noise_on_the_port_changes_nothing(tmp_path):
             left_open[-1].sendall(noise if rng.integers(2) else frame)
             if rng.integers(2):
                 left_open.pop().close()
-        assert kit.push(server.port, new, timeout_s=2.0, retries=5, patience_s=5.0).code == 0
+        assert kit.push(server.port, new, retries=5, patience_s=5.0).code == 0
         for connection in left_open:
             connection.close()
     assert kit.rows_on_disk(tmp_path) == kit.offsets_of(new)

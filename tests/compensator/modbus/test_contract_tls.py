@@ -31,7 +31,7 @@ def test_a_push_over_tls(tmp_path, certificates):
     (tmp_path / "state").mkdir()
     table = kit.random_table(1, rows=500)
     with Loopback(kit.offset_device(tmp_path / "state"), tls=certificates["127.0.0.1"]) as server:
-        ending = kit.push(server.port, table, timeout_s=3.0, tls=certificates["client"].context("client"))
+        ending = kit.push(server.port, table, tls=certificates["client"].context("client"))
         assert (ending.code, ending.text) == (0, "committed")
         assert kit.rows_on_disk(tmp_path / "state") == kit.offsets_of(table)
         # Without TLS, without a certificate, with another authority's: nothing.

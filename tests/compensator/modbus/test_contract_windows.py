@@ -75,7 +75,7 @@ def test_the_robot_gets_every_offset_of_all_windows_in_order():
         robot = SimulatedRobot(server.port, [list(split(table.header.id)) for table in tables])
         robot.start()
         assert walk(server.port, tables) == ["committed"] * 3
-        robot.join(20)
+        robot.join(60)
         assert not robot.is_alive()
     assert robot.offsets == offsets.micrometres.tolist()
 

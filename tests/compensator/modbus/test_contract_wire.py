@@ -76,3 +76,17 @@ def test_the_documented_map_is_the_map():
     text = (Path(__file__).parents[3] / "docs" / "modbus.md").read_text()
     rows = re.findall(r"^\| (\d+) \| (\d+) \| (r|rw|w) \| (.+?) \| (.+?) \|$", text, re.M)
     assert rows == [(str(item.address), str(item.count), item.access, item.name, item.meaning) for item in registers.MAP]
+
+
+def test_the_documented_refusals_are_those_of_the_device():
+    """By number: a robot's program, or another maker's writer, knows no names."""
+    text = " ".join((Path(__file__).parents[3] / "docs" / "modbus.md").read_text().split())
+    listed = re.search(r"`last result`: (.*?)\.", text)
+    assert listed
+    words = {"header": "header", "sequence": "sequence", "page length": "page_length", "offset": "offset", "CRC": "crc",
+             "disk": "storage", "another writer": "other_writer", "robot running": "robot_running",
+             "a repeated page differs": "page_changed"}
+    entries = re.findall(r"(\d) ([^,]+?)(?: over the limit or no offset)?(?:,|$)", listed[1])
+    told = {word: int(number) for number, word in entries}
+    assert told == {word: registers.Result[name.upper()].value for word, name in words.items()}
+    assert sorted(registers.Result) == [0, *sorted(told.values())]

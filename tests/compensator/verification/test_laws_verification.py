@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from compensator.verification.batch_means import mean_along
 from compensator.verification.comparison import compare, estimate_scale
 from compensator.verification.readings import Readings, nearest, read_readings
 from compstiff.cli.main import compstiff
+from identification.common.findings import CompstiffError
 from identification.model.cell import read_cell
 from tests.support import write_cell
 
@@ -245,6 +247,25 @@ def test_files_that_cannot_be_compared(
     result = verify(passes["cell"], passes["before"], other)
     assert result.exit_code == 1
     assert f"error {code}" in result.stderr
+
+
+def test_a_reading_along_a_normal_has_the_mean_variance_of_the_cell_s_axes(passes: dict[str, Path], tmp_path: Path) -> None:
+    cell = read_cell(passes["cell"])
+    cell = replace(cell, noise=replace(cell.noise, deflection=1e-6 * np.array([1.0, 2.0, 4.0])))
+    along, across = (read_readings(csv(tmp_path, "r.csv", f"target,{names}", np.array([row])), cell).sigma
+                     for names, row in (("dn_um,nx,ny,nz", [0, 5, 1, 0, 0]), ("dx_um,dy_um,dz_um", [0, 5, 6, 7])))
+    np.testing.assert_allclose(1e6 * along, [[np.sqrt(7.0)]])
+    np.testing.assert_allclose(1e6 * across, [[1.0, 2.0, 4.0]])
+
+
+@pytest.mark.parametrize(("header", "rows", "line"), [
+    ("target,dx_um", [[0, 1], [1.5, 2], [3, 1], [-1, 2]], 3), ("target,dn_um,nx,ny,nz", [[0, 1, 1, 0, 0], [1, 2, 1, 1, 0]], 3)])
+def test_the_first_line_that_is_wrong_is_named(
+    passes: dict[str, Path], tmp_path: Path, header: str, rows: list[list[float]], line: int,
+) -> None:
+    with pytest.raises(CompstiffError) as stopped:
+        read_readings(csv(tmp_path, "r.csv", header, np.array(rows)), read_cell(passes["cell"]))
+    assert stopped.value.findings[0].line == line
 
 
 def test_a_prediction_that_cannot_be_joined(passes: dict[str, Path], tmp_path: Path) -> None:

@@ -121,6 +121,15 @@ def test_ctrl_c_exits_130(tmp_path) -> None:
     assert "Traceback" not in stderr
 
 
+@pytest.mark.parametrize(("written", "code"), [([], 130), (["a.mod"], 0)])
+def test_ctrl_c_that_nobody_answers_says_whether_files_were_written(written: list[str], code: int) -> None:
+    """It reaches the entry while modules are imported, or after the last file: the exit code tells what is there."""
+    call = ("import identification.common.files as files, compstiff.cli.main as cli, compstiff.__main__ as entry\n"
+            f"files.written.extend({written})\ndef stopped():\n    raise KeyboardInterrupt\n"
+            "cli.main = stopped\nentry.run()")
+    assert subprocess.run([sys.executable, "-c", call], timeout=120).returncode == code
+
+
 def test_files_are_written_whole_or_not_at_all(tmp_path) -> None:
     first, second = tmp_path / "a.txt", tmp_path / "missing" / "b.txt"
     first.write_text("old")

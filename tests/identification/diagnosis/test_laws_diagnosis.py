@@ -105,6 +105,11 @@ def test_machined_passes(seed: int, hidden: list[Hidden], names: list[str], tmp_
     assert found.thinning is not None
     assert found.thinning.autocorrelation_time > 4            # (1 + 0.8) / (1 - 0.8) = 9 for noise alone
     assert found.thinning.blocks < len(rows) / 4
+    # One sigma of a mean of `size` readings with that memory, in one reading's.
+    size, memory = len(rows) / found.thinning.blocks, 0.8
+    share = np.sqrt(((1 + memory) / (1 - memory) - 2 * memory * (1 - memory**size) / (size * (1 - memory) ** 2)) / size)
+    stated = np.median(found.plain.data.rows.sigma) / np.mean(cell.noise.deflection)
+    assert 0.8 * share < stated < 2 * share
 
 
 def test_rows_without_a_pass_stay_as_they_are(tmp_path: Path) -> None:
@@ -220,6 +225,9 @@ def test_the_outlook_agrees_with_what_happens(tmp_path: Path) -> None:
     plan = judge_plan(cell, rows)
     grades = {one.entry.label: one for one in plan.effects}
     assert grades["force_gain"].grade == "invisible"
+    # A tilt of bearing 5 is one of bearing 4 and a softer joint 4 (tests/runs/hidden_effects/test_structure.py).
+    wrist = [grades[f"bearing_tilt[{joint}]"] for joint in (4, 5)]
+    assert [one.identifiable > 100 * one.detectable for one in wrist] == [True, True]
     assert set(plan.left_out) == {
         "channel_delay", "joint_friction", "motor_inertia", "hook_offset", "swinging_weight", "soft_track"}
     easy = [one for one in plan.effects

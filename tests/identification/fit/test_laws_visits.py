@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import Diagnosis, diagnose
@@ -72,6 +73,28 @@ def test_a_wrong_angle_is_found_and_the_right_one_told(design: str, seed: int, p
     assert np.all(np.abs(fit.model.mean - without.model.mean) < 0.1 * without.model.log_std)
     assert np.allclose(fit.posterior.map, without.posterior.map, atol=1e-3)
     assert np.all(fit.row_weight[measurements.pose == pose] == 0)
+
+
+def test_angles_of_another_visit_are_ten_times_rarer_than_a_slip_of_the_pen(tmp_path: Path) -> None:
+    """Six poses, P5 with another sign of axis 5, and a seventh that stood where P5 really did: both would fit to the digit, and
+    each kind of slip shares its prior out over the ways there are."""
+    def seven(file: Path) -> None:
+        kept = [row for row in table(file) if row["pose"] in {f"P{k}" for k in range(1, 7)}]
+        kept += [row | {"pose": "P7"} for row in kept if row["pose"] == "P5"]
+        file.write_text("\n".join([",".join(kept[0]), *(",".join(row.values()) for row in kept)]) + "\n")
+
+    cell, measurements = read(simulate(71007, "ladder12", noise=SHEET), tmp_path, seven, wrong_angle("P5", 5, other_sign))
+    bad, = fit_stiffness(cell, measurements).bad_visits
+    assert bad.score.name == "P5"
+    told = {mend.kind: mend.probability for mend in bad.mends}
+    written = measurements.theta[measurements.pose == "P5"][0]
+    signs = [replace_at(written, axis, -written[axis]) for axis in range(6) if abs(written[axis]) > np.radians(0.25)]
+    possible = sum(bool(np.all(cell.robot.limit_excess(pose[None]) <= 0)) for pose in signs)
+    assert told["sign"] / told["another visit's angles"] == pytest.approx(10 * 6 / possible, rel=1e-3)
+
+
+def replace_at(values: NDArray[np.float64], place: int, value: float) -> NDArray[np.float64]:
+    return np.where(np.arange(len(values)) == place, value, values)
 
 
 def hose(pose: int) -> Hidden:

@@ -59,6 +59,16 @@ def without(key: str) -> Callable[[str], str]:
     return change
 
 
+def test_a_joint_that_says_nothing_counts_from_its_frame_and_with_it(tmp_path: Path) -> None:
+    text = built_in_robots()[KUKA].read_text()
+    left_out = text.replace("offset_deg: 0,   ", "").replace("sense: 1,  ", "")
+    assert (text.count("offset_deg"), left_out.count("offset_deg")) == (6, 2)
+    (tmp_path / "mine.yaml").write_text(left_out)
+    told, whole = read_robot(tmp_path / "mine.yaml"), read_robot(built_in_robots()[KUKA])
+    np.testing.assert_array_equal(told.offset, whole.offset)
+    np.testing.assert_array_equal(told.coupling, whole.coupling)
+
+
 # What is broken, the file, the break, the code, and words of the message or hint.
 BROKEN = [
     ("lengths in metres", KUKA, lambda t: scaled("d_mm", 1e-3)(scaled("a_mm", 1e-3)(t)), "CS0062", "milling arm"),

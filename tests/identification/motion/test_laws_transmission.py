@@ -64,6 +64,7 @@ def test_a_line_in_one_record_only_is_not_named(tmp_path: Path) -> None:
     fitted, other = record(tmp_path, 320, {}, lines={700.0: 4e-5}), record(tmp_path, 321, {})
     found = find_transmission(2, [fitted], other)
     assert [round(line.cycles) for line in found.lines] == [700]
+    assert found.lines[0].again > 0.02, "noise shows as much at that frequency more often than once in fifty times"
     assert not found.named
     one = diagnose_axes([fitted], other, replicates=49)[0]
     assert "transmission_error" not in names(one)

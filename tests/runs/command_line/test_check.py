@@ -53,6 +53,8 @@ def test_a_sound_job_is_sound_and_each_file_has_its_kind(folder: Path) -> None:
         "corrected.mod": "toolpath", "part.forces.csv": "force log", "along.csv": "force log", "diagnosis.json": "diagnosis",
         "corrected.mod.json": "record", "offsets.csv": "offsets", "motion.csv": "joint log", "before.csv": "measured part",
         "points.csv": "measured part", "said.json": "result"}
+    found = {Path(one["file"]).name: one["found"] for one in run.json["result"]["files"]}
+    assert found["measurements.csv"] == "60 rows, 60 with a load, 10 poses, 0 rows kept back"
     assert run.json["result"]["passed_over"] == 1
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
 

@@ -102,7 +102,7 @@ def posterior(data: Data, arm: kit.Arm = IRB6660, columns: list[str] | None = No
     w = np.pad(w, ((0, 0), (0, 6 - w.shape[1])))
 
     def predicted(k: np.ndarray) -> np.ndarray:
-        return np.concatenate([kit.deviation(arm, a, TOOL.p, b, k) * 1e6 for a, b in zip(q, w, strict=True)])
+        return kit.deviation(arm, q, TOOL.p, w, k).ravel() * 1e6
 
     x = -np.log(K)
     for _ in range(3):

@@ -216,7 +216,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
 
     def until(words: str) -> None:
         nonlocal shown
-        end = time.monotonic() + 20
+        end = time.monotonic() + 120
         seen = ""
         while words not in seen:
             assert time.monotonic() < end, f"no '{words}' in: {shown}{seen}"

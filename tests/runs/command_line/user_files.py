@@ -59,41 +59,41 @@ class Frame:
 IDENTITY = Frame(np.zeros(3), Rotation.identity())
 
 
-def _about(axis: int, angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array(
-        [[[1, 0, 0], [0, c, -s], [0, s, c]], [[c, 0, s], [0, 1, 0], [-s, 0, c]], [[c, -s, 0], [s, c, 0], [0, 0, 1]]][axis]
-    )
+def _about(axis: int, angle: np.ndarray) -> np.ndarray:
+    """Turns (..., 3, 3) about an axis by angles (...) [rad]."""
+    turn, (i, j) = np.zeros((*np.shape(angle), 3, 3)), ((axis + 1) % 3, (axis + 2) % 3)
+    turn[..., axis, axis] = 1
+    turn[..., i, i] = turn[..., j, j] = np.cos(angle)
+    turn[..., j, i] = np.sin(angle)
+    turn[..., i, j] = -turn[..., j, i]
+    return turn
 
 
 _TOOL0 = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
 def point(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`Arm.pose` in plain matrices, some twenty times faster; test_user_files.py compares the two."""
-    column, lower = _about(2, q[0]), _about(1, q[1])
-    forearm = _about(1, q[2] if arm.parallel_rod else q[1] + q[2])
-    hand = column @ forearm @ _about(0, q[3]) @ _about(1, q[4]) @ _about(0, q[5])
+    """`Arm.pose` in plain matrices, for many joint angles (..., 6) at once: the TCP (..., 3) [m] and its turn (..., 3, 3);
+    test_user_files.py compares the two."""
+    first, lower, upper, *wrist = np.moveaxis(q, -1, 0)
+    column, lower_arm = _about(2, first), _about(1, lower)
+    forearm = _about(1, upper if arm.parallel_rod else lower + upper)
+    hand = column @ forearm @ _about(0, wrist[0]) @ _about(1, wrist[1]) @ _about(0, wrist[2])
     flange = hand @ _TOOL0
-    elbow = np.array([arm.shoulder, 0, arm.height]) + lower @ [0, 0, arm.lower_arm]
-    wrist = column @ (elbow + forearm @ [arm.forearm, 0, arm.elbow])
-    return wrist + hand @ [arm.flange, 0, 0] + flange @ tcp, flange
+    elbow = np.array([arm.shoulder, 0, arm.height]) + lower_arm @ [0, 0, arm.lower_arm] + forearm @ [arm.forearm, 0, arm.elbow]
+    return (column @ elbow[..., None])[..., 0] + hand @ [arm.flange, 0, 0] + flange @ tcp, flange
 
 
 def _vee(m: np.ndarray) -> np.ndarray:
-    """Rotation vector of a small turn, exact where it is zero."""
-    return np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]]) / 2
+    """Rotation vectors (..., 3) of small turns (..., 3, 3), exact where they are zero."""
+    return np.stack([m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]], axis=-1) / 2
 
 
 def _slopes(arm: Arm, q: np.ndarray, tcp: np.ndarray) -> np.ndarray:
-    """d pose / d drive angles (6, 6), central differences."""
-    out = np.empty((6, 6))
-    for i in range(6):
-        h = np.zeros(6)
-        h[i] = 1e-5
-        (p, r), (o, s) = point(arm, q + h, tcp), point(arm, q - h, tcp)
-        out[:, i] = np.concatenate([p - o, _vee(r @ s.T)]) / 2e-5
-    return out
+    """d pose / d drive angles (..., 6, 6), central differences."""
+    step = 1e-5 * np.eye(6)
+    (p, r), (o, s) = point(arm, q[..., None, :] + step, tcp), point(arm, q[..., None, :] - step, tcp)
+    return np.concatenate([p - o, _vee(r @ s.swapaxes(-1, -2))], axis=-1).swapaxes(-1, -2) / 2e-5
 
 
 def solve(arm: Arm, flange: Frame, start: np.ndarray) -> np.ndarray:
@@ -110,17 +110,17 @@ def solve(arm: Arm, flange: Frame, start: np.ndarray) -> np.ndarray:
 
 
 def loaded(arm: Arm, q: np.ndarray, tcp: np.ndarray, wrench: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Drive angles at rest under the wrench: `Arm.loaded` by repeated substitution."""
+    """Drive angles (..., 6) at rest under wrenches (..., 6): `Arm.loaded` by repeated substitution."""
     at = q
     for _ in range(200):
-        last, at = at, q + _slopes(arm, at, tcp).T @ wrench / k
+        last, at = at, q + np.einsum("...ri,...r->...i", _slopes(arm, at, tcp), wrench) / k
         if np.max(np.abs(at - last)) < 1e-12:
             return at
     raise AssertionError("not at rest")
 
 
 def deviation(arm: Arm, q: np.ndarray, tcp: np.ndarray, wrench: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """TCP displacement (3,) [m], base frame."""
+    """TCP displacement (..., 3) [m], base frame."""
     return point(arm, loaded(arm, q, tcp, wrench, k), tcp)[0] - point(arm, q, tcp)[0]
 
 
