@@ -3,9 +3,9 @@
     python benchmarks/cluster.py [PROGRAMS] [--targets 1000] [--workers 2] [--every 3]
 
 PROGRAMS copies of a program of so many targets, a comment apart, each with a log. Of each way the CPU of all its processes; of
-a cluster also with the environment Dask gives its workers ("trim"; docs/cluster.md). Then what may happen to a cluster: a worker
-killed at random every so many seconds; two calls at once for one output; a scheduler killed in the middle, another one started
-and the call made again. After each: the bytes of every program, one line of --json a program, and nothing else in the folder.
+a cluster also with the environment Dask gives its workers ("trim"; docs/cluster.md). Then what may happen to a cluster: a
+worker killed at random every so many seconds; two calls at once for one output; a scheduler killed in the middle, another one
+started and the call made again. After each: the bytes of every program, one line of --json a program, nothing else in the folder.
 """
 
 from __future__ import annotations
@@ -178,7 +178,8 @@ def lost(folder: Path, serial: dict[str, str], workers: int) -> int:
     with cluster(folder, workers, NO_TRIM) as address, beside(kill):
         call = subprocess.run(words("lost", "--scheduler", address), cwd=folder, env=ENVIRON, capture_output=True, text=True)
     done, (finding,) = digests(folder, "lost"), json.loads(call.stdout.splitlines()[-1])["findings"]
-    assert call.returncode and finding["code"] == "CS6046" and done.items() < serial.items(), finding
+    assert (call.returncode, finding["code"]) == (1, "CS6046"), call
+    assert done.items() < serial.items()
     assert "Traceback" not in call.stderr, call.stderr
     print(f"    {finding['code']} {finding['message']}; {finding['hint']}")
     with cluster(folder, workers, NO_TRIM) as address:

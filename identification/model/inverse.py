@@ -278,7 +278,7 @@ def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
 
 
 def configured_solution(
-    robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]
+    robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int32]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The solution each target's confdata (N, 4) names: angles (N, 6) [rad], and whether there is exactly that (N,).
 

@@ -90,8 +90,8 @@ def test_a_scheduler_that_is_lost_is_said_and_the_next_call_completes(place: Sho
     place.put(*names)
     out = place.folder / "out"
     # A process of its own: what people see is also what Dask writes to the terminal.
-    call = (sys.executable, "-m", "compstiff", "correct", place.cell, place.source, "--stiffness", place.stiffness, "-o", f"{out}/",
-            "--json", "--scheduler")
+    call = (sys.executable, "-m", "compstiff", "correct", place.cell, place.source, "--stiffness", place.stiffness,
+            "-o", f"{out}/", "--json", "--scheduler")
     with cluster(place.folder, 1) as address, started(
             *call, address, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as called:
         assert called.stdout is not None
