@@ -5,7 +5,7 @@
 PROGRAMS copies of a program of so many targets, a comment apart, each with a log. Of each way the CPU of all its processes; of
 a cluster also with the environment Dask gives its workers ("trim"; docs/cluster.md). Then what may happen to a cluster: a
 worker killed at random every so many seconds; two calls at once for one output; a scheduler killed in the middle, another one
-started and the call made again. After each: the bytes of every program, one line of --json a program, nothing else in the folder.
+started and the call made again. After each: the bytes of every program, one line of --json a program, nothing else beside them.
 """
 
 from __future__ import annotations

@@ -292,7 +292,7 @@ def configured_solution(
     return angles, found
 
 
-def _configured(robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+def _configured(robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int32]) -> tuple[Array, NDArray[np.bool_]]:
     """`configured_solution` of one chunk."""
     count = len(confdata)
     wanted = confdata[:, None, :3] * (np.pi / 2) + np.pi / 4

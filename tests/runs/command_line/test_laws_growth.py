@@ -12,8 +12,8 @@ import pytest
 from benchmarks.correct_time import write_job
 
 FEW, MANY = 20_000, 160_000
-# CPU time grows by more than the targets do, which are 8 times as many: caches, and other work on the machine. A part that grows
-# with their square and takes a twentieth of the time at first makes it 11.
+# CPU time grows by more than the targets do, which are 8 times as many: caches, and other work on the machine. A part that
+# grows with their square and takes a twentieth of the time at first makes it 11.
 MOST_GROWTH = 10.0
 # Peak memory a further target [bytes]; it was 1550 when this was last written. What is held a target and read by nobody is
 # found here: seventy numbers are.
