@@ -95,7 +95,7 @@ class Toolpath:
     column: Indices
     position: Array
     quaternion: Array
-    confdata: NDArray[np.int64]
+    confdata: NDArray[np.int32]
     has_confdata: NDArray[np.bool_]
     external: Array
     joints: Array

@@ -58,7 +58,7 @@ class Correction:
     offset: Array
     turn: Array
     theta: Array
-    confdata: NDArray[np.int64]
+    confdata: NDArray[np.int32]
     residual: Array
     share: Array
     harm: Array

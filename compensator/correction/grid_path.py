@@ -36,16 +36,15 @@ def grid_path(path: RobotPath, grid: Grid) -> RobotPath:
         return robot_path(grid.toolpath, path.cell)
     owner, toolpath = grid.owner, grid.toolpath
     tool, of_object = path.flange_from_tcp[owner], path.base_from_object[owner]
-    tcp, theta, world = path.base_from_tcp[owner], path.theta[owner], path.world_position[owner]
+    tcp, theta = path.base_from_tcp[owner], path.theta[owner]
     points = np.flatnonzero(grid.further)
     there = of_object[points] @ Frame.from_quaternion(toolpath.position[points], toolpath.quaternion[points])
     tcp.rotation[points], tcp.position[points] = there.rotation, there.position
-    world[points] = path.axes.world_from_base.apply(there.position)
     between = np.column_stack([np.interp(points, grid.kept, angle) for angle in theta[grid.kept].T])
     found = nearest_angles(path.cell.robot, there @ tool[points].inverse(), between)
     found[(path.cell.robot.limit_excess(found) > ROUNDING).any(axis=1)] = np.nan
     theta[points] = found
     axes = replace(path.axes, **{name: getattr(path.axes, name)[owner] for name in ("values", "carrier", "problem")})
     known, reached = path.known[owner], np.asarray(~np.isnan(theta).any(axis=1))
-    read_only(theta, tcp.rotation, tcp.position, world, known, reached)
-    return RobotPath(toolpath, path.cell, theta, tcp, tool, of_object, axes, tcp, world, known, reached, path.used_frames, ())
+    read_only(theta, tcp.rotation, tcp.position, known, reached)
+    return RobotPath(toolpath, path.cell, theta, tcp, tool, of_object, axes, tcp, known, reached, path.used_frames, ())

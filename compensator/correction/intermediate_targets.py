@@ -157,7 +157,7 @@ def _rewritten(program: RapidProgram, path: RobotPath, looked_at: LookedAt) -> t
     return replace(again, toolpath=written), added
 
 
-def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> NDArray[np.int64]:
+def _confdata(path: RobotPath, grid: Grid, fine: RobotPath, points: Indices) -> NDArray[np.int32]:
     """confdata (n, 4) of further points: what their move's target says, and the quadrants that differ from there."""
     owner = grid.owner[points]
     confdata = path.toolpath.confdata[owner].copy()

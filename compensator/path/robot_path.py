@@ -48,8 +48,7 @@ class RobotPath:
 
     theta (N, 6) [rad] controller angles; base_from_tcp, flange_from_tcp, base_from_object (N) frames, the
     base where it stands at that target; rest_from_tcp (N): the path in the resting frame of `axes`, the very same frames where
-    no unit moves; world_position (N, 3) [m] of the TCP there, in the world. known (N,): the pose is known; reached (N,): joint
-    angles were found.
+    no unit moves. known (N,): the pose is known; reached (N,): joint angles were found.
     """
 
     toolpath: Toolpath
@@ -60,11 +59,15 @@ class RobotPath:
     base_from_object: Frame
     axes: ExternalAxes
     rest_from_tcp: Frame
-    world_position: Array
     known: NDArray[np.bool_]
     reached: NDArray[np.bool_]
     used_frames: UsedFrames
     findings: tuple[Finding, ...]
+
+    @property
+    def world_position(self) -> Array:
+        """Where the TCP stands (N, 3) [m] in the world at the resting values of `axes`; NaN where the pose is not known."""
+        return np.where(self.known[:, None], self.axes.world_from_base.apply(self.rest_from_tcp.position), np.nan)
 
     @cached_property
     def length(self) -> Array:
@@ -144,14 +147,13 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         flanges = _Flanges(base_from_tcp, flange_from_tcp, np.flatnonzero(posed))
         findings = _follow(robot, toolpath, flanges, by_joints, theta)
     rest_from_tcp = axes.to_rest(base_from_tcp)
-    world = np.where(known[:, None], axes.world_from_base.apply(rest_from_tcp.position), np.nan)
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
     reached = np.asarray(~np.isnan(theta).any(axis=1))
-    read_only(theta, base_from_tcp.rotation, base_from_tcp.position, world, known, reached)
+    read_only(theta, base_from_tcp.rotation, base_from_tcp.position, known, reached)
     return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,
-                     rest_from_tcp, world, known, reached, used, tuple(findings))
+                     rest_from_tcp, known, reached, used, tuple(findings))
 
 
 def _tool(tool: ToolFrame, cell: Cell) -> Frame:
@@ -283,7 +285,7 @@ class _Anchors:
     are worked out together."""
 
     def __init__(
-        self, robot: RobotModel, poses: _Flanges, confdata: NDArray[np.int64], given: NDArray[np.bool_], places: Indices
+        self, robot: RobotModel, poses: _Flanges, confdata: NDArray[np.int32], given: NDArray[np.bool_], places: Indices
     ) -> None:
         self._robot, self._poses, self._confdata, self._given, self._places = robot, poses, confdata, given, places
         self._solved = self._solve(places)

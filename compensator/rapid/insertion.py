@@ -46,21 +46,31 @@ class MoveText:
 
 def move_text(program: RapidProgram, first: int) -> MoveText | None:
     """The text of the move whose first target is `first`; None where it is not one that can be repeated."""
-    source, scan = program.source, program.scan
-    last = first + (program.toolpath.move[first] == Move.ARC_VIA)
-    begin, targets_end = scan.start[first], scan.end[last]
+    source, last, span = program.source, _last(program, first), _span(program, first)
+    if span is None:
+        return None
+    start, end = span
+    targets_end = program.scan.end[last]
+    comma = source.data.index(b",", targets_end) + 1
+    parsed = parse_tail(Cursor(source, tokens(source, comma, end)))
+    zone_end = source.data.rindex(b",", parsed.zone.end, parsed.tool.start)
+    tail_end = end - 1 if parsed.signal is None else source.data.rindex(b",", parsed.tool.end, parsed.signal.start)
+    bare = parsed.velocity is None and parsed.radius is None and not parsed.stops
+    return MoveText(start, targets_end, parsed.zone.start, zone_end, tail_end, end, bare, program.toolpath.zone[last] == 0)
+
+
+def _last(program: RapidProgram, first: int) -> int:
+    return first + int(program.toolpath.move[first] == Move.ARC_VIA)
+
+
+def _span(program: RapidProgram, first: int) -> tuple[int, int] | None:
+    """Where the move begins whose first target is `first`, and behind its semicolon; None where it cannot be repeated."""
+    data, begin = program.source.data, program.scan.start[first]
     low = max(begin - _LONGEST_HEAD, 0)
-    head = _HEAD.search(source.data[low:begin])
-    tail = _TAIL.match(source.data, targets_end)
+    head, tail = _HEAD.search(data[low:begin]), _TAIL.match(data, program.scan.end[_last(program, first)])
     if head is None or tail is None or _OWN.search(tail.group()):
         return None
-    comma = source.data.index(b",", targets_end) + 1
-    parsed = parse_tail(Cursor(source, tokens(source, comma, tail.end())))
-    zone_end = source.data.rindex(b",", parsed.zone.end, parsed.tool.start)
-    tail_end = tail.end() - 1 if parsed.signal is None else source.data.rindex(b",", parsed.tool.end, parsed.signal.start)
-    bare = parsed.velocity is None and parsed.radius is None and not parsed.stops
-    return MoveText(low + head.start(), targets_end, parsed.zone.start, zone_end, tail_end, tail.end(), bare,
-                    program.toolpath.zone[last] == 0)
+    return low + head.start(), tail.end()
 
 
 def marked(program: RapidProgram, targets: Sequence[int], signal: str, values: Sequence[int]) -> bytes:
@@ -78,8 +88,8 @@ def follows_directly(program: RapidProgram, first: int) -> bool:
     if first == 0:
         return False
     data, scan = program.source.data, program.scan
-    before, here = _TAIL.match(data, scan.end[first - 1]), move_text(program, first)
-    return before is not None and here is not None and _BETWEEN.fullmatch(data, before.end(), here.start) is not None
+    before, here = _TAIL.match(data, scan.end[first - 1]), _span(program, first)
+    return before is not None and here is not None and _BETWEEN.fullmatch(data, before.end(), here[0]) is not None
 
 
 @dataclass(frozen=True, slots=True)

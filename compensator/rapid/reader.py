@@ -49,16 +49,17 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
         joints[absolute] = np.radians(pose[absolute, :6])
     position[absolute] = quaternion[absolute] = np.nan
     squares = np.einsum("ni,ni->n", quaternion, quaternion)
-    off = np.abs(squares - 1.0)
     quaternion /= np.sqrt(np.where(squares > 0, squares, 1.0))[:, None]
+    off = np.abs(np.subtract(squares, 1.0, out=squares), out=squares)
     quaternion[off > UNUSABLE] = np.nan
     told = np.asarray(~np.isnan(settings[:, :4]).any(axis=1))
     has_confdata = ~absolute & told[setting]
-    confdata = np.where(told[:, None], settings[:, :4], 0.0).astype(np.int64)[setting]
+    confdata = np.where(told[:, None], settings[:, :4], 0.0).astype(np.int32)[setting]
     confdata[absolute] = 0
     external = np.where(np.abs(settings[:, 4:]) >= UNUSED, np.nan, settings[:, 4:])
     external = external[setting] if not np.isnan(external).all() else np.broadcast_to(np.nan, (count, 6))
-    line, column = locate(source, np.array(scanned.start, dtype=np.int64))
+    line, column = locate(source, np.asarray(scanned.start, dtype=np.int64))
+    column = held_once(column)              # a post-processor begins all lines alike
     displaced = np.array([shift for _, shift in scanned.shifts])[_held(scanned.shifts, count)] & ~absolute
     offset = np.array([on for _, on in scanned.offsets])[_held(scanned.offsets, count)] & ~np.isnan(external).all(axis=1)
     together = np.array([tail.together for tail in scanned.tails] or [False])[tails.tail]
@@ -78,6 +79,8 @@ def read_rapid(data: bytes, name: str = "program.mod") -> RapidProgram:
 
 def _held(changes: Sequence[tuple[int, object]], count: int) -> Offsets:
     """Which of the changes (first target, value) each of `count` targets falls under (count,)."""
+    if len(changes) == 1:
+        return np.broadcast_to(np.int64(0), count)
     first = np.array([target for target, _ in changes], dtype=np.int64)
     return (np.searchsorted(first, np.arange(count), side="right") - 1).astype(np.int64)
 

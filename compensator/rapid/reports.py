@@ -61,6 +61,8 @@ def report(
 
 
 def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[Finding]:
+    if not rows.problem.any():
+        return []
     problem = rows.problem[rows.row]
     findings = []
     for number in np.unique(problem[problem > 0]).tolist():

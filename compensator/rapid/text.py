@@ -19,6 +19,7 @@ from identification.common.findings import CompstiffError, error
 Offsets = NDArray[np.int64]
 
 _CHUNK = 1 << 22        # bytes compared at a time, so that a large program needs no large temporary
+_FEW = 1 << 13          # offsets looked up at a time, for the same reason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,13 +87,18 @@ def line_ends(data: bytes) -> Offsets:
 def locate(source: Source, offsets: Offsets | Sequence[int]) -> tuple[Offsets, Offsets]:
     """Line and column (characters) of byte offsets, both from 1."""
     offsets = np.asarray(offsets, dtype=np.int64)
-    row = np.searchsorted(source.ends, offsets, side="right")
-    starts = np.concatenate([[source.start], source.ends]).astype(np.int64)[row]
-    column = np.maximum(offsets - starts, 0) + 1
+    line, column = np.empty((2, len(offsets)), dtype=np.int64)
+    inner = None            # bytes within a character
     if source.encoding == "utf-8" and not source.data.isascii():
         inner = np.flatnonzero((np.frombuffer(source.data, dtype=np.uint8) & 0xC0) == 0x80)
-        column -= np.searchsorted(inner, offsets) - np.searchsorted(inner, starts)
-    return (row + 1).astype(np.int64), column.astype(np.int64)
+    for at in range(0, len(offsets), _FEW):
+        part = slice(at, at + _FEW)
+        row = np.searchsorted(source.ends, offsets[part], side="right")
+        starts = np.where(row > 0, source.ends[row - 1], source.start) if len(source.ends) else source.start
+        line[part], column[part] = row + 1, np.maximum(offsets[part] - starts, 0) + 1
+        if inner is not None:
+            column[part] -= np.searchsorted(inner, offsets[part]) - np.searchsorted(inner, starts)
+    return line, column
 
 
 def where_is(array: NDArray[np.uint8], value: int) -> Offsets:

@@ -40,9 +40,9 @@ class _Commanded:
     differ from what is written. number (N,): which of the M each target of the program is, -1 where it is none of them."""
 
     numbers: NDArray[np.float64]
-    confdata: NDArray[np.int64] | None
+    confdata: NDArray[np.int32] | None
     turned: NDArray[np.bool_]
-    number: NDArray[np.int64]
+    number: NDArray[np.int32]
 
     def __contains__(self, target: int) -> bool:
         return bool(self.number[target] >= 0)
@@ -115,15 +115,18 @@ def _commanded(
         raise ValueError("positions and quaternions to write must be finite")
     for target in targets[(toolpath.block[targets] != "") | (toolpath.move[targets] == Move.ABSOLUTE)].tolist():
         raise ValueError(f"target {target} cannot be rewritten: {toolpath.block[target] or 'joint angles'}")
-    row, written = program.rows.row[targets], program.rows.numbers
-    turn = np.where(np.einsum("ni,ni->n", written.pose[row, 3:], turn)[:, None] < 0, -turn, turn)
-    quadrants = None if confdata is None else np.asarray(confdata, dtype=np.int64).reshape(-1, 4)
-    turned = np.zeros(count, dtype=bool)
-    if quadrants is not None:
-        turned = (quadrants != written.settings[:, :4][written.setting[row]]).any(axis=1)
-    number = np.full(len(toolpath), -1, dtype=np.int64)
+    quadrants = None if confdata is None else np.asarray(confdata, dtype=np.int32).reshape(-1, 4)
+    written, numbers, turned = program.rows.numbers, np.empty((count, 7)), np.zeros(count, dtype=bool)
+    for at in range(0, count, CHUNK):
+        part = slice(at, at + CHUNK)
+        row = program.rows.row[targets[part]]
+        other = np.einsum("ni,ni->n", written.pose[row, 3:], turn[part])[:, None] < 0
+        numbers[part, :3], numbers[part, 3:] = place[part] * 1e3, np.where(other, -turn[part], turn[part])
+        if quadrants is not None:
+            turned[part] = (quadrants[part] != written.settings[:, :4][written.setting[row]]).any(axis=1)
+    number = np.full(len(toolpath), -1, dtype=np.int32)
     number[targets] = np.arange(count)
-    return _Commanded(np.concatenate([place * 1e3, turn], axis=1), quadrants, turned, number)
+    return _Commanded(numbers, quadrants, turned, number)
 
 
 def _plain(program: RapidProgram, targets: np.ndarray) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import ipaddress
+import logging
 import os
 import sys
 import time
@@ -86,6 +87,8 @@ def connected(scheduler: str) -> Iterator[Client]:
         from distributed import Client, Security
     except ImportError as reason:
         raise error("CS6040", "a cluster needs Dask", hint="pip install 'compstiff[cluster]'") from reason
+    # It tells a scheduler that is lost as a traceback; what that means is said by whoever asked for results.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     security = None
     if _is_tls(scheduler):
         security = Security(require_encryption=True)

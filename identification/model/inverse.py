@@ -278,7 +278,7 @@ def configuration(robot: RobotModel, theta: Array) -> NDArray[np.int64]:
 
 
 def configured_solution(
-    robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]
+    robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int32]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """The solution each target's confdata (N, 4) names: angles (N, 6) [rad], and whether there is exactly that (N,).
 
@@ -292,7 +292,7 @@ def configured_solution(
     return angles, found
 
 
-def _configured(robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+def _configured(robot: RobotModel, solutions: Solutions, confdata: NDArray[np.int32]) -> tuple[Array, NDArray[np.bool_]]:
     """`configured_solution` of one chunk."""
     count = len(confdata)
     wanted = confdata[:, None, :3] * (np.pi / 2) + np.pi / 4

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 from collections import deque
 from collections.abc import Iterator
@@ -23,7 +24,6 @@ from compstiff.batch.pairing import Folders, paired, share_of
 from compstiff.batch.processes import in_processes
 from compstiff.batch.programs import Shared
 from compstiff.batch.running import correct_programs
-from identification.common.findings import CompstiffError
 from tests.compstiff.batch.deadly import Deadly, dies_at_a
 from tests.compstiff.batch.programs import Shop, shop
 from tests.support import free_port, processes_in, started
@@ -89,15 +89,18 @@ def test_a_scheduler_that_is_lost_is_said_and_the_next_call_completes(place: Sho
     names = [f"p{number:02}" for number in range(8)]
     place.put(*names)
     out = place.folder / "out"
-    out.mkdir()
-    shared, batch = Shared(place.cell, place.stiffness), paired(sorted(place.source.glob("*.mod")), None, Folders(out))
-    with cluster(place.folder, 1) as address:
-        results = correct_programs(batch, shared, scheduler=address)
-        assert next(results).status == "ok"
+    # A process of its own: what people see is also what Dask writes to the terminal.
+    call = (sys.executable, "-m", "compstiff", "correct", place.cell, place.source, "--stiffness", place.stiffness,
+            "-o", f"{out}/", "--json", "--scheduler")
+    with cluster(place.folder, 1) as address, started(
+            *call, address, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as called:
+        assert called.stdout is not None
+        assert json.loads(called.stdout.readline())["status"] == "ok"
         os.kill(processes_in(place.folder, SCHEDULER)[0], signal.SIGKILL)
-        with pytest.raises(CompstiffError) as lost:
-            list(results)
-    assert lost.value.findings[0].code == "CS6046"
+        told, words = called.communicate(timeout=60)
+    assert called.returncode == 1
+    assert [finding["code"] for finding in json.loads(told.splitlines()[-1])["findings"]] == ["CS6046"]
+    assert "Traceback" not in words
     assert {path.read_bytes() for path in out.glob("*.mod")} == {place.alone()}
     with cluster(place.folder, 1) as address:
         done = on(place, address, "--force")
