@@ -51,8 +51,8 @@ def pieces_to_look_at(planned: Predicted, spacing: Array, shortest: float) -> Ar
     asking = _asking(planned, step, spacing)
     # What an added target does to the mean of the program's own beside it is looked at too.
     around = asking | np.append(asking[1:], False) | np.insert(asking[:-1], 0, False)
-    finer = np.maximum(np.fmax(spacing / FINER, shortest * planned.path.toolpath.feed), SAMPLES * _between_samples(planned, step))
-    return np.where(around, np.minimum(spacing, finer), pieces)
+    least = np.fmax(spacing / FINER, shortest * planned.path.toolpath.feed)
+    return np.where(around, np.minimum(spacing, np.maximum(least, SAMPLES * _between_samples(planned, step))), pieces)
 
 
 def _between_samples(planned: Predicted, step: Array) -> Array:

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.correctable import targets_to_correct
 from compensator.correction.corners import sharp_corners
+from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
 from compensator.correction.force_changes import pieces_to_look_at, shortest_piece
 from compensator.correction.grid_forces import among_others, averaged, forces_on, noise_of, place_of, weight_of

@@ -23,9 +23,9 @@ class Wanted:
     """What the points (G,) of a grid ask for. deviation (G, 3) [m], resting frame (external_axes.py); own (G, 3) [m]: that of
     the program's own targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation,
     from the scatter of the force; slope [m/m]: the steepest change that is made between targets; known (G,): there is something
-    to follow; forced (G,): a force, without which a target stays where it is. place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as
-    planned; closest (G,) [m]: how near to another target a further one may stand; corner (G,): targets at sharp corners,
-    to and from which any step is made."""
+    to follow; forced (G,): a force, without which a target stays where it is. place (G,) [m] along the path, ascending;
+    weight (G,) in means; position (G, 3) [m] as planned; closest (G,) [m]: how near to another target a further one may stand;
+    corner (G,): targets at sharp corners, to and from which any step is made."""
 
     deviation: Array
     own: Array
@@ -103,7 +103,7 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
 
 
 def _apart(wanted: Wanted, at: Indices, before: Indices) -> Mask:
-    """Points (G,) that stand far enough from the targets `at` (K,) before and behind them; before (G,): number of the former."""
+    """Points (G,) that stand far enough from the targets `at` (K,) before and behind them; before (G,): the former's number."""
     behind = np.minimum(before + 1, len(at) - 1)
     here, least = wanted.place, FULL * wanted.closest
     return np.asarray((here - here[at[before]] >= least) & ((here[at[behind]] - here >= least) | (behind == before)))
