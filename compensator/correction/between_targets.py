@@ -33,10 +33,12 @@ ROUNDING = 0.2e-6
 @dataclass(frozen=True, eq=False)
 class BetweenTargets:
     """left (P,) [m]: how far the loaded tool is off the planned curve between targets, beyond what the log's scatter explains;
-    noise (Q,) [m]: 1 sigma of that, of each point; owner (P,): the targets, as given, that these moves go to. assumed: the log
-    names targets, and the force was taken as straight between them."""
+    square (P,) [m^2]: what is expected of its square, of which a point may show less than its scatter would make by itself:
+    means over many are right; noise (Q,) [m]: 1 sigma of that, of each point; owner (P,): the targets, as given, that these
+    moves go to. assumed: the log names targets, and the force was taken as straight between them."""
 
     left: Array
+    square: Array
     noise: Array
     owner: Indices
     assumed: bool
@@ -74,10 +76,12 @@ def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> B
     off = _across(rest.position - loaded.goal_position, path, points)
     left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
     beside, steps = _steps(looked_at, prediction)
+    noise = looked_at.noise[points]
+    square = np.concatenate([np.einsum("ni,ni->n", off, off) - noise**2, steps**2])
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])
-    owner, noise = grid.owner[where], looked_at.noise[points]
-    read_only(left, owner, noise)
-    return BetweenTargets(left, noise, owner, fine.forces.named, _findings(looked_at, where, left))
+    owner = grid.owner[where]
+    read_only(left, square, owner, noise)
+    return BetweenTargets(left, square, noise, owner, fine.forces.named, _findings(looked_at, where, left))
 
 
 def _across(off: Array, path: RobotPath, points: Indices) -> Array:

@@ -233,7 +233,8 @@ def _at_corners(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tupl
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:
-    """The offsets (M, 3) [m], resting frame, with the slope [m/m] along the path limited; air moves stay where they are."""
+    """The offsets (M, 3) [m], resting frame, with the slope [m/m] along the path limited; air moves stay where they are. To a
+    sharp corner and from it there is no limit: there the force steps with the path, wherever the log was taken."""
     length, forces = loaded.path.length, loaded.forces
     air = (forces.samples > 0) & ~forces.forced
     row = np.full(len(length), -1)
@@ -242,8 +243,12 @@ def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:
     corrected = row[where] >= 0
     offsets = np.zeros((len(where), 3))
     offsets[corrected] = offset[row[where[corrected]]]
+    corner = np.searchsorted(where, loaded.targets[sharp_corners(loaded.path, loaded.targets)])
+    still = air[where] & ~corrected
+    for side in np.split(np.arange(len(where)), np.column_stack([corner, corner + 1]).ravel()):
+        offsets[side] = limited_steps(offsets[side], length[where[side]], still[side], slope)
     result = offset.copy()
-    result[row[where[corrected]]] = limited_steps(offsets, length[where], air[where] & ~corrected, slope)[corrected]
+    result[row[where[corrected]]] = offsets[corrected]
     return result
 
 

@@ -154,8 +154,8 @@ def _between(predicted: Predicted, kept: Indices, bent: Array, between: BetweenT
     of_move = np.bincount(owner, of_piece, minlength=len(kept)) / np.maximum(np.bincount(owner, minlength=len(kept)), 1)
     if between is not None and len(between.left):
         weight = np.bincount(between.owner, minlength=len(kept))
-        squares = np.bincount(between.owner, between.left**2, minlength=len(kept))
-        of_move = np.where(weight > 0, squares / np.maximum(weight, 1), of_move)
+        squares = np.bincount(between.owner, between.square, minlength=len(kept))
+        of_move = np.where(weight > 0, np.maximum(squares / np.maximum(weight, 1), 0.0), of_move)
     return np.asarray(np.sqrt(0.5 * (of_move[owner] + of_move[behind])))
 
 

@@ -31,6 +31,8 @@ ARC_SPACING, ARC_ANGLE = 0.11e-3, np.radians(2.2)
 MOST_HALVINGS, LOOKED_AT = 9, 4
 # So many targets on either side of a move are on a grid with it: what is said of a point is said of its neighbours' neighbours.
 AROUND = 4
+# Two targets stand as far apart as they must where they do so but for the rounding of what is written.
+FULL = 0.999
 # Decimals of the external axes of further targets [mm or deg]: a RAPID number has seven digits.
 VALUE_DECIMALS = 6
 
@@ -83,19 +85,20 @@ def spacing_of(toolpath: Toolpath, least: float, shortest: float) -> Array:
 
 
 def fine_grid(
-    program: RapidProgram, path: RobotPath, spacing: Array, tolerance: float, *, keep: bool, whole: bool
+    program: RapidProgram, path: RobotPath, spacing: Array, pieces: Array, tolerance: float, *, keep: bool, whole: bool
 ) -> Grid | None:
-    """The moves (N,) in pieces of `spacing` (N,) [m] or more, those with inf left out; None without any. Points keep away from
-    corners with a zone, so that these are driven as planned, but for the tolerance [m]. keep: none may be written. whole: all
-    targets of the program stand on the grid, not only those around these moves."""
+    """The moves (N,) in pieces of `pieces` (N,) [m] or more, those with inf left out; None without any. Points that may be
+    written keep `spacing` (N,) [m] from the targets of the program, and away from corners with a zone, so that these are driven
+    as planned, but for the tolerance [m]. keep: none may be written. whole: all targets of the program stand on the grid, not
+    only those around these moves."""
     toolpath, count = path.toolpath, len(path.toolpath)
     usable = np.insert(_usable(path), 0, False)
     arc = (toolpath.move[:-1] == Move.ARC_VIA) & (toolpath.move[1:] == Move.ARC_END)
     vias = np.flatnonzero(arc & usable[:-1] & usable[1:]
-                          & np.isfinite(np.minimum(spacing[:-1], spacing[1:])))
+                          & np.isfinite(np.minimum(pieces[:-1], pieces[1:])))
     zone = _zones_at_corners(path, tolerance)
-    straight = usable & np.isfinite(spacing) & (toolpath.move == Move.LINEAR)
-    lines = _on_lines(program, toolpath, straight, spacing, zone, keep=keep)
+    straight = usable & np.isfinite(pieces) & (toolpath.move == Move.LINEAR)
+    lines = _on_lines(program, toolpath, straight, spacing, pieces, zone, keep=keep)
     as_written = _circle_points_as_written(path, vias)
     arcs = [(int(via), half) for via, right in zip(vias, as_written, strict=True)
             if (half := _on_arc(program, toolpath, int(via), spacing, zone, keep=keep or not right))]
@@ -154,23 +157,24 @@ def _zones_at_corners(path: RobotPath, tolerance: float) -> Array:
 
 
 def _on_lines(
-    program: RapidProgram, toolpath: Toolpath, wanted: Mask, spacing: Array, zone: Array, *, keep: bool
+    program: RapidProgram, toolpath: Toolpath, wanted: Mask, spacing: Array, pieces: Array, zone: Array, *, keep: bool
 ) -> _Points:
     """The points on the wanted (N,) MoveL."""
     step = np.insert(np.linalg.norm(np.diff(toolpath.position, axis=0), axis=1), 0, 0.0)
-    targets = np.flatnonzero(wanted & (step >= 2 * spacing))
+    targets = np.flatnonzero(wanted & (step >= 2 * FULL * spacing))
     most = min(MOST_PIECES, max(MOST_POINTS // max(len(targets), 1), FEWEST_PIECES))
-    pieces = np.minimum(step[targets] // spacing[targets], most).astype(np.intp)
-    before = np.repeat(targets, pieces - 1)
-    number = np.arange(len(before)) - np.repeat(np.cumsum(pieces - 1) - (pieces - 1), pieces - 1) + 1
-    share = number / np.repeat(pieces, pieces - 1)
+    count = np.minimum(step[targets] // (FULL * pieces[targets]), most).astype(np.intp)
+    before = np.repeat(targets, count - 1)
+    number = np.arange(len(before)) - np.repeat(np.cumsum(count - 1) - (count - 1), count - 1) + 1
+    share = number / np.repeat(count, count - 1)
     start, end = toolpath.position[before - 1], toolpath.position[before]
     alone = np.zeros(len(step), dtype=bool)
     alone[targets] = [not keep and follows_directly(program, i) for i in targets.tolist()]
     near = (share * step[before] < zone[before - 1]) | ((1 - share) * step[before] < zone[before])
+    room = np.minimum(share, 1 - share) * step[before] >= FULL * spacing[before]
     return _Points(before, share, start + share[:, None] * (end - start),
                    _turned(toolpath.quaternion[before - 1], toolpath.quaternion[before], share),
-                   alone[before] & ~near, np.zeros(len(before), dtype=bool), alone[before] & near)
+                   alone[before] & room & ~near, np.zeros(len(before), dtype=bool), alone[before] & room & near)
 
 
 def _on_arc(

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.fine_grid import FULL
 from compensator.correction.needed_targets import ENOUGH, beyond_noise
 from compensator.correction.predict import Predicted
 from compensator.forces.placement import ForceLog
@@ -23,17 +24,21 @@ MEDIAN = 0.6745
 # Pieces of a move, and places at which the arm's softness is looked at; moves that need less than this share of the
 # tolerance are passed over.
 MOST_PIECES, PLACES, SHARE = 1000, 50, 0.5
+# A force begins and ends somewhere between two places at which targets may stand: so many pieces lie between these.
+# Each with so many samples at least.
+FINER, SAMPLES = 3, 4
 # So many places tell the noise.
 FEWEST = 12
 # The lines of a spindle whose speed is ambiguous are in places so many times their mean over the log.
 WORSE = 3.0
 
 
-def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
+def pieces_to_look_at(planned: Predicted, spacing: Array, shortest: float) -> Array:
     """In how short pieces each move (N,), from the target before, is worth looking at [m]: inf where the correction along it
     does not vary by more than half the tolerance.
 
-    spacing (N,) [m]: the closest targets each move may have. A log that names targets tells nothing of the way between them.
+    spacing (N,) [m]: the closest targets each move may have; shortest [s]: no piece lasts less. A log that names targets tells
+    nothing of the way between them.
     """
     forced = planned.forces.forced
     behind = np.insert(forced[:-1], 0, False)
@@ -46,7 +51,26 @@ def pieces_to_look_at(planned: Predicted, spacing: Array) -> Array:
     asking = _asking(planned, step, spacing)
     # What an added target does to the mean of the program's own beside it is looked at too.
     around = asking | np.append(asking[1:], False) | np.insert(asking[:-1], 0, False)
-    return np.where(around, spacing, pieces)
+    least = np.fmax(spacing / FINER, shortest * planned.path.toolpath.feed)
+    return np.where(around, np.minimum(spacing, np.maximum(least, SAMPLES * _between_samples(planned, step))), pieces)
+
+
+def _between_samples(planned: Predicted, step: Array) -> Array:
+    """How far apart [m] the samples stand along each move (N,) of lengths step (N,) [m]; inf where there is none."""
+    _, move = _on_moves(planned)
+    return np.asarray(step / np.maximum(np.bincount(move, minlength=len(step)), 1e-300))
+
+
+def _on_moves(planned: Predicted) -> tuple[Indices, Indices]:
+    """The rows (M,) of the log that lie on the path, and the target (M,) that the tool moves to there."""
+    log, length = planned.forces.log, _ascending(planned)
+    rows = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= length[-1]))
+    return rows, np.clip(np.searchsorted(length, log.place[rows], side="left"), 1, len(length) - 1)
+
+
+def _ascending(planned: Predicted) -> Array:
+    """Path length (N,) [m], known everywhere."""
+    return np.maximum.accumulate(np.nan_to_num(planned.path.length))
 
 
 def shortest_piece(planned: Predicted) -> float:
@@ -58,11 +82,10 @@ def shortest_piece(planned: Predicted) -> float:
 
 def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:
     """The moves (N,) of lengths step (N,) [m] whose force is not a straight line between the means of their targets."""
-    log, length = planned.forces.log, np.maximum.accumulate(np.nan_to_num(planned.path.length))
+    log, length = planned.forces.log, _ascending(planned)
     count = len(length)
-    rows = np.flatnonzero(np.isfinite(log.place) & (log.place >= 0) & (log.place <= length[-1]))
-    move = np.clip(np.searchsorted(length, log.place[rows], side="left"), 1, count - 1)
-    room = np.minimum(step // (2 * spacing), np.bincount(move, minlength=count) // 2)
+    rows, move = _on_moves(planned)
+    room = np.minimum(step // (2 * FULL * spacing), np.bincount(move, minlength=count) // 2)
     halves = np.clip(np.nan_to_num(room), 1, MOST_PIECES // 2).astype(np.intp)
     begin = np.cumsum(2 * halves) - 2 * halves
     share = (log.place[rows] - length[move - 1]) / np.maximum(step[move], 1e-12)
@@ -78,7 +101,7 @@ def _asking(planned: Predicted, step: Array, spacing: Array) -> Mask:
     soft, tolerance = _softness(planned), planned.settings.correction.tolerance
     noise = np.linalg.norm(soft * noise_of_one(mean[filled], weight[filled], near)) / np.sqrt(weight[filled])
     asked = beyond_noise(np.where(known[:, None], soft * off, 0.0), noise, ENOUGH * tolerance)
-    asks = known & (step[owner] >= 2 * spacing[owner]) & (asked > SHARE * tolerance)
+    asks = known & (step[owner] >= 2 * FULL * spacing[owner]) & (asked > SHARE * tolerance)
     return np.bincount(owner[asks], minlength=count) > 0
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.fine_grid import Grid
+from compensator.correction.fine_grid import FULL, Grid
 from compensator.correction.force_changes import noise_of_one
 from compensator.correction.needed_targets import untouched, window_means, windows
 from compensator.correction.predict import Predicted
@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def forces_on(planned: Predicted, fine: RobotPath, grid: Grid) -> TargetForces:
+def forces_on(planned: Predicted, fine: RobotPath, grid: Grid, closest: Array) -> TargetForces:
     """The log on the points of a grid. Where it names targets, the points between two with force get forces in between; else
-    all of the program must stand on the grid."""
+    all of the program must stand on the grid. closest (G,) [m]: how near to each other targets may stand."""
     forces, log, kept = planned.forces, planned.forces.log, grid.kept
     if not forces.named:
         given = planned.path.length
@@ -32,7 +32,7 @@ def forces_on(planned: Predicted, fine: RobotPath, grid: Grid) -> TargetForces:
         air = kept[np.minimum(np.array(planned.settings.log.tare, dtype=np.intp).reshape(-1, 2), len(kept) - 1)]
         # The tare was judged on the program itself.
         placed = place_forces(log, fine, fine.cell, tare=[(int(first), int(last)) for first, last in air], trust_tare=True)
-        return _centred(placed, fine)
+        return _without_short_gaps(_centred(placed, fine), place_of(fine), closest)
     own = ~grid.further
     number = np.interp(np.arange(len(own)), kept, np.arange(len(kept)))
     before = np.floor(number).astype(np.intp)
@@ -67,6 +67,21 @@ def _centred(placed: TargetForces, fine: RobotPath) -> TargetForces:
     slope = np.where(rising * going_on > 0, np.sign(rising) * np.minimum(np.abs(rising), np.abs(going_on)), 0.0)
     wrench[here] += slope * aside[near, None]
     return replace(placed, wrench=wrench)
+
+
+def _without_short_gaps(placed: TargetForces, place: Array, closest: Array) -> TargetForces:
+    """Points without force between two with it that stand no farther apart than two targets may get what lies between those:
+    their few samples may have met no tooth."""
+    on = np.flatnonzero(placed.forced)
+    begin = np.flatnonzero((np.diff(on) > 1) & (np.diff(place[on]) <= closest[on[1:]] / FULL))
+    inside = np.zeros(len(place), dtype=bool)
+    for first, last in zip(on[begin], on[begin + 1], strict=True):
+        inside[first + 1:last] = True
+    if not inside.any():
+        return placed
+    wrench = placed.wrench.copy()
+    wrench[inside] = np.column_stack([np.interp(place[inside], place[on], axis[on]) for axis in placed.wrench.T])
+    return replace(placed, wrench=wrench, forced=placed.forced | inside)
 
 
 def place_of(path: RobotPath) -> Array:

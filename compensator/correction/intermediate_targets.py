@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.corners import sharp_corners
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.fine_grid import Grid, fine_grid, spacing_of
 from compensator.correction.force_changes import pieces_to_look_at, shortest_piece
@@ -70,13 +71,13 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
         if shortest > least.time:
             planned = replace(planned, findings=(*planned.findings, _coarse(planned, shortest)))
         spacing = spacing_of(path.toolpath, least.length, max(least.time, shortest))
-        pieces = pieces_to_look_at(planned, spacing)
+        pieces = pieces_to_look_at(planned, spacing, shortest)
         pieces = np.where(np.diff(path.length, prepend=np.nan) < settings.long_move, np.inf, pieces)
-        grid = fine_grid(planned.program.text, path, pieces, settings.tolerance, keep=settings.keep_targets,
+        grid = fine_grid(planned.program.text, path, spacing, pieces, settings.tolerance, keep=settings.keep_targets,
                          whole=asks_for_all(planned, pieces))
         if grid is None:
             return planned, as_given, None
-        looked_at, placed = _needed(planned, grid, grid_path(path, grid))
+        looked_at, placed = _needed(planned, grid, grid_path(path, grid), spacing)
         if len(looked_at.at) == len(grid.kept):
             return planned, as_given, looked_at
         text, added = _rewritten(planned.program.text, path, looked_at)
@@ -93,9 +94,10 @@ def with_intermediate_targets(planned: Predicted) -> tuple[Predicted, Indices, L
                    prediction=predict_path(loaded), findings=(*planned.findings, *findings)), kept, looked_at
 
 
-def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, TargetForces]:
-    """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid."""
-    placed = forces_on(planned, path, grid)
+def _needed(planned: Predicted, grid: Grid, path: RobotPath, spacing: Array) -> tuple[LookedAt, TargetForces]:
+    """The points of the grid, and the arcs, that the deviation along the moves asks for, and the forces on the grid. spacing
+    (N,) [m]: the closest targets each move may have."""
+    placed = forces_on(planned, path, grid, spacing[grid.owner])
     # Where the log has no sample it asks for nothing.
     known = (placed.forced | (placed.samples > 0)) & path.reached & (grid.toolpath.block == "")
     near = grid.further | np.append(grid.further[1:], False) | np.insert(grid.further[:-1], 0, False)
@@ -112,12 +114,15 @@ def _needed(planned: Predicted, grid: Grid, path: RobotPath) -> tuple[LookedAt, 
     looked_for = place[grid.targets]
     own[grid.kept[looked_for >= 0]] = planned.prediction.position[looked_for[looked_for >= 0]]
     deviation[:] = own
-    deviation[points] = prediction.position
+    # In the air there is nothing to correct, whatever was learned of it.
+    deviation[points] = np.where(placed.forced[points, None], prediction.position, 0.0)
     noise[points] = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
-    axes = path.axes
+    axes, corner = path.axes, np.zeros(len(grid.toolpath), dtype=bool)
+    corner[grid.kept] = np.isin(grid.targets, planned.targets[sharp_corners(planned.path, planned.targets)])
     have, arcs = needed_points(grid, Wanted(
         axes.turned_to_rest(deviation), axes.turned_to_rest(own), AIM * planned.settings.correction.tolerance, noise,
-        planned.slope, known, place_of(path), weight_of(placed), path.rest_from_tcp.position))
+        planned.slope, known, placed.forced, place_of(path), weight_of(placed), path.rest_from_tcp.position,
+        spacing[grid.owner], corner))
     fine = replace(planned, loaded=replace(loaded, forces=placed), prediction=prediction)
     return LookedAt(grid, fine, noise, np.flatnonzero(have), arcs), placed
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.correction.fine_grid import Grid
+from compensator.correction.fine_grid import FULL, Grid
 from compensator.path.arc_length import circle
 
 Array = NDArray[np.float64]
@@ -23,7 +23,9 @@ class Wanted:
     """What the points (G,) of a grid ask for. deviation (G, 3) [m], resting frame (external_axes.py); own (G, 3) [m]: that of
     the program's own targets under the mean force of half their moves. tolerance [m]; noise (G,) [m]: 1 sigma of the deviation,
     from the scatter of the force; slope [m/m]: the steepest change that is made between targets; known (G,): there is something
-    to follow. place (G,) [m] along the path, ascending; weight (G,) in means; position (G, 3) [m] as planned."""
+    to follow; forced (G,): a force, without which a target stays where it is. place (G,) [m] along the path, ascending;
+    weight (G,) in means; position (G, 3) [m] as planned; closest (G,) [m]: how near to another target a further one may stand;
+    corner (G,): targets at sharp corners, to and from which any step is made."""
 
     deviation: Array
     own: Array
@@ -31,9 +33,12 @@ class Wanted:
     noise: Array
     slope: float
     known: Mask
+    forced: Mask
     place: Array
     weight: Array
     position: Array
+    closest: Array
+    corner: Mask
 
 
 def windows(place: Array, at: Indices) -> tuple[Indices, Indices]:
@@ -78,21 +83,30 @@ def needed_points(grid: Grid, wanted: Wanted) -> tuple[Mask, Indices]:
         at = np.flatnonzero(have)
         value = window_means(wanted.deviation, wanted.weight, *windows(wanted.place, at), at)
         alone = untouched(own, at)
+        value[~wanted.forced[at]] = 0.0
         value[alone] = wanted.own[at[alone]]
         line = np.column_stack([np.interp(wanted.place, wanted.place[at], value[:, axis]) for axis in range(3)])
         missing = np.where(wanted.known[:, None], line - wanted.deviation, 0.0)
         off = beyond_noise(missing, wanted.noise, ENOUGH * wanted.tolerance)
-        free = grid.may & wanted.known & ~have & ~_too_steep(wanted, at, value, np.cumsum(have) - 1)
+        before = np.cumsum(have) - 1
+        free = grid.may & wanted.known & ~have & _apart(wanted, at, before) & ~_too_steep(wanted, at, value, before)
         excess = np.where(free, off - wanted.tolerance, -np.inf)
         worst = np.maximum.reduceat(excess, at)
         coarse = _coarse(grid, wanted, arcs, wanted.position - line, followed)
         if not (worst > 0).any() and not coarse.any():
             return have, arcs
-        gap = np.cumsum(have) - 1
-        have |= (excess > 0) & (excess == worst[gap])
+        chosen = np.flatnonzero((excess > 0) & (excess == worst[before]))
+        have[chosen[np.unique(before[chosen], return_index=True)[1]]] = True
         first, step = arcs[coarse, 0], arcs[coarse, 1]
         arcs = np.concatenate([arcs[~coarse], np.column_stack([first, step // 2]), np.column_stack([first + step, step // 2])])
         have[arcs.sum(axis=1)] = True
+
+
+def _apart(wanted: Wanted, at: Indices, before: Indices) -> Mask:
+    """Points (G,) that stand far enough from the targets `at` (K,) before and behind them; before (G,): the former's number."""
+    behind = np.minimum(before + 1, len(at) - 1)
+    here, least = wanted.place, FULL * wanted.closest
+    return np.asarray((here - here[at[before]] >= least) & ((here[at[behind]] - here >= least) | (behind == before)))
 
 
 def _too_steep(wanted: Wanted, at: Indices, value: Array, before: Indices) -> Mask:
@@ -103,7 +117,8 @@ def _too_steep(wanted: Wanted, at: Indices, value: Array, before: Indices) -> Ma
     if np.isfinite(wanted.slope):
         for number in (before, np.minimum(before + 1, len(at) - 1)):
             change = np.abs(wanted.deviation - value[number]).max(axis=1)
-            steep |= change > wanted.slope * np.abs(wanted.place - wanted.place[at[number]])
+            limit = np.where(wanted.corner[at[number]], np.inf, wanted.slope)
+            steep |= change > limit * np.abs(wanted.place - wanted.place[at[number]])
     return steep
 
 

@@ -119,6 +119,10 @@ def mill(machine: Machine, part: Part, commands: Commands, cutter: EndMill, give
                 BASE_FROM_OBJECT.apply(force, inverse=True), commanded, time)
 
 
+# Of a step of half a millimetre, which a log must not see as one force: where a tool touches it steps there.
+PLACES_LOGGED = 4
+
+
 def engagement(part: Part, steps: Steps, cutter: EndMill, i: int, place_mm: np.ndarray) -> tuple[np.ndarray, float]:
     """Which pieces of the cutter's circle are in the stock at step i with the tool at place_mm (3,), and its depth [mm]."""
     along, left = steps.feed[i], steps.left[i, :2]
@@ -190,21 +194,24 @@ def log_of(done: Pass, part: Part, commands: Commands, cutter: EndMill, sensor: 
     spread = (np.arange(sensor.instants) - 0.5 * (sensor.instants - 1)) / (sensor.instants * sensor.rate_hz)
     step = np.minimum(np.searchsorted(ends, time), len(ends) - 1)
     force = np.zeros((len(time), 3))
-    first = np.searchsorted(step, np.arange(len(ends) + 1))
-    actual = steps.between(part.target_mm) + 1e-3 * done.off_um
-    for i in np.flatnonzero(done.cutting):
-        rows = slice(first[i], first[i + 1])
+    share = np.clip((time - (ends[step] - duration[step])) / duration[step], 0, 1)
+    # Within its step, of as many as its segment has.
+    count = np.bincount(steps.segment)[steps.segment[step]]
+    done_share = steps.share[step] + (share - 0.5) / count
+    piece = PLACES_LOGGED * step + np.minimum((PLACES_LOGGED * share).astype(int), PLACES_LOGGED - 1)
+    way = (steps.between(part.target_mm), np.diff(part.target_mm, axis=0)[steps.segment - 1]
+           / np.bincount(steps.segment)[steps.segment][:, None])
+    for one in np.unique(piece[steps.feature[step] != AIR]):
+        i, number = divmod(int(one), PLACES_LOGGED)
+        actual = way[0][i] + ((number + 0.5) / PLACES_LOGGED - 0.5) * way[1][i] + 1e-3 * done.off_um[i]
+        rows = slice(*np.searchsorted(piece, [one, one + 1]))
         instants = (time[rows, None] + spread).ravel()
-        coverage, depth = engagement(part, steps, cutter, int(i), actual[i])
+        coverage, depth = engagement(part, steps, cutter, i, actual)
         local = cutter.force(coverage, depth, 2 * np.pi * cutter.turns_per_s * instants)
         force[rows] = _to_object(local.reshape(-1, sensor.instants, 3).mean(axis=1), steps.feed[i])
     seen = sensor.gain * (OBJECT_FROM_FLANGE * sensor.turn).apply(force, inverse=True)
     seen += np.array(sensor.bias_n) + np.outer(time / 60, sensor.drift_n_min) + sensor.noise_n * rng.standard_normal(seen.shape)
     seen = sensor.quantum_n * np.round(seen / sensor.quantum_n)
-    share = np.clip((time - (ends[step] - duration[step])) / duration[step], 0, 1)
-    # Within its step, of as many as its segment has.
-    count = np.bincount(steps.segment)[steps.segment[step]]
-    done_share = steps.share[step] + (share - 0.5) / count
     before, after = commands.position_mm[steps.segment[step] - 1], commands.position_mm[steps.segment[step]]
     place = before + done_share[:, None] * (after - before)
     return Log(time, seen, place + sensor.place_noise_mm * rng.standard_normal(place.shape), steps.segment[step])

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.virtual_cell.cell import parse, simulate
 from tests.virtual_cell.designs import Design
 from tests.virtual_cell.endmill import EndMill
-from tests.virtual_cell.milled_part import AIR, PLACES, POCKET, SLOT, Part, slot_and_pocket, steps_of
+from tests.virtual_cell.milled_part import AIR, BLANK_X, PLACES, POCKET, SLOT, Part, slot_and_pocket, steps_of
 from tests.virtual_cell.milling import (
     BASE_FROM_OBJECT,
     OBJECT_FROM_FLANGE,
@@ -155,6 +155,16 @@ def test_the_log_shows_the_pass(part: Part, milled: Pass) -> None:
     spectrum = np.abs(np.fft.rfft(force[slot][:, 1] - force[slot][:, 1].mean()))
     peak = np.fft.rfftfreq(int(slot.sum()), 1 / clean.rate_hz)[np.argmax(spectrum)]
     assert peak == pytest.approx(450, abs=2) or peak == pytest.approx(150, abs=2)
+
+
+def test_the_log_begins_where_the_tool_touches(plant: Plant, part: Part) -> None:
+    """The cutter's rim reaches the blank a radius before its edge, wherever the steps of the pass stand."""
+    quiet = Sensor(noise_n=0.0, bias_n=(0.0, 0.0, 0.0), drift_n_min=(0.0, 0.0, 0.0), quantum_n=1e-6, place_noise_mm=0.0)
+    for step_mm in (0.55, 0.7, 0.8, 0.95):
+        done = mill(plant, part, planned(part), CUTTER, step_mm=step_mm)
+        log = log_of(done, part, planned(part), CUTTER, quiet, np.random.default_rng(1))
+        cut = np.flatnonzero(np.linalg.norm(log.force_n, axis=1) > 1.0)
+        assert log.position_mm[cut[0], 0] == pytest.approx(BLANK_X[0] - CUTTER.radius_mm, abs=0.125 * step_mm + 0.05)
 
 
 def test_the_program_reads_back(plant: Plant, part: Part) -> None:

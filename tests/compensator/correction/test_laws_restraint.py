@@ -157,6 +157,25 @@ def test_a_corner_that_serves_two_forces_harms_neither_and_is_said(tmp_path: Pat
     assert "CS4114" not in kit.codes(job.correct("--force", "--json"))
 
 
+def test_a_step_at_a_sharp_corner_is_the_paths_own(tmp_path: Path) -> None:
+    """Beside a right angle the offsets stay those that their forces ask for, whatever the limit of their slope; on a straight
+    path the same forces are blended."""
+    forces = [300.0] * 10 + [160.0] + [20.0] * 10
+    program, named = turning(forces)
+    limit = ("--json", "--keep-targets", "--max-slope", "20")
+    job = Job(tmp_path, program=program, forces=named)
+    result = job.correct(*limit)
+    assert "CS4113" not in kit.codes(result)
+    offset = 1e3 * kit.column(job.offsets(), "ox_mm", "oy_mm", "oz_mm")
+    deviation = kit.column(job.offsets(), "dx_um", "dy_um", "dz_um")
+    made, wanted = (np.linalg.norm(each, axis=1) for each in (offset, deviation))       # object and base
+    np.testing.assert_allclose(np.delete(made, 10), np.delete(wanted, 10), atol=0.5)
+    assert np.linalg.norm(offset[9] - offset[11]) > 3 * 20 * 4, "they stand 4 mm apart"
+    job.program = line(20, 2).program()
+    job.forces = "target,fx_n,fy_n,fz_n\n" + "".join(f"{i},0,{force},0\n" for i, force in enumerate(forces[:20]))
+    assert "CS4113" in kit.codes(job.correct(*limit, "--force"))
+
+
 STEP = ([0.0] * 10, [200.0] * 20, [0.0] * 10)
 
 

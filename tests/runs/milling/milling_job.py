@@ -25,7 +25,7 @@ from tests.virtual_cell.milled_part import AIR, AIR_FEED_MM_S, Part, slot_and_po
 from tests.virtual_cell.milling import BASE_FROM_OBJECT, Commands, Pass, Sensor, angles, planned
 
 TARE = (0, 2)       # the air move before the slot
-ROUNDING_UM = 0.1   # of the written numbers; targets that a force barely touches state no sigma
+ROUNDING_UM = 0.1   # of the written numbers
 TRUTH_STD = 1e-4    # of ln k in a stiffness file that is said to be true
 
 
@@ -208,5 +208,8 @@ def grown(first: Pass, after: Pass) -> np.ndarray:
 
 
 def made_worse(first: Pass, after: Pass, sigma_um: np.ndarray) -> np.ndarray:
-    """Steps (S,) that cut and that have grown by more than 2 sigma_um (N,) of their targets, and by more than the rounding."""
-    return np.asarray(after.cutting & (grown(first, after) > 2 * first.steps.between(sigma_um) + ROUNDING_UM))
+    """Steps (S,) that cut and that have grown by more than 2 sigma_um (N,) of their targets, and by more than the rounding. A
+    target without force states no sigma: beside it that of the other end counts alone."""
+    start, end = sigma_um[first.steps.segment - 1], sigma_um[first.steps.segment]
+    stated = np.where((start > 0) & (end > 0), first.steps.between(sigma_um), np.maximum(start, end))
+    return np.asarray(after.cutting & (grown(first, after) > 2 * stated + ROUNDING_UM))
