@@ -12,6 +12,7 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Level
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.first_look import refuse_absurd
 from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
 from identification.fit.noise import VarianceComponents
@@ -115,7 +116,8 @@ class Mistakes:
 
 def fitted_or_mistaken(data: LoadTest) -> Posterior:
     """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
-    mistake does that, where one is clear."""
+    mistake does that, where one is clear; and CS1018 for readings in a unit that leaves nothing to fit."""
+    refuse_absurd(data)
     try:
         return posterior(data)
     except CompstiffError as refused:
