@@ -41,8 +41,8 @@ def check_pendant(poses: Sequence[PendantPoseFile], robot: RobotModel, flange_fr
     worst = int(np.argmax(off / tolerance))
     raise error("CS0116", f"pendant_poses[{worst}]: at these angles the TCP of {robot.name} with this tool is "
                 f"{1e3 * off[worst]:.1f} mm away from where the pendant shows it, tolerance {1e3 * tolerance[worst]:g} mm",
-                file=file, hint=f"{other}{_tool(robot, theta, tcp, tolerance)}are these the angles and tcp_mm of one pose, in base "
-                "coordinates, with this tool active?")
+                file=file, hint=f"{other}{_tool(robot, theta, tcp, tolerance)}are these the angles and tcp_mm of one pose, in "
+                "base coordinates, with this tool active?")
 
 
 def _off(robot: RobotModel, theta: Array, flange_from_tcp: Frame, tcp: Array) -> Array:

@@ -27,6 +27,9 @@ FACTOR, NEAR = 6.0, 2.5
 # From here on no fit is needed to call it a unit: no robot, and none that the fit itself would find (units.py).
 ABSURD = 1e5
 METRES = (1e6, "in m, not in um")
+# Readings of so many rows without a load are looked at, and told from this part of the loaded ones' on: friction and play hold
+# less (engineering judgement).
+FEW, STILL = 3, 0.5
 # Share of the squared readings that no springs explain, beyond the stated noise, from which one mistake is looked for that
 # leaves this part of it, and from which it is told without one. Physical causes leave under 0.05: benchmarks/mistakes.py look.
 UNEXPLAINED, LEFT, NONSENSE = 0.1, 0.25, 0.5
@@ -34,10 +37,13 @@ UNEXPLAINED, LEFT, NONSENSE = 0.1, 0.25, 0.5
 
 def first_look(data: LoadTest) -> Finding | None:
     """What is implausible about the size and the directions of the readings (CS0115); None where nothing is."""
-    data = with_readings(data)
+    unloaded, data = _unloaded(data), with_readings(data)
     if not len(data.rows):
         return None
     said, settles = [], []
+    if len(unloaded) >= FEW and np.median(unloaded) > STILL * np.median(_sizes(data.rows.deflection)):
+        said.append(f"the tool moves in rows without a load, too, by {1e6 * np.median(unloaded):.3g} um in the middle")
+        settles.append("is a column of loads lost, or are these positions and not what a load changed?")
     times = times_smaller(data)
     if not 1 / FACTOR < times < FACTOR:
         said.append(_too(times))
@@ -82,6 +88,15 @@ def unexplained(data: LoadTest) -> float:
         return 0.0
     size = np.linalg.norm(columns, axis=0)
     return float((nnls(columns / np.where(size > 0, size, 1.0), readings)[1] ** 2 - noise) / squares)
+
+
+def _unloaded(data: LoadTest) -> Array:
+    """Sizes [m] of the readings without a load."""
+    return _sizes(data.rows.deflection[~np.any(data.rows.wrench != 0, axis=1)])
+
+
+def _sizes(deflection: Array) -> Array:
+    return np.asarray(np.linalg.norm(np.nan_to_num(deflection), axis=1))
 
 
 def with_readings(data: LoadTest) -> LoadTest:
