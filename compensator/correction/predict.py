@@ -27,6 +27,7 @@ from compensator.posting.read_toolpath import PlannedProgram
 from compensator.rapid import marks_of
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -101,8 +102,8 @@ class Predicted:
         deviation, std, learned = figures["deviation_um"], figures["deviation_std_um"], figures["learned_um"]
         return [
             f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
-            f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard "
-            f"deviation up to {std['largest']:.1f} um",
+            f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; uncertain "
+            f"by up to {two_sigma(std['largest']):.1f} um (2 sigma)",
             *([] if learned is None else [
                 f"of that learned from a measured part, beside the springs: largest {learned['largest']:.1f} um, RMS "
                 f"{learned['rms']:.1f} um"]),

@@ -60,8 +60,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
             lead += corrected.advice.lines()
         rows += [["intermediate targets", f"{figures['added_targets']}"],
                  *([] if corrected.stiffness is None else [[
-                     f"cutting stiffness ({corrected.stiffness.origin}), 1 sigma [N/mm]",
-                     f"{1e-3 * corrected.stiffness.value:.3g}, {1e-3 * corrected.stiffness.std:.2g}"]]),
+                     f"cutting stiffness ({corrected.stiffness.origin}), 2 sigma [N/mm]",
+                     f"{1e-3 * corrected.stiffness.value:.3g}, {2e-3 * corrected.stiffness.std:.2g}"]]),
                  ["corrections held back", f"{figures['held_back']}"],
                  ["largest correction [mm]", f"{offset['largest']:.4f}"],
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
