@@ -191,6 +191,7 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
 
 
 def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.correction.predict import other_tools
     from compensator.correction.record import check_not_corrected
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
@@ -203,7 +204,7 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         path = robot_path(program.toolpath, cell)
         length = float(np.nanmax(path.length, initial=0.0))
     words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
-    findings = (*program.toolpath.findings, *path.findings)
+    findings = (*program.toolpath.findings, *path.findings, *other_tools(path, path.known, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
         first = int(beyond[0])

@@ -38,6 +38,7 @@ _SLIPS = (
 _NO_TEXT = {
     b"PK\x03\x04": "an archive or a workbook of another form (.ods, .zip)",
     b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (.xls); .xlsx is read",
+    b"{": "a JSON file, such as compstiff writes",
     b"PAR1": "a Parquet file under another name; its suffix is .parquet",
     b"MATLAB": "a MATLAB file; `compstiff convert` reads some", b"%PDF": "a PDF file",
 }

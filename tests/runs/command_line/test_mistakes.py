@@ -330,6 +330,11 @@ SAID: tuple[tuple[str, str, Change, tuple[str, ...], str, str, int | None], ...]
     ("a tab in the cell", "cell.yaml", swap("tool: {", "tool:\n\t{"), IDENTIFY, "CS0101", "no tabs", None),
     ("positions in metres", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1e-3), ALONG, "CS3005", "in metres", None),
     ("positions in inches", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1 / 25.4), ALONG, "CS3005", "in inches", None),
+    ("a key at the wrong depth", "cell.yaml", lambda text: text + "sign: by_tool\n", IDENTIFY, "CS0102",
+     "it stands below force_log", 5),
+    ("a key of another program", "cell.yaml", lambda text: text + "xyzzy: 1\n", IDENTIFY, "CS0102", "known keys are robot", 5),
+    ("the stiffness for the log", "stiffness.json", same, instead("@forces.csv", "@stiffness.json"), "CS0201", "a JSON file",
+     None),
     ("positions in the world", "along.csv", columns(PLACES, lambda p: p + 1e3 * USER.p), ALONG, "CS3005",
      "they do as positions in the world", None),
     ("targets counted from 1", "forces.csv", columns(["target"], lambda t: t + 1), CORRECT, "CS3004", "targets count from 0",
@@ -382,6 +387,30 @@ def test_a_column_of_loads_that_is_lost_is_said(tmp_path: Path) -> None:
         found = job.run(tmp_path, {"measurements.csv": sheet}, "check", "@cell.yaml", "@measurements.csv").json["findings"]
         assert {finding["code"] for finding in found} == said
         assert not found or "moves in rows without a load" in found[0]["message"]
+
+
+@pytest.mark.parametrize(("rpm", "level"), [("9", "warning"), ("9000", "note")])
+def test_a_spindle_in_thousands_of_revolutions_is_said(tmp_path: Path, rpm: str, level: str) -> None:
+    """Its mean over seconds blurs the force along the path."""
+    job = workshop(ROBOTS[1])
+    timed = lines(lambda rows: [f"{'time_s' if not k else f'{1e-3 * k:.3f}'},{row}" for k, row in enumerate(rows)])
+    said = job.run(tmp_path, {"forces.csv": timed(job.files["forces.csv"])}, *call("--spindle-rpm", rpm)).json["findings"]
+    assert [finding["level"] for finding in said if finding["code"] == "CS3027"] == [level]
+
+
+def test_a_factor_in_per_cent_is_no_factor(tmp_path: Path) -> None:
+    result = workshop(ROBOTS[1]).run(tmp_path, {}, *call("--scale", "110"))
+    assert result.code == 2
+    assert "it is a factor" in result.out
+
+
+def test_another_tool_in_the_cell_is_said_by_check_as_by_correct(tmp_path: Path) -> None:
+    job = workshop(ROBOTS[1])
+    longer = {"cell.yaml": job.files["cell.yaml"].replace("260.0000", "240.0000")}
+    for words in (("check", "@cell.yaml", "@part.mod"), CORRECT):
+        found = [each for each in job.run(tmp_path, longer, *words).json["findings"] if each["code"] == "CS2055"]
+        assert len(found) == 1
+        assert "20.0 mm" in found[0]["message"]
 
 
 def test_names_that_are_nearly_right(tmp_path: Path) -> None:
