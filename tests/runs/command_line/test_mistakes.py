@@ -413,6 +413,15 @@ def test_another_tool_in_the_cell_is_said_by_check_as_by_correct(tmp_path: Path)
         assert "20.0 mm" in found[0]["message"]
 
 
+@pytest.mark.parametrize("written", [True, False])
+def test_the_call_in_the_report_names_the_offsets_that_were_written(tmp_path: Path, written: bool) -> None:
+    offsets = ("--offsets", "@mine.csv") if written else ()
+    assert workshop(ROBOTS[1]).run(tmp_path, {}, *call("--report", "@out.html"), *offsets).code == 0
+    page = (tmp_path / "out.html").read_text(encoding="utf-8")
+    assert (f"--predicted {tmp_path / 'mine.csv'}" in page) == written
+    assert ("what --offsets writes" in page) == (not written)
+
+
 def test_names_that_are_nearly_right(tmp_path: Path) -> None:
     """A robot written as on its plate, and a command a letter short."""
     job = workshop(ROBOTS[1])
