@@ -26,6 +26,7 @@ ENOUGH = 400
 FACTOR, NEAR = 6.0, 2.5
 # From here on no fit is needed to call it a unit: no robot, and none that the fit itself would find (units.py).
 ABSURD = 1e5
+PRIOR = ", and the prior's stiffnesses with N m/rad"
 METRES = (1e6, "in m, not in um")
 # Readings of so many rows without a load are looked at, and told from this part of the loaded ones' on: friction and play hold
 # less (engineering judgement).
@@ -47,7 +48,7 @@ def first_look(data: LoadTest) -> Finding | None:
     times = times_smaller(data)
     if not 1 / FACTOR < times < FACTOR:
         said.append(_too(times))
-        settles.append("compare one reading with the instrument's display")
+        settles.append(f"compare one reading with the instrument's display{PRIOR}")
     left = unexplained(data)
     if left > UNEXPLAINED:
         mistake = _explaining(data, left)
@@ -69,7 +70,7 @@ def refuse_absurd(data: LoadTest) -> None:
     times = times_smaller(data) if len(data.rows) else 1.0
     if not 1 / ABSURD < times < ABSURD:
         raise error("CS1018", _too(times), file=data.rows.source, hint="deflections are in micrometres, forces in newton; "
-                    "check: compare one reading with the instrument's display")
+                    f"check: compare one reading with the instrument's display{PRIOR}")
 
 
 def times_smaller(data: LoadTest) -> float:

@@ -117,9 +117,8 @@ class Mistakes:
 def fitted_or_mistaken(data: LoadTest) -> Posterior:
     """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
     mistake does that, where one is clear; and CS1018 for readings in a unit that leaves nothing to fit."""
-    refuse_absurd(data)
     try:
-        return posterior(data)
+        fitted = posterior(data)
     except CompstiffError as refused:
         finding = refused.findings[0]
         mistake = likeliest_at_a_glance(data) if finding.code == "CS1010" else None
@@ -128,6 +127,8 @@ def fitted_or_mistaken(data: LoadTest) -> Posterior:
         sentence = mistake.sentence.format(rows=f"all {len(data.rows)} rows")
         said = replace(finding, message=f"{finding.message}; {sentence}", hint=f"{finding.hint}; check: {mistake.settles}")
         raise CompstiffError(said) from None
+    refuse_absurd(data)
+    return fitted
 
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:
