@@ -2,12 +2,14 @@
 
     OMP_NUM_THREADS=1 python benchmarks/mistakes.py planted [SEEDS] [FIRST_SEED]
     OMP_NUM_THREADS=1 python benchmarks/mistakes.py none [SEEDS] [FIRST_SEED]
+    OMP_NUM_THREADS=1 python benchmarks/mistakes.py look [SEEDS] [FIRST_SEED]
 
 `planted`: every mistake of tests/runs/mistakes/planted.py, SEEDS data sets each, in turn on the robots there (the virtual
 cell, which shares no physics with the packages, and three built-in ones simulated with the packages' plain model), realistic
 noise that the cell file states nominally. Mistakes that are too small to be seen count as silent. `none`: the virtual cell
 with nothing hidden, with one effect of the dictionary, with one outside it, on three designs: no mistake is there to be named.
 There `diagnose` runs only where the search finds a mistake that physics might still beat, since without one it can name none.
+`look`: what `check` says of both without a fit, and how near the sets without a mistake come to what it takes for implausible.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from identification.common.findings import CompstiffError
 from identification.diagnosis.diagnose import diagnose
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.first_look import first_look, times_smaller, unexplained, with_readings
 from identification.fit.mistakes.judge import beyond_the_fit, mistakes_in
 from identification.fit.posterior import posterior
 from identification.measurements import Measurements, read_measurements
@@ -121,19 +124,44 @@ def table_of_none(seeds: range) -> None:
     print(f"of {total}: a mistake named in {named} ({100 * named / total:.2f} %), beside other names in {beside}")
 
 
+def table_of_looks(seeds: range, names: list[str]) -> None:
+    for name in names:
+        said: Counter[str] = Counter()
+        for number, seed in enumerate(seeds):
+            files, _ = with_mistake(name, seed, ROBOTS[number % len(ROBOTS)])
+            try:
+                found = first_look(LoadTest.of(*read(files)))
+            except CompstiffError:
+                said["not read"] += 1
+            else:
+                said["said" if found else "silent"] += 1
+        print(f"{name:24s} " + ", ".join(f"{count} {what}" for what, count in sorted(said.items())), flush=True)
+    tests = [with_readings(LoadTest.of(*read(right(seed, design=design, hidden=hidden_in(seed, kind)))))
+             for kind in ("null", "single", "double", "outside") for design in ("ladder12", "poses20", "paper5")
+             for seed in seeds]
+    sizes = [times_smaller(test) for test in tests]
+    print(f"without a mistake: {len(tests)} data sets, {sum(first_look(test) is not None for test in tests)} alarms; "
+          f"no springs explain up to {max(unexplained(test) for test in tests):.1%}; readings {min(sizes):.2f} to "
+          f"{max(sizes):.2f} times smaller than the prior's")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["planted", "none"])
+    parser.add_argument("what", choices=["planted", "none", "look"])
     parser.add_argument("seeds", nargs="?", type=int, default=8)
     parser.add_argument("first", nargs="?", type=int, default=5_100_000)
     parser.add_argument("--only", help="one mistake")
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)
     print(f"seeds {seeds.start} to {seeds.stop - 1}")
-    if options.what == "planted":
-        table_of_planted(seeds, [options.only] if options.only else [*MISTAKES, TWO])
-    else:
-        table_of_none(seeds)
+    names = [options.only] if options.only else [*MISTAKES, TWO]
+    match options.what:
+        case "planted":
+            table_of_planted(seeds, names)
+        case "none":
+            table_of_none(seeds)
+        case _:
+            table_of_looks(seeds, names)
 
 
 if __name__ == "__main__":

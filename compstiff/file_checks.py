@@ -1,4 +1,4 @@
-"""`compstiff check`: every file of a cell read as its own command would read it, and nothing computed from them."""
+"""`compstiff check`: every file of a cell read as its own command would read it, and held against its neighbours."""
 
 from __future__ import annotations
 
@@ -146,7 +146,9 @@ def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
 
 def _cell_in_words(cell: Cell) -> str:
     place = ", ".join(f"{1e3 * x:g}" for x in cell.flange_from_tcp.position)
-    return f"{cell.robot.name}, TCP at [{place}] mm, forces in the frame {cell.force_log.kind}"
+    proof = ("unproved: no pendant_poses" if cell.pendant_off is None
+             else f"the pendant's poses agree to {1e3 * cell.pendant_off:.2g} mm")
+    return f"{cell.robot.name}, TCP at [{place}] mm, {proof}; forces in the frame {cell.force_log.kind}"
 
 
 def _robot(file: Path) -> tuple[str, tuple[Finding, ...]]:
@@ -166,6 +168,8 @@ def _joint_log(file: Path) -> tuple[str, tuple[Finding, ...]]:
 def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
     """Rows with a deflection; a plan that is not filled in, or a blank sheet, is told apart from one that is wrong."""
     from identification.common.tables import read_table
+    from identification.fit.load_test import LoadTest
+    from identification.fit.mistakes.first_look import first_look
     from identification.measurements import read_measurements
 
     count = len(read_table(file, required=()))
@@ -180,11 +184,14 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
             "CS0112", "note", "no deflection is filled in yet" if plan else "no row is filled in yet", file=str(file),
             hint="measure, then write dx_um dy_um dz_um into every row, the zero readings too"))
     rows = read_measurements(file, cell)
+    implausible = first_look(LoadTest.of(cell, rows))
     loaded, poses = int(np.any(rows.wrench != 0, axis=1).sum()), len(np.unique(rows.visit))
-    return f"{count} rows, {loaded} with a load, {poses} poses, {int(rows.validate.sum())} rows kept back", rows.findings
+    return f"{count} rows, {loaded} with a load, {poses} poses, {int(rows.validate.sum())} rows kept back", (
+        *rows.findings, *((implausible,) if implausible else ()))
 
 
 def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
+    from compensator.correction.predict import other_tools
     from compensator.correction.record import check_not_corrected
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
@@ -197,7 +204,7 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         path = robot_path(program.toolpath, cell)
         length = float(np.nanmax(path.length, initial=0.0))
     words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
-    findings = (*program.toolpath.findings, *path.findings)
+    findings = (*program.toolpath.findings, *path.findings, *other_tools(path, path.known, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
         first = int(beyond[0])

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, toolpath_suffix
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS
 from identification.common.findings import CompstiffError, error
+from identification.common.workbook import sheet_finding
 from identification.common.yaml_source import read_mapping
 from identification.model.cell import ForceLogFile
 
@@ -77,7 +78,8 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
     names = set(columns_of(file))
     if any(name.endswith(("_motor_deg", "_link_deg")) for name in names):
         return "joint log"
-    if JOINTS[0] in names and names & {*DEFLECTIONS, MASS}:
+    joints = len(names & {*JOINTS})         # one name may be wrong
+    if (JOINTS[0] in names or joints > len(JOINTS) / 2) and names & {*DEFLECTIONS, MASS}:
         return "measurements"
     if "ox_mm" in names:
         return "offsets"
@@ -89,8 +91,9 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "toolpath"
     if LOG_NAME in file.name.lower():
         return "force log"      # by its name: its reader says what its columns should be called
-    raise _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names - {''})[:12])}",
-                   "the first row that does not begin with # must name the columns, such as q1_deg or fx_n; ")
+    unknown = _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names - {''})[:12])}",
+                       "the first row that does not begin with # must name the columns, such as q1_deg or fx_n; ")
+    raise CompstiffError(*unknown.findings, *sheet_finding(file))
 
 
 def _unknown(file: Path, found: str, hint: str = "") -> CompstiffError:

@@ -119,7 +119,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
-                       *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta)))]))
+                       *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
+                       *_not_moved(table, wrench, deflection)]))
 
 
 def _forces(table: Table, cell: Cell | None) -> Array:
@@ -204,6 +205,17 @@ def _repeated(table: Table, wrench: Array, deflection: Array, visit: NDArray[np.
     return [Finding("CS0012", "warning", f"{len(again)} of {len(loaded)} loaded rows stand in the table before, to the last "
                     "digit: they count as measured again, and the stated intervals come out too narrow", file=table.source,
                     line=int(table.line[again[0]]), hint="delete what was copied; a load measured again differs by its noise")]
+
+
+def _not_moved(table: Table, wrench: Array, deflection: Array) -> list[Finding]:
+    """Loaded rows in which nothing moved at all."""
+    loaded = np.any(wrench != 0, axis=1)
+    still = np.flatnonzero(loaded & (deflection == 0).all(axis=1))
+    if len(still) < 3 or len(still) < 0.1 * loaded.sum():
+        return []
+    return [Finding("CS1025", "warning", f"in {len(still)} of {int(loaded.sum())} rows with a load all three deflections are "
+                    "exactly 0: no robot stands so still", file=table.source, line=int(table.line[still[0]]),
+                    hint="were they measured? Leave the cells empty, or delete the rows, where not")]
 
 
 def run_numbers(label: NDArray[np.object_] | Array) -> NDArray[np.intp]:

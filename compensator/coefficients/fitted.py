@@ -14,6 +14,7 @@ from compensator.cutting.cut import Cut
 from compensator.cutting.posterior import ForcePosterior
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding
+from identification.common.quantities import two_sigma
 
 # A coefficient is reliable with a standard deviation under this share (run-out's alone is about a tenth) of the largest
 # of its kind, and not identifiable where the log left it this share of what was assumed before.
@@ -58,10 +59,11 @@ class FittedCoefficients:
 
     def lines(self) -> list[str]:
         """For the terminal."""
-        rows = [f"{name}   {unit * value:8.1f} +- {unit * std:<7.2g} {'N/mm^2' if k < 3 else 'N/mm  '}  {grade}"
+        rows = [f"{name}   {unit * value:8.1f} +- {unit * two_sigma(std):<7.2g} {'N/mm^2' if k < 3 else 'N/mm  '}  {grade}"
                 for k, (name, unit, value, std, grade) in enumerate(zip(
                     COEFFICIENTS, IN_MM, self.coefficients.mean, self.coefficients.std, self.grades, strict=True))]
-        lines = [*([self.cut.line()] if self.cut else []), "coefficients (linear edge: force = chip x Kc + edge x Ke)", *rows]
+        lines = [*([self.cut.line()] if self.cut else []),
+                 "coefficients (linear edge: force = chip x Kc + edge x Ke; +-: 2 sigma)", *rows]
         if self.posterior is not None:
             lines.append(f"fit: {len(self.posterior.residual)} targets, residual {rms(self.posterior.residual):.2f} N RMS; "
                          f"what the model leaves at a place: {100 * self.coefficients.model_error:.1f} % of the force; "

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from compensator.correction.settings import Estimate
 from identification.common.arrays import Array
 from identification.common.autocorrelation import autocorrelation_time
+from identification.common.quantities import two_sigma
 
 Origin = Literal["stated", "cell.yaml", "material", "depth", "passes"]
 # Sensor zeros after a tare: their drift in the minutes between tare and cut [N]; engineering judgement.
@@ -65,9 +66,10 @@ class CuttingStiffness:
 
     def words(self) -> str:
         """For people."""
-        places = f", of which {1e-3 * self.spread:.2g} from place to place" if self.spread > 0.1 * self.std else ""
-        error = f", standard error {1e-3 * self.std:.2g}{places}" if self.std else ", taken as exact"
-        return f"{1e-3 * self.value:.3g} N/mm{error}"
+        places = f", of which {1e-3 * two_sigma(self.spread):.2g} from place to place" if self.spread > 0.1 * self.std else ""
+        if not self.std:
+            return f"{1e-3 * self.value:.3g} N/mm, taken as exact"
+        return f"{1e-3 * self.value:.3g} +- {1e-3 * two_sigma(self.std):.2g} N/mm (2 sigma{places})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,7 @@ from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
 from compensator.correction.settings import EXACTLY_ONE
 from identification.common.arrays import Array, held_once, read_only, rms
+from identification.common.quantities import two_sigma
 
 Indices = NDArray[np.intp]
 CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scatter of the force",
@@ -73,9 +74,9 @@ class ExpectedLeft:
 
     def line(self) -> str:
         """The same for the terminal."""
-        figures = self.as_dict()
+        figures = {name: two_sigma(value) for name, value in self.as_dict().items()}
         parts = ", ".join(f"{words} {figures[cause]:.1f}" for cause, words in CAUSES.items() if figures[cause])
-        return (f"expected to be left on the part, 1 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
+        return (f"expected to be left on the part, 2 sigma: {figures['rms']:.1f} um RMS, {figures['largest']:.1f} um at most "
                 f"({parts}){self._depth_decides()}")
 
     def sentence(self) -> str:

@@ -100,7 +100,7 @@ def correct_files(
     if outputs.report:
         from compensator.correction.report import path_report
 
-        written[outputs.report] = path_report(corrected).encode()
+        written[outputs.report] = path_report(corrected, offsets=outputs.offsets).encode()
     if before_writing:
         before_writing()
     write_whole(written, overwrite=overwrite, read=as_read)

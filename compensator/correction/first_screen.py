@@ -100,8 +100,8 @@ def _worst(predicted: Predicted, sizes: Array, label: str) -> list[Key]:
     return [Key(label, f"line {toolpath.line[target]}", "", f"target {toolpath.number[target]}")]
 
 
-def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
-    """What to do now, with the files of this job."""
+def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | None) -> list[Step]:
+    """What to do now, with the files of this job; offsets: where those of a correction are written."""
     planned = budget.corrected.planned if budget is not None else job.planned if isinstance(job, Corrected) else job
     program, cell = planned.program.source, planned.cell.source
     if program is None or cell is None or planned.model.source is None:
@@ -124,10 +124,10 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None) -> list[Step]:
                              "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
         return [*unstated,
                 Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
-                     f"same places, and ask what the correction was worth{scale} ({Path(stem).name}.offsets.csv: what "
-                     "--offsets wrote):",
-                     call("verify", cell, "before.csv", "after.csv", "--predicted", f"{stem}.offsets.csv", "--tolerance-um",
-                          100, "--report", f"{stem}.verify.html")),
+                     f"same places, and ask what the correction was worth{scale}"
+                     + ("" if offsets else f" ({Path(stem).name}.offsets.csv: what --offsets writes)") + ":",
+                     call("verify", cell, "before.csv", "after.csv", "--predicted", offsets or f"{stem}.offsets.csv",
+                          "--tolerance-um", 100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
                      tolerance)]
     if budget is None:

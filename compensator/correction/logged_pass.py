@@ -18,6 +18,7 @@ from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding, Refused, counted, error
+from identification.common.quantities import two_sigma
 from identification.common.tables import read_table
 
 Array = NDArray[np.float64]
@@ -125,7 +126,7 @@ def of_passes(
         raise Refused(Finding(
             "CS3117", "error", f"the corrected pass, which by force_log.sign cut {1e6 * np.abs(deeper).mean():.0f} um "
             f"deeper, shows less force ({np.sign(np.median(change)) * np.abs(change).mean():+.1f} N): "
-            f"{1e-3 * falls.value:.3g} N/mm of depth, standard error {1e-3 * falls.std:.3g}", file=source,
+            f"{1e-3 * falls.value:.3g} +- {1e-3 * two_sigma(falls.std):.3g} N/mm of depth (2 sigma)", file=source,
             hint="force_log.sign in cell.yaml is wrong (then the first correction doubled the error), or the logs are "
             "swapped; in conventional milling alone it may be so: then leave --first-forces out"))
     climbing = [pair.where(pair.climb > 0.5) for pair in pairs]

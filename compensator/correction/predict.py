@@ -27,6 +27,7 @@ from compensator.posting.read_toolpath import PlannedProgram
 from compensator.rapid import marks_of
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -101,8 +102,8 @@ class Predicted:
         deviation, std, learned = figures["deviation_um"], figures["deviation_std_um"], figures["learned_um"]
         return [
             f"targets: {figures['targets']}, {figures['with_force']} with force, {figures['without_sample']} without a sample",
-            f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; its standard "
-            f"deviation up to {std['largest']:.1f} um",
+            f"predicted deviation: largest {deviation['largest']:.1f} um, RMS {deviation['rms']:.1f} um; uncertain "
+            f"by up to {two_sigma(std['largest']):.1f} um (2 sigma)",
             *([] if learned is None else [
                 f"of that learned from a measured part, beside the springs: largest {learned['largest']:.1f} um, RMS "
                 f"{learned['rms']:.1f} um"]),
@@ -211,7 +212,7 @@ def under_forces(
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,
-                   *_without_zero(placed, path, settings), *_other_tool(path, placed))
+                   *_without_zero(placed, path, settings), *other_tools(path, placed.forced))
         targets, left = targets_to_correct(path, placed)
         if learned is not None:
             learned.check_set_up(path, targets, settings.correction.repeats)
@@ -248,16 +249,16 @@ def _by_marks(log: ForceLog, path: RobotPath, program: PlannedProgram, settings:
     return placed_by_marks(log, form, path, marks.target)
 
 
-def _other_tool(path: RobotPath, placed: TargetForces) -> list[Finding]:
-    """The tools of moves with force that are not cell.yaml's (CS2055)."""
+def other_tools(path: RobotPath, which: NDArray[np.bool_], of_moves: str = "with force") -> list[Finding]:
+    """The tools of these moves (N,) that are not cell.yaml's (CS2055)."""
     findings = []
-    for flange_from_tcp, places in path.each_tool(np.flatnonzero(placed.forced & path.known)):
+    for flange_from_tcp, places in path.each_tool(np.flatnonzero(which & path.known)):
         apart = path.cell.flange_from_tcp.inverse() @ flange_from_tcp
         off, turn = float(np.linalg.norm(apart.position)), float(np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1)))
         if off > SAME_TOOL or turn > SAME_TURN:
             short = 0 < np.linalg.norm(flange_from_tcp.position) < SHORT_TOOL
             findings.append(Finding(
-                "CS2055", "warning" if short else "note", f"the tool of {counted(len(places), 'move')} with force is "
+                "CS2055", "warning" if short else "note", f"the tool of {counted(len(places), 'move')} {of_moves} is "
                 f"{1e3 * off:.1f} mm and {np.degrees(turn):.1f} deg from cell.yaml's; the program's is used",
                 file=path.toolpath.source, hint="is its tooldata in metres?" if short else ""))
     return findings

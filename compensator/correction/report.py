@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from compensator.correction.budget import Budget
@@ -22,8 +24,9 @@ def budget_report(budget: Budget) -> str:
     return path_report(budget.corrected.planned, budget)
 
 
-def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str:
-    """The report of one program, predicted or corrected; budget: of a predicted one."""
+def path_report(job: Predicted | Corrected, budget: Budget | None = None, offsets: Path | None = None) -> str:
+    """The report of one program, predicted or corrected; budget: of a predicted one; offsets: the file written of a corrected
+    one's."""
     corrected = job if isinstance(job, Corrected) else None
     predicted = job.predicted if isinstance(job, Corrected) else job
     figures = job.as_dict()
@@ -60,8 +63,8 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
             lead += corrected.advice.lines()
         rows += [["intermediate targets", f"{figures['added_targets']}"],
                  *([] if corrected.stiffness is None else [[
-                     f"cutting stiffness ({corrected.stiffness.origin}), 1 sigma [N/mm]",
-                     f"{1e-3 * corrected.stiffness.value:.3g}, {1e-3 * corrected.stiffness.std:.2g}"]]),
+                     f"cutting stiffness ({corrected.stiffness.origin}), 2 sigma [N/mm]",
+                     f"{1e-3 * corrected.stiffness.value:.3g}, {2e-3 * corrected.stiffness.std:.2g}"]]),
                  ["corrections held back", f"{figures['held_back']}"],
                  ["largest correction [mm]", f"{offset['largest']:.4f}"],
                  ["largest rotation [deg]", f"{figures['turn_deg']['largest']:.4f}"],
@@ -90,7 +93,7 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None) -> str
         tables += feed_tables(corrected.feed)
         others += feed_figures(corrected.feed)
     return render(Page(f"{'Corrected' if corrected else 'Predicted'}: {name}", verdict_of(job, budget), keys_of(job, budget),
-                       steps_of(job, budget), lead, tables, first, others, findings, figures))
+                       steps_of(job, budget, offsets), lead, tables, first, others, findings, figures))
 
 
 def _space(job: Predicted | Corrected, budget: Budget | None) -> View:

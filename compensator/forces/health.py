@@ -1,7 +1,7 @@
 """What is wrong with a force log by itself: saturated samples, stuck channels, samples that were lost. Found block by block.
 
-A sensor's noise changes every reading, so repeats of exactly the same value tell. A simulation without noise holds exact values
-in all its channels at once and is left in peace: a channel is judged only while another one moves.
+A sensor's noise changes every reading, so repeats of exactly the same value tell. A channel is judged only while another one
+moves, and all together where they hold a load, and scatter without repeating one elsewhere: a simulation is left in peace.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ AXES = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")
 # So many equal samples in a row at the largest value of all are a clipped peak, so many anywhere a channel that is stuck; both
 # only in a channel of which at most this share of the other samples repeats the one before.
 CLIPPED, STUCK, REPEATS = 3, 64, 0.05
+# Noise turns up and down at two thirds of its samples, whatever it stands on; a calculation hardly ever does.
+NOISY = 0.2
 # Fewer samples beside such runs than this do not tell how often a channel repeats itself.
 FEWEST = 200
 # A step in time longer than this many samples is a gap; steps are even where most are within EVEN of the middle one.
@@ -60,13 +62,16 @@ class _Readings(NamedTuple):
 class Health:
     """Looks at all samples in their order. limit (2,) [N, N m]: the sensor's range where it is stated, else None.
 
-    period [s]: of one sample, None where it is not known.
+    period [s]: of one sample, None where it is not known. together: all channels as one; turns: how often their sum begins to
+    rise or fall.
     """
 
     source: str
     limit: tuple[float | None, float | None]
     period: float | None
     channels: list[Channel] = field(default_factory=list)
+    together: Channel = field(default_factory=Channel)
+    turns: int = 0
     count: int = 0
     beyond: int = 0
     first_beyond: int = 0
@@ -96,6 +101,11 @@ class Health:
             readings = _Readings(load[:, k], same[:, k], moves, samples.line)
             self._runs(channel, readings)
             self._clipped(channel, readings, flags, 2 * k)
+        # Readings of all channels as one that counts as moving: a logger that repeats the last it got.
+        size = np.abs(load).sum(axis=1)
+        self._runs(self.together, _Readings(size, ~moves, np.ones_like(moves), samples.line))
+        up = np.diff(size) > 0
+        self.turns += int(np.count_nonzero(up[1:] != up[:-1]))
         self._range(load, samples.line, flags)
         self.last_load = load[-1:].copy()
         gaps = self._times(samples)
@@ -228,6 +238,8 @@ class Health:
             whole = channel.run == self.count
             if not whole:
                 self._end_run(channel)
+        if self.together.run != self.count:
+            self._end_run(self.together)
         return [*self._saturated(), *self._stuck(), *self._lost()]
 
     def _saturated(self) -> list[Finding]:
@@ -256,13 +268,25 @@ class Health:
                     findings.append(Finding("CS3024", level, f"{AXES[number]} is {channel.held:.6g} in all "
                                             f"{counted(self.count, 'sample')}", file=self.source, line=channel.run_line,
                                             hint="check the cable and the channel" if not zero else ""))
-            elif channel.stuck and (channel.repeats - channel.stuck <= REPEATS * (self.count - channel.stuck)
-                                    and self.count - channel.stuck >= FEWEST):
+            elif channel.stuck and self._told(channel):
                 findings.append(Finding(
                     "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
                     f"run {channel.longest}", file=self.source, line=channel.first_stuck,
                     hint="its readings there are not forces: check the cable and the channel"))
+        all_of_it = self.together
+        noisy = self.turns >= NOISY * (self.count - all_of_it.stuck)
+        if all_of_it.stuck and noisy and self._told(all_of_it):
+            findings.append(Finding(
+                "CS3024", "warning", f"all channels stood still together: {all_of_it.stuck} samples, the longest run "
+                f"{all_of_it.longest}", file=self.source, line=all_of_it.first_stuck,
+                hint="the logger repeats the last reading it got: these are no forces, and programs are corrected by them all "
+                "the same; log the pass again"))
         return findings
+
+    def _told(self, channel: Channel) -> bool:
+        """Whether the samples beside the runs that stood still are enough, and move."""
+        others = self.count - channel.stuck
+        return others >= FEWEST and channel.repeats - channel.stuck <= REPEATS * others
 
     def _lost(self) -> list[Finding]:
         findings = []

@@ -24,6 +24,8 @@ ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
 # What plain means cost is said of a target's stretch of this time [s].
 A_STRETCH = 0.1
+# A milling spindle that turns slower has its speed in another unit.
+SLOWEST_RPM = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +211,10 @@ def _turn_or_tooth(spindle: revolutions.Spindle, name: str) -> Finding:
 
 
 def _averaged(frequency: float, how: str, name: str) -> Finding:
-    return Finding("CS3027", "note", f"forces averaged over whole revolutions of {1e3 / frequency:.4g} ms, spindle at "
-                   f"{60 * frequency:.1f} rpm ({how})", file=name)
+    slow = 60 * frequency < SLOWEST_RPM
+    return Finding("CS3027", "warning" if slow else "note", f"forces averaged over whole revolutions of {1e3 / frequency:.4g} "
+                   f"ms, spindle at {60 * frequency:.1f} rpm ({how})", file=name,
+                   hint="is the speed in revolutions a minute? So long a mean blurs the force along the path" if slow else "")
 
 
 @dataclass(frozen=True, eq=False)

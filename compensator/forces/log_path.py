@@ -47,6 +47,10 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path: all lie within "
                     f"{1e3 * _reach(position):.3g} mm, the program reaches over {1e3 * _reach(points):.3g} mm", file=log.source,
                     hint=f"the log seems to be in {unit}: x_mm y_mm z_mm are millimetres")
+    frame = _frame_of(log, path, points, length) if np.isnan(place).all() else ""
+    if frame:
+        raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
+                    hint=f"they do as positions in {frame}: x_mm y_mm z_mm are in the program's work object")
     findings = _beside(log, points, length, position, place)
     return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings))
 
@@ -61,6 +65,15 @@ def _unit_of(position: Array, points: Array) -> str:
     reach = _reach(position)
     ratio = _reach(points) / reach if reach > 0 else 0.0
     return next((unit for unit, factor in UNITS.items() if 0.8 * factor < ratio < 1.25 * factor), "")
+
+
+def _frame_of(log: ForceLog, path: RobotPath, points: Array, length: Array) -> str:
+    """The frame in which the logged positions lie on the path, points (K, 3) at length (K,); "" for none."""
+    if log.key != "position":
+        return ""
+    frames = {"the world": log.place, "the robot's base": path.cell.world_from_base.apply(log.place)}
+    return next((name for name, position in frames.items()
+                 if np.isfinite(match_forwards(points, length, position)).mean() > 0.5), "")
 
 
 def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
@@ -97,7 +110,9 @@ def _check_targets(log: ForceLog, count: int) -> None:
     if log.place.max() >= count:
         row = int(np.argmax(log.place >= count))
         raise error("CS3004", f"target {log.place[row]:g} is beyond the program, which has {counted(count, 'target')} "
-                    f"(0 to {count - 1})", file=log.source, line=int(log.line[row]), hint="is it the log of this program?")
+                    f"(0 to {count - 1})", file=log.source, line=int(log.line[row]),
+                    hint="its numbers seem to begin at 1: targets count from 0"
+                    if log.place.min() == 1 and log.place.max() == count else "is it the log of this program?")
 
 
 def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:

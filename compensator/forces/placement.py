@@ -272,8 +272,8 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
             file=log.source, hint="is it the log of this program?" if level == "warning" else ""))
     if inside.any():
         findings.append(Finding(
-            "CS3012", "warning", f"{int(inside.sum())} targets without a sample stand next to targets with force: left where "
-            "they are, each is a step in the surface", **_at(path, int(np.argmax(inside)) + 1),
+            "CS3012", "warning", f"{counted(int(inside.sum()), 'target')} without a sample next to targets with force: left "
+            "where planned, each is a step in the surface", **_at(path, int(np.argmax(inside)) + 1),
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
 

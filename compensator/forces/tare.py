@@ -13,6 +13,7 @@ from compensator.forces.log import ForceLog
 from compensator.forces.payload import TURN, Payload, estimate_payload, interval_factor, turns
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.kinematics import forward
@@ -63,15 +64,15 @@ class Stills:
         return values
 
     def lines(self) -> list[str]:
-        """The estimates with their standard deviations."""
-        shown = [f"{self.orientations} still orientations",
-                 f"mass    {self.payload.mass:9.3f} +- {self.payload.mass_std:.3f} kg"]
+        """The estimates, +- two sigma."""
+        shown = [f"{self.orientations} still orientations (+-: 2 sigma)",
+                 f"mass    {self.payload.mass:9.3f} +- {two_sigma(self.payload.mass_std):.3f} kg"]
         named = [("f", axis, "N") for axis in "xyz"]
         if self.centre is not None and self.centre_std is not None:
-            shown += [f"centre {axis} {1e3 * x:8.2f} +- {1e3 * std:.2f} mm (flange frame)"
+            shown += [f"centre {axis} {1e3 * x:8.2f} +- {1e3 * two_sigma(std):.2f} mm (flange frame)"
                       for axis, x, std in zip("xyz", self.centre, self.centre_std, strict=True)]
             named += [("m", axis, "N m") for axis in "xyz"]
-        return shown + [f"bias {kind}{axis} {self.bias[k]:8.3f} +- {self.bias_std[k]:.3f} {unit}"
+        return shown + [f"bias {kind}{axis} {self.bias[k]:8.3f} +- {two_sigma(self.bias_std[k]):.3f} {unit}"
                         for k, (kind, axis, unit) in enumerate(named)]
 
     def yaml(self, source: Path) -> str:
@@ -196,8 +197,8 @@ def _doubts(payload: Payload, orientations: int, log: ForceLog) -> list[Finding]
     """What the orientations do not tell well."""
     findings = []
     if not payload.told_from_none:
-        findings.append(Finding("CS3043", "warning", f"a payload of {payload.mass:.3f} +- {payload.mass_std:.3f} kg is not "
-                                "told from none: none is written", file=log.source,
+        findings.append(Finding("CS3043", "warning", f"a payload of {payload.mass:.3f} +- {two_sigma(payload.mass_std):.3f} "
+                                "kg (2 sigma) is not told from none: none is written", file=log.source,
                                 hint="does the log have its weight removed already?"))
     if payload.centre is None and log.has_moment:
         findings.append(Finding("CS3044", "warning", f"the centre of mass is not estimated: {orientations} orientations, the "
@@ -205,6 +206,6 @@ def _doubts(payload: Payload, orientations: int, log: ForceLog) -> list[Finding]
                                 hint="tilt the spindle about a second axis too, three orientations or more"))
     force_std = payload.mass_std * FREE_FALL
     if force_std > UNCERTAIN:
-        findings.append(Finding("CS3045", "warning", f"the payload is uncertain by {force_std:.0f} N (1 sigma): as much false "
-                                "cutting force", file=log.source, hint="more orientations, farther apart"))
+        findings.append(Finding("CS3045", "warning", f"the payload is uncertain by {two_sigma(force_std):.0f} N (2 sigma): as "
+                                "much false cutting force", file=log.source, hint="more orientations, farther apart"))
     return findings

@@ -15,6 +15,7 @@ from compensator.forces.target_rows import TargetRows
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.rotations import Frame
@@ -167,7 +168,7 @@ def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:
         return Finding("CS3034", "note", f"the {len(air.mean)} stretches of --tare turn the sensor by "
                        f"{np.degrees(turns(air.fall)[0]):.1f} deg: that does not tell a payload from the bias", file=log.source,
                        hint="compstiff tare finds it from still readings in orientations that differ more")
-    text = f"payload {payload.mass:.2f} +- {payload.mass_std:.2f} kg"
+    text = f"payload {payload.mass:.2f} +- {two_sigma(payload.mass_std):.2f} kg"
     no_weight = f"{text} in the stretches of --tare: the log holds no weight"
     if payload.negative:
         return Finding("CS3042", "warning", no_weight, file=log.source,
@@ -175,8 +176,10 @@ def _estimated(payload: Payload | None, air: Air, log: ForceLog) -> Finding:
     if not payload.told_from_none:
         return Finding("CS3043", "note", no_weight, file=log.source)
     if payload.centre is not None and payload.centre_std is not None:
-        text += f", centre {_list(1e3 * payload.centre, 1)} +- {_list(1e3 * payload.centre_std, 1)} mm in the log's frame"
-    return Finding("CS3033", "note", f"{text}, estimated from {len(air.mean)} stretches of --tare", file=log.source)
+        text += (f", centre {_list(1e3 * payload.centre, 1)} +- {_list(1e3 * two_sigma(payload.centre_std), 1)} mm in the "
+                 "log's frame")
+    return Finding("CS3033", "note", f"{text}, estimated from {len(air.mean)} stretches of --tare (+-: 2 sigma)",
+                   file=log.source)
 
 
 def _tared(log: ForceLog, biases: Array, bias: Array, mass: float | None, tare: Sequence[Range]) -> list[Finding]:

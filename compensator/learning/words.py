@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from identification.common.quantities import two_sigma
+
 
 def lines(figures: dict[str, Any]) -> list[str]:
     """The figures of a learning (`Learning.as_dict`) in sentences."""
@@ -14,7 +16,7 @@ def lines(figures: dict[str, Any]) -> list[str]:
         f"gone of the measured deviation: {100 * gone['predicted']:.0f} % as it was predicted, {100 * gone['springs']:.0f} % "
         f"with the springs learned, {100 * gone['setup']:.0f} % with the set-up, {100 * gone['drift']:.0f} % with warming, "
         f"{100 * gone['remainder']:.0f} % with the smooth remainder",
-        f"factor in motion (with the force sensor's gain): {motion['scale']:.3f}, standard error {motion['std']:.3f}",
+        f"factor in motion (with the force sensor's gain): {motion['scale']:.3f} +- {two_sigma(motion['std']):.3f} (2 sigma)",
         _remainder(figures),
         *_causes(figures["causes"]),
     ]
@@ -32,7 +34,7 @@ def _causes(asked: dict[str, Any]) -> list[str]:
         return [f"no cause beyond the model is seen (chance shows as much in {100 * asked['p_value']:.0f} % of parts)"]
     if not asked["carried"]:
         return []
-    return [f"{each['name']}: {each['estimate']:.3g} {each['unit']}, standard error {each['std']:.2g}"
+    return [f"{each['name']}: {each['estimate']:.3g} +- {two_sigma(each['std']):.2g} {each['unit']} (2 sigma)"
             for each in asked["parameters"]]
 
 

@@ -8,6 +8,7 @@ from compensator.learning.sizes import Sizes, noise_covariance
 from compensator.learning.terms import Terms
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, Refused
+from identification.common.quantities import two_sigma
 
 # A factor on the predicted deflection outside of this is a mistake, not motion; so many standard errors make it sure.
 SANE, SURE = (0.5, 2.0), 3.0
@@ -29,7 +30,7 @@ def refuse_wrong_factor(terms: Terms, noise: Sizes, predicted: Array, source: st
     if SANE[0] <= factor + SURE * error and factor - SURE * error <= SANE[1]:
         return
     raise Refused(Finding(
-        "CS5310", "error", f"the measured deviation is {factor:.2f} times the predicted (standard error {error:.2f}), expected "
-        f"{SANE[0]:g} to {SANE[1]:g}: nothing is learned", file=source,
+        "CS5310", "error", f"the measured deviation is {factor:.2f} +- {two_sigma(error):.2f} times the predicted (2 sigma), "
+        f"expected {SANE[0]:g} to {SANE[1]:g}: nothing is learned", file=source,
         hint="sign: measured minus planned? frame: the work object? micrometres? the log of this very pass? force_log.sign; "
         "--logged-with where the pass had offsets"))

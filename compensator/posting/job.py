@@ -63,7 +63,8 @@ def post_files(
     if toolpath_suffix(toolpath_file) not in posted_suffixes:
         raise error("CS4201", f"toolpath format '{toolpath_file.suffix}' is not posted, expected one of "
                     f"{', '.join(posted_suffixes)}", file=str(toolpath_file),
-                    hint="a RAPID program is planned already: give it to predict and correct as it is")
+                    hint="a RAPID program is planned already: give it to predict and correct as it is; of G-code give the "
+                    "cutter locations (APT, CLS) that the CAM system made it from")
     cell = read_cell(cell_file)
     check_rapid(cell.robot, "post writes RAPID")
     posted = post(read_cam_path(toolpath_file, settings), cell, settings, str(output))

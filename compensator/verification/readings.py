@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.arrays import Array, read_only
+from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted, error
 from identification.common.tables import Table, read_table
 from identification.model.cell import Cell
@@ -19,6 +19,9 @@ Key = Literal["target", "path_mm", "x_mm y_mm z_mm"]
 POSITION = ("x_mm", "y_mm", "z_mm")
 DEVIATION, SIGMA = ("dx_um", "dy_um", "dz_um"), ("sx_um", "sy_um", "sz_um")
 NORMAL = ("nx", "ny", "nz")
+# So many components whose RMS is under this share of their 1 sigma are in another unit, or typed zeros: chance makes three such
+# files in 1e9.
+ENOUGH, TOO_QUIET = 10, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class Readings:
 
 def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
-    or both kinds, CS6021 no column places the rows."""
+    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL),
                        may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
@@ -93,7 +96,18 @@ def read_readings(file: Path, cell: Cell) -> Readings:
                         line=int(table.line[row]))
         normal = normal / length
     readings = Readings(table.source, key, place, deviation, np.where(np.isnan(deviation), np.nan, sigma), normal)
+    _check_scatter(readings)
     return _in_order(readings, findings)
+
+
+def _check_scatter(readings: Readings) -> None:
+    """Refuses readings that are smaller than what they scatter by: they would pass for a perfect part (CS6035)."""
+    measured = ~np.isnan(readings.deviation)
+    relative = rms((readings.deviation / readings.sigma)[measured]) if measured.sum() >= ENOUGH else 1.0
+    if relative < TOO_QUIET:
+        raise error("CS6035", f"all {int(measured.sum())} deviations together are {relative:.2g} times their own 1 sigma, RMS: "
+                    "a perfect part would show 1", file=readings.source, hint="deviations are in micrometres: in millimetres? "
+                    "Were they measured? If the probe is so good, state its sx_um sy_um sz_um (sn_um)")
 
 
 def _placed(table: Table) -> tuple[Key, Array]:

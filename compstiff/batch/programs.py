@@ -18,6 +18,7 @@ from compstiff.batch.pairing import ProgramFiles, no_log, programs_in
 from compstiff.outcome import DEFECT, DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Session, attempt, document
 from identification.common.files import sha256
 from identification.common.findings import CompstiffError, Finding, counted, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import read_cell
 
 # An interrupt ends the whole call; a defect is worse than what could not be done, and that is worse than a refusal.
@@ -92,8 +93,8 @@ class ProgramResult:
         figures = self.document["result"]
         added = f" ({figures['added_targets']} added)" if figures["added_targets"] else ""
         return [f"{program} -> {self.files.outputs.program}: {counted(figures['corrected'], 'target')} corrected{added}, "
-                f"largest {figures['offset_mm']['largest']:.4f} mm; expected to be left on the part, 1 sigma: "
-                f"{figures['expected_left_um']['rms']:.1f} um RMS"]
+                f"largest {figures['offset_mm']['largest']:.4f} mm; expected to be left on the part, 2 sigma: "
+                f"{two_sigma(figures['expected_left_um']['rms']):.1f} um RMS"]
 
     def with_finding(self, finding: Finding) -> ProgramResult:
         """The same with one more thing to say."""

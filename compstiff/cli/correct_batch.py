@@ -35,7 +35,9 @@ def correct_batch(
     for path, option in ((folders.output, "-o"), (shared.logs, "--forces"), (folders.offsets, "--offsets"),
                          (folders.report, "--report")):
         if path and path.exists() and not path.is_dir():
-            raise click.UsageError(f"'{path}' is a file. Of several programs, {option} names a folder.")
+            several = len(programs) > 1 or programs[0].is_dir()
+            where = "Of several programs" if several else f"Where -o is a folder ({folders.output})"
+            raise click.UsageError(f"'{path}' is a file. {where}, {option} names a folder.")
     from compstiff import Finding, correct_programs, paired
     from compstiff.batch.pairing import share_of
     from compstiff.batch.programs import programs_of, worst

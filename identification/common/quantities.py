@@ -1,10 +1,14 @@
-"""Physical values for people: half a gap of 86 urad, where files say 8.6e-05 rad."""
+"""Physical values for people: half a gap of 86 urad, where files say 8.6e-05 rad; and their uncertainty, always two sigma."""
 
 from __future__ import annotations
 
 import math
 import re
+from typing import TypeVar
 
+from identification.common.arrays import Array
+
+Spread = TypeVar("Spread", float, Array)
 # What a value is read in, from the largest unit that leaves a tenth of it before the point.
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "u"))
 TAKES_PREFIX = re.compile(r"(rad|m|s)(/|$)")
@@ -24,14 +28,19 @@ def readable_unit(size: float, unit: str) -> tuple[float, str]:
     return factor, prefix + unit
 
 
+def two_sigma(std: Spread) -> Spread:
+    """What words call the uncertainty of a result, and what stands behind +-; files and what a user states have one sigma."""
+    return 2.0 * std
+
+
 def quantity(value: float, std: float, unit: str) -> str:
-    """A value with its standard deviation (0 or NaN: none is told), angles in degrees or arc seconds too.
+    """A value with two of its standard deviations (0 or NaN: none is told), angles in degrees or arc seconds too.
 
     >>> quantity(8.62e-5, 3.3e-6, "rad"), quantity(1.07e-7, 3.7e-9, "rad/(N*m)")
-    ('86.2 +- 3.3 urad (17.8 arcsec)', '0.107 +- 0.0037 urad/(N*m)')
+    ('86.2 +- 6.6 urad (17.8 arcsec)', '0.107 +- 0.0074 urad/(N*m)')
     """
     factor, name = readable_unit(value, unit)
-    spread = f" +- {std / factor:.2g}" if std and math.isfinite(std) else ""
+    spread = f" +- {two_sigma(std) / factor:.2g}" if std and math.isfinite(std) else ""
     angle = ""
     if unit == "rad":
         degrees = math.degrees(value)

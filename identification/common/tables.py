@@ -28,10 +28,17 @@ if TYPE_CHECKING:
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")           # 1,234 may be either
+# What people write in place of a number, and what to do about it.
+_SLIPS = (
+    (re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d*)?"), "write it without commas between thousands"),
+    (re.compile(r".*\d:\d\d.*|\d{1,4}[-./]\d{1,2}[-./]\d{1,4}"), "write times as seconds in one number, from any start"),
+    (re.compile(r"[-+]?\d+([.,]\d+)?\s*[^\W\d_eE][^\d]*"), "write the number alone: its unit is in the column's name"),
+)
 # How files begin that are often given for a text table, and what they are.
 _NO_TEXT = {
     b"PK\x03\x04": "an archive or a workbook of another form (.ods, .zip)",
     b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (.xls); .xlsx is read",
+    b"{": "a JSON file, such as compstiff writes",
     b"PAR1": "a Parquet file under another name; its suffix is .parquet",
     b"MATLAB": "a MATLAB file; `compstiff convert` reads some", b"%PDF": "a PDF file",
 }
@@ -156,12 +163,18 @@ def as_numbers(
         findings += [
             Finding("CS0203", "error", f"column '{name}': found {shown(frame[name].iloc[row])}, expected a finite number"
                     + beyond(numbers[name][row]), file=file, line=int(line[row]), column=list(names).index(name) + 1,
-                    hint="mend the cell, or delete the row if the value is lost")
+                    hint=_mend(frame[name].iloc[row]))
             for row in bad[:MOST_COMPLAINTS]
         ]
     if findings:
         raise CompstiffError(*sorted(findings, key=lambda finding: finding.line or 0)[:MOST_COMPLAINTS])
     return numbers
+
+
+def _mend(cell: object) -> str:
+    """What to do about a cell that is no number."""
+    return next((hint for pattern, hint in _SLIPS if pattern.fullmatch(str(cell).strip())),
+                "mend the cell, or delete the row if the value is lost")
 
 
 def _commas_read(frame: pd.DataFrame, file: str, names: Sequence[str], line: NDArray[np.intp]) -> pd.DataFrame:
@@ -311,7 +324,11 @@ def _csv(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:
         raise error("CS0201", "is empty: a header line with column names was expected", file=str(file), line=1)
     header = lines[kept[0]]
     separator = next((mark for mark in (";", "\t", ",") if mark in header), ",")
+    # Rows and columns without a word, as spreadsheets leave them behind a table.
+    kept = [kept[0], *(index for index in kept[1:] if lines[index].strip(separator + " \t"))]
     body = [lines[index] for index in kept[1:]]
+    while header.endswith(separator) and all(line.endswith(separator) for line in body):
+        header, body = header[:-1], [line[:-1] for line in body]
     if separator != "," and any("," in line for line in body):
         body = with_decimal_points(body)
     try:

@@ -186,14 +186,24 @@ def _complaint(item: Any, model: type[BaseModel], places: dict[Key, Place], name
     hint = ""
     if item["type"] == "extra_forbidden":
         message = f"unknown key '{label}'"
-        near = difflib.get_close_matches(str(key[-1]), _keys(model, key[:-1]), n=1, cutoff=0.0)
-        hint = f"the nearest known key is '{near[0]}'" if near else ""
+        hint = _place_of(str(key[-1]), _keys(model, key[:-1]), model)
     elif item["type"] == "missing":
         message = (f"'{'.'.join(map(str, key[:-1]))}': number {key[-1] + 1} of the list is missing; found "
                    f"{len(item['input'])}" if isinstance(key[-1], int) else f"key '{label}' is missing")
     else:
         message = f"'{label}': {_wanted(item)}; found {shorten(repr(item['input']), 200)}"
     return Finding("CS0102", "error", message, file=name, line=line, column=column, hint=hint)
+
+
+def _place_of(key: str, known: list[str], model: type[BaseModel]) -> str:
+    """Where an unknown key may belong: below another one, or to a known one that is written alike."""
+    above = [name for name in model.model_fields if key in _keys(model, (name,))]
+    if above:
+        return f"it stands below {' or '.join(above)}: indent it there"
+    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    if near:
+        return f"the nearest known key is '{near[0]}'"
+    return f"known keys are {', '.join(known)}" if known else ""
 
 
 def _wanted(item: Any) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.quantities import two_sigma
 from identification.design.domain import Pool
 from identification.design.exchange import exchange
 from identification.design.own_weight import stated_covariance
@@ -24,8 +25,9 @@ BORNE_OUT = "An independent simulation kept 8 in 10 of such promises"
 
 
 def spread(log_std: float) -> str:
-    """1 sigma of ln k in words: a percentage while that is one."""
-    return f"to {100 * log_std:.2g} %" if log_std < 0.3 else f"within a factor {np.exp(log_std):.2g}"
+    """Two sigma of ln k in words: a percentage while that is one."""
+    wide = two_sigma(log_std)
+    return f"to {100 * wide:.2g} %" if wide < 0.3 else f"within a factor {np.exp(wide):.2g}"
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class Forecast:
         lines = []
         for joint in self.joints:
             trade = f", trades off with k{joint.partner} ({joint.correlation:+.2f})" if joint.partner else ""
-            lines.append(f"k{joint.joint}  known {spread(joint.after)} (1 sigma; before {spread(joint.before)}), "
+            lines.append(f"k{joint.joint}  known {spread(joint.after)} (2 sigma; before {spread(joint.before)}), "
                          f"{joint.grade}{trade}")
         return lines
 
@@ -94,7 +96,7 @@ class Forecast:
         """What plans of other lengths would tell; empty where that is not known."""
         if not self.runs:
             return []
-        return ["largest uncertainty of a stiffness by number of runs, each planned for the criterion: " + ", ".join(
+        return ["largest uncertainty of a stiffness (2 sigma) by number of runs, each planned for the criterion: " + ", ".join(
             f"{n}: {spread(std).removeprefix('to ').removeprefix('within ')}"
             for n, std in zip(self.runs, self.stds, strict=True))]
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.common.chart import AXIS_COLOURS, Axis, Bars, Figure, Line, Panel, Points, Series
 from identification.common.command_line import call
-from identification.common.quantities import parameter_words
+from identification.common.quantities import parameter_words, two_sigma
 from identification.common.report import Key, Page, ReportTable, Step, Verdict, View, count_words, render
 from identification.common.scene import SpaceLine, scene
 from identification.design.discrimination import Discrimination
@@ -66,7 +66,7 @@ def _keys(plan: DesignPlan) -> list[Key]:
     counts = plan.forecast.counts
     minutes, efficiency = plan.sheet.time[-1] / 60, np.floor(100 * plan.design.certificate.efficiency)
     keys = [Key("poses", f"{len(plan.sheet.label)}", "", f"{len(plan.sheet.visit)} rows, about {minutes:.0f} min"),
-            Key("least certain afterwards", f"k{worst.joint}", "", spread(worst.after)),
+            Key("least certain afterwards", f"k{worst.joint}", "", f"{spread(worst.after)} (2 sigma)"),
             Key("of the best possible", f"{efficiency:.0f}", "%", "at least, by its certificate" if plan.criterion != "C" else
                 "at least, by the stiffnesses alone"),
             Key("causes it can name", f"{counts.get('identifiable', 0)}", "",
@@ -111,7 +111,7 @@ def _pairs(discrimination: Discrimination) -> ReportTable:
 
 
 def _joints(expected: Forecast, before: str) -> ReportTable:
-    header = ["stiffness", "before", "after (1 sigma)", "grade", "trades off with"]
+    header = ["stiffness", "before", "after (2 sigma)", "grade", "trades off with"]
     return ReportTable(f"What it will tell of the joints, starting from {before}", header, [
         [f"k{joint.joint}", spread(joint.before), spread(joint.after), joint.grade,
          f"k{joint.partner} ({joint.correlation:+.2f})" if joint.partner else ""] for joint in expected.joints])
@@ -188,8 +188,8 @@ def _certificate(design: Design) -> Figure:
 
 
 def _by_length(expected: Forecast) -> Figure:
-    stds = [100 * std for std in expected.stds]
+    stds = [100 * two_sigma(std) for std in expected.stds]
     labels = [f"{runs} runs: {std:.2g} %" for runs, std in zip(expected.runs, stds, strict=True)]
     series: list[Series] = [Line("", expected.runs, stds, "before"), Points("", expected.runs, stds, "before", labels=labels)]
     return Figure("More or fewer runs", "Largest uncertainty of a stiffness after plans of other lengths, from the same search "
-                  "without refinement.", [Panel(series, Axis("runs"), Axis("1 sigma of ln k [%]", log=True))])
+                  "without refinement.", [Panel(series, Axis("runs"), Axis("2 sigma of ln k [%]", log=True))])

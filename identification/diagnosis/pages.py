@@ -185,7 +185,7 @@ def _causes(content: dict[str, Any]) -> ReportTable | None:
              "corrected along the path" if cause["of_robot"] else "taken out of the data, not carried into the correction",
              cause["effect"] + (f"[{cause['joint']}]" if cause["joint"] else "")]
             for cause in [*content["causes"], *small] for name, item in cause["parameters"].items()]
-    return ReportTable("The cause", ["cause", "of it", "estimate", "makes up to [um]", "what is done", "name"], rows,
+    return ReportTable("The cause", ["cause", "of it", "estimate ± 2 sigma", "makes up to [um]", "what is done", "name"], rows,
                        numbers=(3,)) if rows else None
 
 

@@ -217,8 +217,8 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
         values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
         why = f"{brought[cause.label]} brings so much of it along" if cause.label in brought else (
             "too small against its typical size to be a name")
-        lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} ({values})"
-                     f" is in the model; {why}")
+        lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} "
+                     f"({values}, +- 2 sigma) is in the model; {why}")
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's, or something smaller is at work beside it")
@@ -251,7 +251,7 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
     content = _cause(judgement, cause)
     values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
     line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
-            f"({cause.label}: {values}; probability {cause.probability:.3f})")
+            f"({cause.label}: {values}, +- 2 sigma; probability {cause.probability:.3f})")
     if cause.open_laws and judgement.robot_difference is not None:
         laws = ", ".join(f"{name} {probability:.2f}" for name, probability in cause.open_laws.items())
         line += (f"; its law is open ({laws} would do as well): for a correction the choice makes "
@@ -274,7 +274,7 @@ def _swing_line(swing: Swing) -> str:
 
 
 def value(item: dict[str, Any]) -> str:
-    """A parameter with its uncertainty and unit."""
+    """A parameter with its uncertainty, two sigma, and unit."""
     estimate, std = item["estimate"], item["std"]
     return quantity(estimate, std, item.get("unit", "1")) if std else str(estimate)
 

@@ -27,6 +27,7 @@ from identification.common.yaml_source import (
 )
 from identification.model.frame_file import ZERO, FrameFile
 from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units, travel
+from identification.model.pendant import PendantPoseFile, check_pendant
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
@@ -207,6 +208,7 @@ class CellFile(Strict):
 
     robot: str
     tool: ToolFile
+    pendant_poses: tuple[PendantPoseFile, ...] = ()
     base_frame: FrameFile = FrameFile()
     workobject: FrameFile = FrameFile()
     mechanical_units: tuple[MechanicalUnitFile, ...] | None = None
@@ -267,7 +269,8 @@ class Cell:
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
     units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
     that carries the robot stands at its zero.
-    cutting, motion: as the file has them.
+    cutting, motion: as the file has them. pendant_off: how far [m] robot and tool are from the poses of the pendant, None where
+    the file has none.
     """
 
     source: Path
@@ -290,12 +293,14 @@ class Cell:
     units: tuple[MechanicalUnit, ...] | None = None
     cutting: CuttingFile = field(default_factory=CuttingFile)
     motion: MotionFile = field(default_factory=MotionFile)
+    pendant_off: float | None = None
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     """Reads cell.yaml and the robot file it names; geometry: whether the robot must have joints.
 
-    Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints).
+    Raises CompstiffError: CS0101 and CS0102 (content, with line and column), CS0104 (unknown robot), CS0105 (no joints),
+    CS0116 (another robot or tool than the pendant's).
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> cell.robot.name, (1e3 * cell.flange_from_tcp.position).round(3).tolist()
@@ -353,6 +358,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         units=units,
         cutting=_cutting(described.cutting, file),
         motion=described.motion,
+        pendant_off=check_pendant(described.pendant_poses, robot, described.tool.frame(), str(file)),
     )
 
 

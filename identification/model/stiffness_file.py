@@ -137,7 +137,7 @@ def _parse(file: str | Path, name: str) -> StiffnessFile:
                     hint="compstiff identify writes it")
     if content.get("version") != 1:
         raise error("CS1201", f"has version {content.get('version')!r}, this program reads version 1", file=name,
-                    hint="update compstiff")
+                    hint="update compstiff, or make the file anew with this one")
     try:
         return StiffnessFile.model_validate(content)
     except ValidationError as reason:

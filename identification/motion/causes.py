@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.common.quantities import parameter_words, quantity
+from identification.common.quantities import parameter_words, quantity, two_sigma
 from identification.model.effects.transmission_error import TransmissionError
 from identification.motion.axis import Axis
 from identification.motion.dictionary import Shape
@@ -106,7 +106,7 @@ def transmission_cause(axis: Axis, hypothesis: Hypothesis, found: Transmission, 
         values[1:] = abs(size[k]), strongest.cycles, np.angle(sizes[0][k])
         std[2] = strongest.std
         told.append(f"{len(size)} line{'s' if len(size) > 1 else ''}, the strongest {1e6 * values[1]:.1f} urad at "
-                    f"{strongest.cycles:.1f} +- {strongest.std:.1f} cycles a turn")
+                    f"{strongest.cycles:.1f} +- {two_sigma(strongest.std):.1f} cycles a turn")
         p_value = min(line.again for line in found.confirmed)
     if axis.smooth is not None:
         part = slice(axis.spring.shape[1], axis.plain.shape[1])

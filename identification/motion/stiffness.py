@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.quantities import two_sigma
 from identification.model.robot import Prior
 from identification.motion.axis import Axis, Solved, axis_of, solve, straight_line
 from identification.motion.band import BAND
@@ -103,7 +104,7 @@ class AxisStiffness:
         """How it was found, and what each record says by itself."""
         beside = f"; beside {self.beside}" if self.beside else ""
         return [f"k{self.joint}: {self.reason}; {self.samples} samples, worth {self.worth:.0f} independent ones{beside}",
-                *(f"  {name}: k = {1 / c:.3g} N m/rad (c = {c:.2e} +- {std:.1e})" for name, c, std in self.records)]
+                *(f"  {name}: k = {1 / c:.3g} N m/rad (c = {c:.2e} +- {two_sigma(std):.1e})" for name, c, std in self.records)]
 
 
 def finite_or_none(value: float) -> float | None:

@@ -81,7 +81,7 @@ class Moves:
         """Everything as arrays. Raises CompstiffError: CS2113 (no move), CS2109 (most arcs turn back)."""
         if not self.move:
             raise error("CS2113", "no GOTO in this file moves the tool", file=file, line=1,
-                        hint="name the cutter location file that the CAM system wrote (APT, CLS)")
+                        hint="name the cutter location file that the CAM system wrote (APT, CLS); G-code is not read")
         if self.backwards > self.ahead:
             raise error("CS2109", f"{self.backwards} of {self.backwards + self.ahead} arcs start against the move before them: "
                         "the file means the other sense of turning", file=file, line=self.back_at,

@@ -49,6 +49,7 @@ class _Reader:
         self.rapid = self.finished = False
         self.multax: bool | None = None
         self.axis = UPRIGHT                                 # as written; TRACUT turns it
+        self.axis_stated = False
         self.here: Point | None = None                      # in the work object
         self.start: Point | None = None                     # of FROM
         self.arc: Announced | None = None
@@ -137,7 +138,7 @@ class _Reader:
         if self.multax is False and math.dist(axis, self.axis) > 1e-6:
             raise statement.fail("CS2112", f"found the tool axis {values} while MULTAX is off, where it would stay "
                                  f"{list(self.axis)}", first, "let the CAM system write MULTAX/ON before tilted moves")
-        self.axis, self.placement.tilted = axis, None
+        self.axis, self.placement.tilted, self.axis_stated = axis, None, True
 
     def _check(self, statement: Statement) -> None:
         """Raises what is against a motion here."""
@@ -357,9 +358,16 @@ class _Reader:
         if self.arc is not None:
             raise self.arc.fail("no GOTO behind this arc says where it ends")
         self.setup.check_chosen(self.file)
-        path = self.moves.cam_path(self.file, self.remarks, [*self.findings, *self.measures.findings(), *self._drilled(),
-                                                             *self.left_out.findings(self.setup.chosen)])
+        path = self.moves.cam_path(self.file, self.remarks, [
+            *self.findings, *self.measures.findings(), *self._upright(), *self._drilled(),
+            *self.left_out.findings(self.setup.chosen)])
         return replace(path, cutters=self.cutters.stated())
+
+    def _upright(self) -> list[Finding]:
+        if self.axis_stated or self.multax is False:
+            return []
+        return [Finding("CS2184", "note", "no tool axis in this file: the tool stands upright, 0,0,1, as in three axes",
+                        file=self.file, hint="let the CAM system write i,j,k in GOTO where it does not")]
 
     def _drilled(self) -> list[Finding]:
         if not self.holes:

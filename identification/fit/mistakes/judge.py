@@ -12,6 +12,7 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Level
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.first_look import refuse_absurd
 from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
 from identification.fit.noise import VarianceComponents
@@ -115,9 +116,9 @@ class Mistakes:
 
 def fitted_or_mistaken(data: LoadTest) -> Posterior:
     """The plain fit. Raises what `posterior` raises; of data that prefer all compliances negative (CS1010) it says which
-    mistake does that, where one is clear."""
+    mistake does that, where one is clear; and CS1018 for readings in a unit that leaves nothing to fit."""
     try:
-        return posterior(data)
+        fitted = posterior(data)
     except CompstiffError as refused:
         finding = refused.findings[0]
         mistake = likeliest_at_a_glance(data) if finding.code == "CS1010" else None
@@ -126,6 +127,8 @@ def fitted_or_mistaken(data: LoadTest) -> Posterior:
         sentence = mistake.sentence.format(rows=f"all {len(data.rows)} rows")
         said = replace(finding, message=f"{finding.message}; {sentence}", hint=f"{finding.hint}; check: {mistake.settles}")
         raise CompstiffError(said) from None
+    refuse_absurd(data)
+    return fitted
 
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.quantities import two_sigma
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.mistake import Mistake, table_mistake
@@ -75,8 +76,8 @@ class ToolOffset(Size):
         there = Frame(frame.rotation, frame.position + values)
         off, at = ("(" + ", ".join(f"{x:.1f}" for x in 1e3 * point) + ") mm" for point in (values, there.position))
         return Mistake(
-            "tcp", f"the TCP of {{rows}} seems to lie {off} beside the one in cell.yaml (+- "
-            f"{', '.join(f'{x:.1f}' for x in 1e3 * std)}), at {at} in the flange frame", self.settles, "cell",
+            "tcp", f"the TCP of {{rows}} seems to lie {off} beside the one in cell.yaml (+- 2 sigma: "
+            f"{', '.join(f'{x:.1f}' for x in 1e3 * two_sigma(std))}), at {at} in the flange frame", self.settles, "cell",
             lambda other: replace(other, cell=replace(other.cell, flange_from_tcp=there)))
 
 
@@ -107,7 +108,7 @@ class JointZero(Size):
         also = " (or forces and deflections are turned about base z by so much)" if joint == 1 else ""
         return table_mistake(
             f"joint_zero[{joint}]", f"the zero of joint {joint} seems to be off: the robot stood at q{joint} "
-            f"{np.degrees(values[0]):+.2f} +- {np.degrees(std[0]):.2f} degrees{also} in {{rows}}",
+            f"{np.degrees(values[0]):+.2f} +- {np.degrees(two_sigma(std[0])):.2f} degrees{also} in {{rows}}",
             self.settles, lambda other: {"theta": other.rows.theta + shift})
 
 
@@ -137,7 +138,7 @@ class ReferenceLoad(Size):
         words = ", ".join(f"{x:.0f}" for x in values)
         return table_mistake(
             "reference_load", f"the unloaded reference of {{rows}} seems to have been taken under a load of ({words}) +- "
-            f"({', '.join(f'{x:.0f}' for x in std)}) N, or the force was not zeroed there", self.settles,
+            f"({', '.join(f'{x:.0f}' for x in two_sigma(std))}) N, or the force was not zeroed there", self.settles,
             lambda other: {"wrench": other.rows.wrench - force})
 
 

@@ -98,6 +98,20 @@ def test_a_channel_that_sticks(tmp_path) -> None:
     assert "fy_n stood still while others moved: 200 samples" in str(log.findings)
 
 
+@pytest.mark.usefixtures("blocks")
+@pytest.mark.parametrize("ends", [True, False])
+def test_a_logger_that_repeats_its_last_reading(tmp_path, ends: bool) -> None:
+    """All channels together, in the middle or up to the end; while they hold nothing they are in the air of a simulation."""
+    force = noisy()
+    stop = len(force) if ends else 3200
+    force[3000:stop] = force[3000]
+    log = read(tmp_path, force)
+    assert faults(log) == [("CS3024", 3002)]
+    assert f"all channels stood still together: {stop - 3000} samples" in str(log.findings)
+    force[3000:stop] = 0
+    assert faults(read(tmp_path, force)) == []
+
+
 def test_a_channel_that_is_dead(tmp_path) -> None:
     force = noisy()
     force[:, 2] = 4.5

@@ -42,6 +42,30 @@ def verify(*arguments: object) -> Result:
     return CliRunner().invoke(compstiff, ["verify", *map(str, arguments)])
 
 
+@pytest.mark.parametrize(("unit", "said"), [(1.0, None), (1e-3, "in millimetres?"), (0.0, "Were they measured?")])
+@pytest.mark.parametrize("sigmas", ["", ",sx_um,sy_um,sz_um"])
+def test_a_part_measured_in_millimetres_is_not_accepted(tmp_path: Path, unit: float, said: str | None, sigmas: str) -> None:
+    """24 um in millimetres are 0.024: within any tolerance. A probe of 10 nm that says so is believed."""
+    rng, cell = np.random.default_rng(5), read_cell(write_cell(tmp_path))
+    rows = unit * rng.normal(0, 14, (20, 3))
+    file = tmp_path / "after.csv"
+
+    def written(sigma: float) -> Path:
+        file.write_text("target,dx_um,dy_um,dz_um" + sigmas + "\n" + "".join(
+            f"{k},{','.join(f'{x:.5f}' for x in row)}{f',{sigma},{sigma},{sigma}' if sigmas else ''}\n"
+            for k, row in enumerate(rows)))
+        return file
+
+    if said is None:
+        assert len(read_readings(written(2.0), cell)) == 20
+        return
+    with pytest.raises(CompstiffError, match="CS6035") as refused:
+        read_readings(written(2.0), cell)
+    assert said in refused.value.findings[0].hint
+    if sigmas and unit:
+        assert len(read_readings(written(0.01), cell)) == 20
+
+
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
 def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     """400 simulated pairs of passes: the true ratio and the true scale lie in their 95 % intervals as often as stated, and

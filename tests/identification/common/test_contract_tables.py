@@ -40,6 +40,20 @@ def test_one_meaning_is_read(tmp_path: Path, read, rows: str, encoding: str) -> 
     np.testing.assert_array_equal(table["b_mm"], [2, 0.25])
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_what_a_spreadsheet_leaves_behind_a_table_is_nothing(tmp_path: Path, mark: str) -> None:
+    """Columns and rows without a word; a word in them is a column without a name."""
+    file, rows = tmp_path / "table.csv", ["a_mm,b_mm,,", "1.5,2,,", ",,,", "-3,0.25,,", ",,,"]
+    file.write_text("\n".join(rows).replace(",", mark) + "\n")
+    table = read_table(file, required=NAMES)
+    assert table.columns == ("a_mm", "b_mm")
+    np.testing.assert_array_equal(table.stack("a_mm", "b_mm"), [[1.5, 2], [-3, 0.25]])
+    np.testing.assert_array_equal(table.line, [2, 4])
+    file.write_text("\n".join([*rows, "1,2,,here"]).replace(",", mark) + "\n")
+    with pytest.raises(CompstiffError, match="2 of 4 columns have no name"):
+        read_table(file, required=NAMES)
+
+
 @pytest.mark.parametrize(("rows", "says"), [
     ('"1,500","2,125"\n"3,125","4,375"\n', "may be a decimal comma or separate thousands (4 such cells)"),
     ('"1,5",2\n3.5,4\n', "stands beside numbers with a point (1 such cell)"),

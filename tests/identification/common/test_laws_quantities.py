@@ -23,7 +23,7 @@ def test_the_words_say_the_value(size: float, sign: int, unit: str) -> None:
     number, std, name, angle = re.fullmatch(r"(\S+) \+- (\S+)(?: (?!\()(\S+))?(?: \((.*)\))?", words).groups()
     prefix = MEANS[(name or "").removesuffix("" if unit == "1" else unit)]
     assert float(number) * prefix == pytest.approx(value, rel=6e-3)
-    assert float(std) * prefix == pytest.approx(0.1 * size, rel=6e-2)
+    assert float(std) * prefix == pytest.approx(0.2 * size, rel=6e-2), "two sigma"
     assert bool(angle) == (unit == "rad")
     if angle:
         turned, of = angle.split()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from benchmarks import paper
+from benchmarks import paper, paper_model
 from identification.fit.fit import fit_stiffness
 from identification.model.cell import Cell
 from identification.model.compliance import equilibrium, joint_torque
@@ -115,7 +115,7 @@ def test_the_pattern_of_table_2() -> None:
     for seed in range(5):
         rng = np.random.default_rng(100 + seed)
         design = paper.make_design(True, seed=seed)
-        assert np.all(np.abs(paper.signed_phi(design.theta, design.tool)) <= paper.PHI_MAX)
+        assert np.all(np.abs(paper.signed_phi(design.theta, design.tool)) <= paper_model.PHI_MAX)
         assert np.all(robot().limit_excess(design.theta) == 0)
         _, _, tcp, _ = paper.frames(paper.serial_angles(design.theta), design.tool)
         assert_allclose(tcp, np.tile(paper.POSITION, (5, 1)), atol=1e-9)

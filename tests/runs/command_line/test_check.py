@@ -6,9 +6,11 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.identification.motion import simulated_joint
+from tests.runs.command_line import test_mistakes as kit_mistakes
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.workshop import workshop
 
@@ -159,6 +161,34 @@ def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     half = check(folder, sheet)
     assert half.code == 1
     assert "CS1004" in kit.codes(half)
+
+
+@pytest.mark.parametrize(("names", "factor", "said"), [
+    (kit_mistakes.READINGS, 1e-3, "deflections in mm"), (kit_mistakes.READINGS, 1e-6, "deflections in m,"),
+    (kit_mistakes.FORCES, 1e-3, "forces in kN"), (kit_mistakes.READINGS, -1, "the other sign"),
+    (kit_mistakes.READINGS, lambda rows: rows[:, ::-1], "dx and dz seem to be swapped"),
+    (kit_mistakes.ANGLES, np.radians, "in radians")])
+def test_readings_that_no_such_robot_gives_are_one_finding(folder: Path, names: list[str], factor: object, said: str) -> None:
+    """The slip is named, with the check that settles it, before anything is fitted."""
+    sheet = folder / "measurements.csv"
+    assert check(folder, sheet).json["findings"] == [], "sound as measured"
+    sheet.write_text(kit_mistakes.columns(names, factor)(sheet.read_text()))
+    findings = check(folder, sheet).json["findings"]
+    assert [finding["code"] for finding in findings] == ["CS0115"]
+    assert said in findings[0]["message"], findings
+    assert findings[0]["hint"].startswith("check: ")
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_readings_in_metres_are_refused_by_those_that_fit(folder: Path, command: str) -> None:
+    """So small that every joint drowns in the sensor's noise: no stiffness would show the unit."""
+    sheet = folder / "measurements.csv"
+    sheet.write_text(kit_mistakes.columns(kit_mistakes.READINGS, 1e-6)(sheet.read_text()))
+    run = kit.run(command, folder / "cell.yaml", sheet, "-o", folder / "out.json", "--json")
+    assert run.code == 1, run
+    assert kit.codes(run) == {"CS1018"}
+    assert "in m, not in um" in run.json["findings"][0]["message"]
+    assert not (folder / "out.json").exists()
 
 
 def test_an_empty_sheet_still_needs_its_columns(folder: Path) -> None:

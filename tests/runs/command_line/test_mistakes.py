@@ -330,6 +330,21 @@ SAID: tuple[tuple[str, str, Change, tuple[str, ...], str, str, int | None], ...]
     ("a tab in the cell", "cell.yaml", swap("tool: {", "tool:\n\t{"), IDENTIFY, "CS0101", "no tabs", None),
     ("positions in metres", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1e-3), ALONG, "CS3005", "in metres", None),
     ("positions in inches", "along.csv", columns(["x_mm", "y_mm", "z_mm"], 1 / 25.4), ALONG, "CS3005", "in inches", None),
+    ("a key at the wrong depth", "cell.yaml", lambda text: text + "sign: by_tool\n", IDENTIFY, "CS0102",
+     "it stands below force_log", 5),
+    ("a key of another program", "cell.yaml", lambda text: text + "xyzzy: 1\n", IDENTIFY, "CS0102", "known keys are robot", 5),
+    ("the stiffness for the log", "stiffness.json", same, instead("@forces.csv", "@stiffness.json"), "CS0201", "a JSON file",
+     None),
+    ("positions in the world", "along.csv", columns(PLACES, lambda p: p + 1e3 * USER.p), ALONG, "CS3005",
+     "they do as positions in the world", None),
+    ("targets counted from 1", "forces.csv", columns(["target"], lambda t: t + 1), CORRECT, "CS3004", "targets count from 0",
+     57),
+    ("commas between thousands", "forces.csv", rewrite(r"^5,[^,]*", '5,"1,080.5"'), CORRECT, "CS0203", "without commas", 27),
+    ("a unit in the cell", "forces.csv", rewrite(r"^(5,[^,]*)", r"\1 N", 1), CORRECT, "CS0203", "write the number alone", 27),
+    ("times of a clock", "forces.csv", lines(lambda rows: [f"{'time_s' if k == 0 else f'10:00:{k:02}'},{row}"
+     for k, row in enumerate(rows)][:2]), CORRECT, "CS0203", "write times as seconds", 2),
+    ("a first column of another name, checked", "measurements.csv", swap("q1_deg", "A1"),
+     ("check", "@cell.yaml", "@measurements.csv"), "CS0202", "found A1", 1),
     ("positions of elsewhere", "along.csv", columns(["x_mm"], lambda x: x + 500), ALONG, "CS3005", "log of this program", None),
 )
 
@@ -346,6 +361,65 @@ def test_the_answer_says_what_to_do(
     assert said in f"{found['message']} {found['hint']}", found
     assert Path(found["file"]).name == file
     assert line is None or found["line"] == line
+
+
+def test_rows_with_a_load_that_did_not_move_are_said(tmp_path: Path) -> None:
+    """Half of a table, typed as 0 in place of left empty; two such rows may be."""
+    job = workshop(ROBOTS[1])
+
+    def still(count: int) -> Change:
+        return columns(READINGS, lambda rows: np.where(np.arange(len(rows))[:, None] < len(rows) - count, rows, 0))
+
+    for count, said in ((30, {"CS1025"}), (2, set())):
+        sheet = still(count)(job.files["measurements.csv"])
+        found = job.run(tmp_path, {"measurements.csv": sheet}, "check", "@cell.yaml", "@measurements.csv").json["findings"]
+        assert {finding["code"] for finding in found} == said
+        assert not found or (found[0]["line"], "30 of 60 rows" in found[0]["message"]) == (32, True)
+
+
+def test_a_column_of_loads_that_is_lost_is_said(tmp_path: Path) -> None:
+    """A third of the rows then move without any load; zeros that drift by a few micrometres are none."""
+    job, zeros = workshop(ROBOTS[1]), np.array([3.0, -4.0, 2.0])
+    lost = columns(["fz_n"], 0)(job.files["measurements.csv"])
+    header, *rows = job.files["measurements.csv"].splitlines()
+    unloaded = [",".join([*row.split(",")[:6], "0,0,0", *(f"{value:g}" for value in zeros)]) for row in rows[::6]]
+    for sheet, said in ((lost, {"CS0115"}), ("\n".join([header, *rows, *unloaded]) + "\n", set())):
+        found = job.run(tmp_path, {"measurements.csv": sheet}, "check", "@cell.yaml", "@measurements.csv").json["findings"]
+        assert {finding["code"] for finding in found} == said
+        assert not found or "moves in rows without a load" in found[0]["message"]
+
+
+@pytest.mark.parametrize(("rpm", "level"), [("9", "warning"), ("9000", "note")])
+def test_a_spindle_in_thousands_of_revolutions_is_said(tmp_path: Path, rpm: str, level: str) -> None:
+    """Its mean over seconds blurs the force along the path."""
+    job = workshop(ROBOTS[1])
+    timed = lines(lambda rows: [f"{'time_s' if not k else f'{1e-3 * k:.3f}'},{row}" for k, row in enumerate(rows)])
+    said = job.run(tmp_path, {"forces.csv": timed(job.files["forces.csv"])}, *call("--spindle-rpm", rpm)).json["findings"]
+    assert [finding["level"] for finding in said if finding["code"] == "CS3027"] == [level]
+
+
+def test_a_factor_in_per_cent_is_no_factor(tmp_path: Path) -> None:
+    result = workshop(ROBOTS[1]).run(tmp_path, {}, *call("--scale", "110"))
+    assert result.code == 2
+    assert "it is a factor" in result.out
+
+
+def test_another_tool_in_the_cell_is_said_by_check_as_by_correct(tmp_path: Path) -> None:
+    job = workshop(ROBOTS[1])
+    longer = {"cell.yaml": job.files["cell.yaml"].replace("260.0000", "240.0000")}
+    for words in (("check", "@cell.yaml", "@part.mod"), CORRECT):
+        found = [each for each in job.run(tmp_path, longer, *words).json["findings"] if each["code"] == "CS2055"]
+        assert len(found) == 1
+        assert "20.0 mm" in found[0]["message"]
+
+
+@pytest.mark.parametrize("written", [True, False])
+def test_the_call_in_the_report_names_the_offsets_that_were_written(tmp_path: Path, written: bool) -> None:
+    offsets = ("--offsets", "@mine.csv") if written else ()
+    assert workshop(ROBOTS[1]).run(tmp_path, {}, *call("--report", "@out.html"), *offsets).code == 0
+    page = re.sub("<[^>]+>", "", (tmp_path / "out.html").read_text(encoding="utf-8"))
+    assert (f"--predicted {tmp_path / 'mine.csv'}" in page) == written
+    assert ("what --offsets writes" in page) == (not written)
 
 
 def test_names_that_are_nearly_right(tmp_path: Path) -> None:

@@ -119,3 +119,16 @@ def test_several_tools_are_one_program_each():
 ])
 def test_creos_version_numbers_are_no_part_of_the_format(name, suffix, stem):
     assert (toolpath_suffix(Path(name)), toolpath_stem(Path(name))) == (suffix, stem)
+
+
+@pytest.mark.parametrize(("axis", "said"), [
+    (("", "", ""), True), (("MULTAX/OFF\n", "", ""), False), (("TLAXIS/0,0,1\n", "", ""), False), (("", ",0,0,1", ""), False),
+    (("", "", ",0,0.6,0.8"), False)])
+def test_an_axis_that_nobody_states_is_said_to_be_upright(tmp_path: Path, axis: tuple[str, str, str], said: bool) -> None:
+    """Where one point alone has it it is stated."""
+    above, first, second = axis
+    file = tmp_path / "part.apt"
+    file.write_text(f"UNITS/MM\nFEDRAT/3000,MMPM\n{above}GOTO/0,0,0{first}\nGOTO/10,0,0{second}\nFINI\n")
+    path = read_apt(file)
+    assert [finding.code for finding in path.findings if finding.code == "CS2184"] == ["CS2184"] * said
+    np.testing.assert_allclose(path.axis[0], [0, 0, 1])

@@ -67,7 +67,7 @@ def test_units_come_from_the_file_the_feed_or_are_said_to_be_assumed(read):
     assert "CS2106" in codes(metric)
     bare = read("SPINDL/6000,RPM\nFEDRAT/0.1,PERREV\nGOTO/1,0,0\n")
     assert [(one.level, one.code) for one in bare.findings if one.code == "CS2106"] == [("warning", "CS2106")]
-    assert codes(read(HEAD + "GOTO/1,0,0\n")) == []
+    assert codes(read(HEAD + "GOTO/1,0,0,0,0,1\n")) == []
 
 
 def test_feed_per_turn_takes_the_spindle(read):
