@@ -231,7 +231,7 @@ CALL = [
     M("the measurements for the log", "part.mod", same, instead("@forces.csv", "@measurements.csv"), 1, "CS3005"),
     M("the log for the measurements", "part.mod", same, ("identify", "@cell.yaml", "@forces.csv", "-o", "@found.json"), 1,
       "CS0202"),
-    M("the scale in per cent", "part.mod", same, call("--scale", "110"), 3, "CS4107"),
+    M("the scale in per cent", "part.mod", same, call("--scale", "110"), 2, "CS0002"),
     M("the tolerance in millimetres", "part.mod", same, call("--tolerance", "0.005"), 2, "CS0002"),
     M("the cutting stiffness in N/m", "part.mod", same, call("--cutting-stiffness", "10000"), 1, "CS4123"),
     M("the program over itself", "part.mod", same, (*instead("@out.mod", "@part.mod"), "--force"), 1, "CS0006"),
