@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from compensator.modbus import registers, wire
+from compensator.modbus.link import ExceptionReply
 from tests.compensator.modbus.tables_and_devices import random_table
 
 
@@ -90,3 +91,11 @@ def test_the_documented_refusals_are_those_of_the_device():
     told = {word: int(number) for number, word in entries}
     assert told == {word: registers.Result[name.upper()].value for word, name in words.items()}
     assert sorted(registers.Result) == [0, *sorted(told.values())]
+
+
+@pytest.mark.parametrize(("code", "word"), [
+    (1, "function"), (2, "address"), (3, "value"), (4, "failure"), (5, "acknowledge"), (6, "busy"), (8, "parity"),
+    (10, "gateway path"), (11, "gateway target"), (99, "unknown")])
+def test_an_exception_is_named_as_the_specification_names_it(code: int, word: str):
+    """MODBUS Application Protocol 1.1b3, section 7."""
+    assert re.fullmatch(rf"exception reply {code} \(.*{word}.*\)", str(ExceptionReply(code)))

@@ -162,6 +162,9 @@ def test_a_code_that_is_no_number_is_none(code, number):
     """Nor is one that is longer than any."""
     found = refusal(403, f'{{"status": {{"code": "{code}", "msg": "no"}}}}'.encode())
     assert (found.status, found.code) == (403, number)
+    assert str(found) == f"HTTP 403: no{'' if number is None else f' ({number})'}"
+    empty = refusal(403, b'{"status": {"code": null, "msg": null}}')
+    assert (str(empty), empty.code) == ("HTTP 403", None)
 
 
 @pytest.mark.parametrize("piece", ["<a b=", "<a ", "<!--", "<![CDATA[", "<!", "<?", "&", "<a b='"])
