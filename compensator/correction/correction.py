@@ -229,7 +229,8 @@ def _at_corners(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tupl
         int(targets[corners[worst]]), "CS4114", "warning",
         f"one target serves two forces at {counted(int(told.sum()), 'corner')}: before this one {asked:.0f} um are asked for, "
         f"behind it {other:.0f} um, {apart:.0f} um apart; up to {1e6 * left[worst]:.0f} um are left there",
-        "no offset serves both, nor do two targets or a stop: round the corner in the toolpath, or rough it closer")]
+        "no offset serves both, nor do two targets or a stop: round the corner in the toolpath, rough it closer, or correct "
+        "again by the log of the corrected pass (--logged-with)")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:
