@@ -87,8 +87,9 @@ def connected(scheduler: str) -> Iterator[Client]:
         from distributed import Client, Security
     except ImportError as reason:
         raise error("CS6040", "a cluster needs Dask", hint="pip install 'compstiff[cluster]'") from reason
-    # It tells a scheduler that is lost as a traceback; what that means is said by whoever asked for results.
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    # It tells a scheduler that is lost as tracebacks; what that means is said by whoever asked for results.
+    for part in ("distributed", "distributed.client"):      # Dask gives the second a level of its own
+        logging.getLogger(part).setLevel(logging.CRITICAL)
     security = None
     if _is_tls(scheduler):
         security = Security(require_encryption=True)
