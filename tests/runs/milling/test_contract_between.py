@@ -149,6 +149,17 @@ def test_a_ramp_is_no_noise(tmp_path: Path) -> None:
     assert off.max() < 5 + 3 * result["result"]["between_um"]["scatter_rms"]
 
 
+def test_scatter_hides_nothing_of_what_is_expected_between_targets(tmp_path: Path) -> None:
+    """What the driven program leaves is expected as much by a noisy log as by a clean one."""
+    expected = {}
+    for noise in (0.0, 2.0):
+        job = LineJob(tmp_path / f"{noise:g}", SHORT, zone="z0", noise_n=noise)
+        off, result, _ = job.correct("path_mm", "--keep-targets")
+        expected[noise] = result["result"]["expected_left_um"]["between"]
+        assert expected[noise] > 0.9 * np.sqrt(np.mean(off**2)) > 1.0
+    assert expected[2.0] == pytest.approx(expected[0.0], rel=0.15)
+
+
 def test_where_the_force_jumps_the_place_is_said(tmp_path: Path) -> None:
     """Beside the jump a target on either side, and what is left between them, half the step, told with its move."""
     def step(job: LineJob, s: np.ndarray) -> np.ndarray:
