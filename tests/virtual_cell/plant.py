@@ -146,8 +146,8 @@ class Plant:
                 missing = force_of(i, moved) - force
                 if np.abs(missing).max() <= FORCE_TOLERANCE:
                     break
-                # Where the cut is stiffer than the arm, whole steps would go back and forth.
-                share = 0.5 * share if np.linalg.norm(missing) > 0.9 * last else share
+                # Where the cut is stiffer than the arm, whole steps would go back and forth; short ones gain little each.
+                share = 0.5 * share if np.linalg.norm(missing) > (1 - 0.1 * share) * last else share
                 last = float(np.linalg.norm(missing))
                 force = force + share * missing
             else:
