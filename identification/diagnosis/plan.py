@@ -19,7 +19,7 @@ from identification.common.findings import Finding
 from identification.common.quantities import readable_unit
 from identification.diagnosis.detect import FittedNoise
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
-from identification.diagnosis.power import NEVER, POWER, noticed_from, weakest
+from identification.diagnosis.power import NEVER, POWER, in_the_middle, noticed_from, weakest
 from identification.diagnosis.projection import PRIOR_SIZES, Base
 from identification.diagnosis.search import base_at
 from identification.fit.load_test import LoadTest
@@ -189,10 +189,8 @@ def _outlook(
 ) -> Outlook:
     """Of one entry; detectable: its smallest size that is found; needed: the distance at which it is told from others."""
     entry = dictionary.entries[number]
-    own = [slices[s] for s in entry.signatures if s in slices]
-    # The shape in the middle of the range: not the easiest, not the hardest.
-    by_strength = sorted(own, key=lambda block: weakest(gram[block, block]))
-    mine = by_strength[len(by_strength) // 2]
+    own = [s for s in entry.signatures if s in slices]
+    mine = slices[in_the_middle({s: weakest(gram[slices[s], slices[s]]) for s in own})]
     left = {other.label: min(_left(gram, mine, slices[s]) for s in other.signatures if s in slices)
             for k, other in enumerate(dictionary.entries) if k != number}
     worst = min(left.values(), default=np.inf)

@@ -93,7 +93,7 @@ def noticed_from(
     found = []
     for entry in entries:
         each = {s: along(information[s, : dictionary.widths[s], : dictionary.widths[s]]) for s in dictionary.unweighed(entry)}
-        middle = sorted(each, key=lambda s: each[s][worst_fifth(each[s])])[(len(each) - 1) // 2]
+        middle = in_the_middle({s: float(strength[worst_fifth(strength)]) for s, strength in each.items()})
         strength, width = each[middle], int(dictionary.widths[middle])
         way = directions(width)[worst_fifth(strength)]
         signal = dictionary.columns[:, :, middle, :width] @ way
@@ -162,6 +162,11 @@ def along(information: Array) -> Array:
     gives."""
     ways = directions(len(information))
     return np.asarray(np.sqrt(np.maximum(np.einsum("di,ij,dj->d", ways, information, ways), NOTHING)))
+
+
+def in_the_middle(strength: dict[int, float]) -> int:
+    """The shape in the middle of the range, not the easiest and not the hardest; of two the harder."""
+    return sorted(strength, key=lambda shape: strength[shape])[(len(strength) - 1) // 2]
 
 
 def worst_fifth(strength: Array) -> int:
