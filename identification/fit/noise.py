@@ -109,6 +109,8 @@ class VarianceComponents:
 
 PARTS = ("sensor", "force", "absolute", "offset", "setup", "memory")
 SENSOR, FORCE, ABSOLUTE, OFFSET, SETUP, MEMORY = range(6)
+# Parts that need not be there at all: no file states them.
+OPTIONAL = (SETUP, MEMORY)
 
 
 def memory_of(multiple: Array) -> Array:

@@ -8,9 +8,9 @@ in k with the weight gamma (eq. 11) is the other choice. MAP by Gauss-Newton, th
 
 1. Laplace: the inverse curvature (paper eq. 13, in x).
 2. Where the robot file has no `links` what the arm's weight may do (sag.py) is integrated out: it would pass for springs.
-3. The variance components are not known exactly: several hundred are tried, each weighted by its posterior
-   (variance_components.py), and every draw of x has one of them. This widens the posterior where a few rows must tell both,
-   and gives it heavier tails than normal.
+3. The variance components are not known exactly, nor whether the optional ones are there: several hundred are tried, each
+   weighted by its posterior (variance_components.py, optional_parts.py), and every draw of x has one of them. This widens the
+   posterior where a few rows must tell both, and gives it heavier tails than normal.
 4. Importance weights correct Laplace's shape: in c the likelihood is Gaussian and the prior is not, so that a joint that is
    barely seen has a skewed posterior. Mean and covariance of the weighted draws are what stiffness.json carries; its intervals
    and the ellipsoid are quantiles of the draws.
@@ -32,10 +32,11 @@ from identification.fit.linearised import Linearised
 from identification.fit.load_test import LoadTest
 from identification.fit.marginal import Draws, posterior_draws, shrunk
 from identification.fit.noise import NoiseModel, VarianceComponents, Weights, noise_model
+from identification.fit.optional_parts import Way, asked_for, averaged_trials
 from identification.fit.priors import PriorModel
 from identification.fit.sag import BesideWeight, sag_columns
 from identification.fit.student import student_weights
-from identification.fit.variance_components import ComponentPosterior, asked_for, likeliest, log_covariance, trial_components
+from identification.fit.variance_components import ComponentPosterior, likeliest, log_covariance
 from identification.model.compliance import regressor
 from identification.model.effects_in_force import EFFECTS, SPRINGS, split
 from identification.model.load_state import LoadState
@@ -68,10 +69,8 @@ class Posterior:
     @cached_property
     def draws(self) -> Draws:
         """Weighted draws of x, the variance components integrated out."""
-        sag = self._sag
-        of_components = ComponentPosterior(self.at_map, sag)
-        return posterior_draws(self.at_map, self.components, trial_components(
-            of_components, self.components, self.components_covariance), sag)
+        trials = averaged_trials(self.at_map, self.components, self._sag)
+        return posterior_draws(self.at_map, self.components, trials, self._sag)
 
     @cached_property
     def _sag(self) -> Array:
@@ -204,20 +203,19 @@ def posterior(
     x = np.concatenate([_start(data, model.readings) if near is None else near.log_compliance, *(term.start for term in terms)])
     components = VarianceComponents() if near is None else near.components.of_the_usual_parts()
     row_weight = np.ones(len(rows))
-    further: tuple[int, ...] = ()
-    turned = True
+    further = Way((), True)
     for number in range(MAX_ROUNDS):
         before, last_weight = components, row_weight
-        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further, turned=turned)
+        noise = noise_model(data, np.exp(x[SPRINGS])).with_parts(*further.parts, turned=further.turned)
         at = model.linearised(noise, row_weight, x)
         components = likeliest(ComponentPosterior(at), components)
         if number == 1 and not usual_noise:
             # Near enough to the MAP to see whether the rows ask for more than they usually do.
-            further, turned = asked_for(at, components)
-            components = replace(components, turned=turned)
-            noise = noise.with_parts(*further, turned=turned)
+            further = asked_for(at, components)
+            components = replace(components, turned=further.turned)
+            noise = noise.with_parts(*further.parts, turned=further.turned)
             at = replace(at, noise=noise)
-            components = likeliest(ComponentPosterior(at), components) if further else components
+            components = likeliest(ComponentPosterior(at), components) if further.parts else components
         row_weight, degrees = student_weights(noise, components, at.weights(components), at.residual)
         components = replace(components, degrees=degrees)
         weights = noise.weights(components, row_weight)

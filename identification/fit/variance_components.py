@@ -13,13 +13,9 @@ from numpy.typing import NDArray
 from identification.fit.gram import NoiseGram
 from identification.fit.linearised import Linearised
 from identification.fit.noise import (
-    ABSOLUTE,
-    FORCE,
     LARGEST_LOG,
     MEMORY,
-    OFFSET,
     PARTS,
-    SETUP,
     SMALLEST_LOG,
     NoiseModel,
     VarianceComponents,
@@ -32,13 +28,6 @@ Array = NDArray[np.float64]
 NOISE_ROWS = 6000
 # Of few long visits, stretches of so many rows.
 STRETCH = 32
-# ln likelihood that a part of which no file says anything must bring.
-WORTH_A_PART = 3.0
-# Sizes of such a part that are tried, as multiples of the usual one, and what is left beside it of the parts that have taken it
-# for theirs: forces that are wrong by visits pass for forces that are wrong by rows, a memory for that and for re-seating.
-SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
-LEFT = (1.0, 0.5, 0.2)
-TAKEN_FOR = {SETUP: (FORCE, ABSOLUTE), MEMORY: (FORCE, ABSOLUTE, OFFSET)}
 # Newton steps of the search, and their ends.
 MAX_STEPS, LONGEST, ENOUGH = 12, 1.5, 2e-3
 # The curvature changes slowly and costs four gradients.
@@ -56,11 +45,12 @@ TRIAL_STRETCH, TRIAL_DEGREES = 1.3, 4.0
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Components as likely as their weight (S,) says: logs (S, 6); gram (S, q, q) of the rows with these components, None where
-    they were told from a part of the rows."""
+    they were told from a part of the rows; log_evidence: ln likelihood of the rows, the components integrated out."""
 
     logs: Array
     weight: Array
     gram: Array | None
+    log_evidence: float
 
 
 class ComponentPosterior:
@@ -150,28 +140,6 @@ def likeliest(posterior: ComponentPosterior, components: VarianceComponents) -> 
         posterior.noise.active))})
 
 
-def asked_for(at: Linearised, components: VarianceComponents) -> tuple[tuple[int, ...], bool]:
-    """The parts that the rows ask for beyond the usual ones: set-ups, where visits have several loaded rows, and a memory,
-    where visits have several rows; and whether set-ups turn the forces."""
-    noise = at.noise
-    loaded = np.bincount(noise.visit, np.any(noise.setups != 0, axis=(1, 2)))
-    rows = np.bincount(noise.visit)
-    possible = [part for part, company in ((SETUP, loaded), (MEMORY, rows)) if np.sum(company > 2) > 1]
-    plain = float(ComponentPosterior(at).likelihood(components.logs[None])[0])
-    asked, turned = [], True
-    for part in possible:
-        logs = np.repeat(components.logs[None], len(SIZES) * len(LEFT), axis=0)
-        logs[:, part] = np.tile(np.log(SIZES), len(LEFT))
-        logs[:, TAKEN_FOR[part]] += np.repeat(np.log(LEFT), len(SIZES))[:, None]
-        ways = (True, False) if part == SETUP else (True,)
-        likely = [float(ComponentPosterior(replace(at, noise=noise.with_parts(part, turned=way))).likelihood(logs).max())
-                  for way in ways]
-        if max(likely) > plain + WORTH_A_PART:
-            asked.append(part)
-            turned = turned and likely[0] == max(likely)
-    return tuple(asked), turned
-
-
 def _gradient(posterior: ComponentPosterior, logs: Array, free: NDArray[np.intp]) -> Array:
     """Of ln posterior (f,) by the free logarithms, by differences."""
     unit = STEP * np.eye(len(logs))[free]
@@ -207,7 +175,7 @@ def log_covariance(posterior: ComponentPosterior, components: VarianceComponents
 
 def trial_components(posterior: ComponentPosterior, components: VarianceComponents, covariance: Array) -> Trials:
     """Components spread over their posterior about the likeliest, with importance weights; covariance (6, 6) of their ln."""
-    from scipy.special import gammaincinv, ndtri
+    from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
 
     cost = posterior.rows * (REMEMBERING_COSTS if posterior.noise.active[MEMORY] else 1)
     count = int(np.clip(TRIAL_ROWS // cost, FEWEST_TRIALS, TRIALS))
@@ -215,14 +183,17 @@ def trial_components(posterior: ComponentPosterior, components: VarianceComponen
     uniform = _even(count, len(free) + 1)
     normal = ndtri(uniform[:, :-1])
     stretch = np.sqrt(0.5 * TRIAL_DEGREES / gammaincinv(0.5 * TRIAL_DEGREES, uniform[:, -1]))
-    moved = TRIAL_STRETCH * stretch[:, None] * normal
     logs = np.repeat(components.logs[None], count, axis=0)
-    logs[:, free] += moved @ np.linalg.cholesky(covariance[np.ix_(free, free)]).T
+    root = np.linalg.cholesky(TRIAL_STRETCH**2 * covariance[np.ix_(free, free)])
+    logs[:, free] += (stretch[:, None] * normal) @ root.T
     logs = np.clip(logs, SMALLEST_LOG, LARGEST_LOG)
     value, gram = posterior(logs)
-    proposal = -0.5 * (TRIAL_DEGREES + len(free)) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / TRIAL_DEGREES)
-    weight = np.exp(value - proposal - np.max(value - proposal))
-    return Trials(logs, weight / weight.sum(), gram if posterior.whole else None)
+    # ln density of a multivariate Student.
+    proposal = (-0.5 * (TRIAL_DEGREES + len(free)) * np.log1p(np.sum((normal * stretch[:, None]) ** 2, axis=1) / TRIAL_DEGREES)
+                - 0.5 * len(free) * np.log(np.pi * TRIAL_DEGREES) - np.log(np.diag(root)).sum()
+                + gammaln(0.5 * (TRIAL_DEGREES + len(free))) - gammaln(0.5 * TRIAL_DEGREES))
+    total = float(logsumexp(value - proposal))
+    return Trials(logs, np.exp(value - proposal - total), gram if posterior.whole else None, total - float(np.log(count)))
 
 
 def _even(count: int, dimensions: int) -> Array:

@@ -13,6 +13,6 @@ def log_evidence(fitted: Posterior) -> float:
     at = fitted.at_map
     given_noise = float(ComponentPosterior(at)(fitted.components.logs[None])[0][0])
     free = np.flatnonzero(at.noise.active)
-    volume = 0.5 * float(np.linalg.slogdet(fitted.components_covariance[np.ix_(free, free)])[1])
+    volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * fitted.components_covariance[np.ix_(free, free)])[1])
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)
     return given_noise + prior + volume

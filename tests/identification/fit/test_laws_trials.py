@@ -33,6 +33,8 @@ def test_weights_give_the_mean_and_covariance_of_a_normal_posterior(free: tuple[
     components: Any = SimpleNamespace(logs=there)
     trials = trial_components(posterior, components, told)
     assert trials.weight.sum() == pytest.approx(1)
+    volume = 0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1]
+    assert trials.log_evidence == pytest.approx(volume, abs=0.05)
     found = trials.weight @ trials.logs
     off = (trials.logs - found)[:, at]
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), found[at] - mean)
