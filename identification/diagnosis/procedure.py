@@ -226,7 +226,8 @@ class Procedure:
         slight: frozenset[str] = frozenset()
         if best is not None:
             extended, slight = without_slight(self.data, extended, self.rng)
-        physics = log_posterior(mistakes.found, extended, len(seen.dictionary.entries)) if mistakes.possible else 0.0
+        physics = (log_posterior(mistakes.found, extended, len(seen.dictionary.entries))
+                   if mistakes.possible or mistakes.slight else 0.0)
         if mistakes.clearly(physics):
             return replace(judgement, verdict="mistake", mistakes=mistakes.possible)
         share = explained(plain, extended)
@@ -342,7 +343,7 @@ def log_prior(terms: int, entries: int) -> float:
 
 def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:
     """The judgement, ambiguous where mistakes are about as likely as physics of this ln posterior, or likelier."""
-    rivals = mistakes.against(physics)
+    rivals = mistakes.against(physics, judgement.verdict == "named")
     causes = judgement.causes if judgement.verdict == "named" else judgement.alternatives
     if not rivals or len(rivals) + len(causes) < 2:
         return judgement

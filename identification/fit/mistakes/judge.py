@@ -23,8 +23,9 @@ Array = NDArray[np.float64]
 GROSS = 9.0
 # What a mistake must take away of what is beyond the noise: of a gross misfit, and of any.
 NEARLY_ALL, MOST = 0.95, 0.9
-# ln of how much likelier than the rows as they are a mistake must make them, and one that is named before physics is tried.
-SUPPORT, SURE = 10.0, 30.0
+# ln of how much likelier than the rows as they are a mistake must make them, one that is named before physics is tried, and one
+# that only stands beside physics which is no likelier.
+SUPPORT, SURE, BESIDE = 10.0, 30.0, 3.0
 # ln of how much likelier than a rival a mistake must be to be named alone (20 to 1), and the physics.
 RIVAL = 3.0
 # A size is known when it is so many of its own standard deviations.
@@ -94,16 +95,20 @@ class NamedMistake:
 @dataclass(frozen=True, eq=False)
 class Mistakes:
     """What the search for mistakes came to. sure: the one that is named whatever physics says; possible: those that may be it,
-    the likeliest first, where physics is no likelier. found: the search itself."""
+    the likeliest first, where physics is no likelier; slight: those that are not likely enough to be named, where there is none
+    that is. found: the search itself."""
 
     found: Search
     possible: tuple[NamedMistake, ...]
     sure: NamedMistake | None
+    slight: tuple[NamedMistake, ...] = ()
 
-    def against(self, physics: float) -> tuple[NamedMistake, ...]:
-        """Those left beside physics of this ln posterior: empty where physics is clearly likelier."""
-        best = max((self._log_posterior(each) for each in self.possible), default=-np.inf)
-        return self.possible if best > physics - RIVAL else ()
+    def against(self, physics: float, named: bool) -> tuple[NamedMistake, ...]:
+        """Those left beside physics of this ln posterior: empty where physics is clearly likelier; slight ones only beside a
+        physical cause that is named."""
+        rivals = self.possible or (self.slight if named else ())
+        best = max((self._log_posterior(each) for each in rivals), default=-np.inf)
+        return rivals if best > physics - RIVAL else ()
 
     def clearly(self, physics: float) -> bool:
         """Whether one mistake is clearly likelier than physics."""
@@ -149,7 +154,8 @@ def mistakes_in(plain: Posterior) -> Mistakes:
         found = found.with_those_apart()
     good = [named for each in found.candidates if (named := _named(found, each)) is not None]
     if not good:
-        return Mistakes(found, (), None)
+        return Mistakes(found, (), None, tuple(
+            named for each in found.candidates if (named := _named(found, each, BESIDE)) is not None))
     best = good[0].candidate.log_posterior
     # One that is not good enough by itself still stands beside the best as its rival.
     rivals = [each for each in found.candidates if each.log_posterior > best + RIVAL]
@@ -165,14 +171,14 @@ def _is_gross(plain: Posterior) -> bool:
     return plain.chi2 >= GROSS * plain.readings
 
 
-def _named(found: Search, candidate: Candidate) -> NamedMistake | None:
+def _named(found: Search, candidate: Candidate, enough: float = SUPPORT) -> NamedMistake | None:
     """The candidate with what speaks for it; None where that is not enough."""
     plain = found.plain
     support = candidate.log_posterior - found.log_evidence
     small = candidate.moved is not None and (candidate.moved < 1 or (candidate.sigmas or 0.0) < KNOWN)
     # Springs that change along the file may as well be gears that warm up: two robots differ by more.
     slight = len(candidate.models) > 1 and not _is_gross(plain)
-    if support < SUPPORT or small or slight:
+    if support < enough or small or slight:
         return None
     explained = _explained(plain, candidate)
     held = left_out(plain, poses(plain.data.rows))

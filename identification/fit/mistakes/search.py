@@ -22,6 +22,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
+from identification.fit.noise import OPTIONAL
 from identification.fit.posterior import Posterior, posterior
 from identification.model.effects_in_force import EFFECTS
 
@@ -31,9 +32,9 @@ MOST_ROWS = 1500
 # Visits from which on a mistake may hold.
 MOST_BOUNDARIES = 24
 # ln of how much likelier than none the quick look must find a mistake, less for one with a size, and how far behind the best
-# one it may be.
+# one without a size it may be.
 WORTH, WORTH_WITH_SIZE, BEHIND = 4.0, -8.0, 30.0
-MOST_FITTED = 5
+MOST_FITTED, MOST_WITH_SIZE = 5, 3
 # ln of how much likelier than none one with a size must be near none to be fitted: a name needs 10 (judge.py).
 HOPELESS = -3.0
 # The size of a mistake is found in so many steps.
@@ -91,7 +92,21 @@ def _likeliest_first(candidates: list[Candidate]) -> tuple[Candidate, ...]:
 
 
 def _fits(plain: Posterior, guesses: tuple[_Guess, ...]) -> list[Candidate]:
-    return [candidate for guess in guesses if (candidate := _fitted(plain, guess)) is not None]
+    sized = _hopeful(plain, tuple(guess for guess in guesses if guess.size is not None))
+    rest = [guess for guess in guesses if guess.size is None]
+    return [candidate for guess in (*rest, *sized) if (candidate := _fitted(plain, guess)) is not None]
+
+
+def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
+    """Of those with a size the likeliest near none, with the usual parts of the noise: the others may be there for want of a
+    cause."""
+    if not sized:
+        return []
+    usual = plain
+    if any(plain.at_map.noise.active[part] for part in OPTIONAL):
+        usual = posterior(plain.data, plain.terms, plain, usual_noise=True)
+    support = [_support_near_none(usual, guess) for guess in sized]
+    return [sized[k] for k in np.argsort(support)[::-1][:MOST_WITH_SIZE] if support[k] > HOPELESS]
 
 
 def _portion(plain: Posterior) -> Posterior:
@@ -155,14 +170,16 @@ class _Look:
         return linear(mended, self._arm if as_it_is else None)
 
     def guesses(self) -> list[_Guess]:
-        """The few that are worth a fit, the likeliest first."""
+        """The few that are worth a fit, the likeliest first, and all with a size that may be: those are told apart by what the
+        readings of a visit share, which the quick look does not know."""
         plain = sums(self._linear(self.data))
         scores, springs = log_scores(plain.total(), self._log_std)
-        found = [*self._of_columns(plain), *self._of_sizes(springs[0])]
+        found, none = self._of_columns(plain), float(scores[0])
         best = max((guess.score for guess in found), default=-np.inf)
-        kept = sorted((guess for guess in found if guess.score >= max(best - BEHIND, float(scores[0]) + (
-            WORTH if guess.size is None else WORTH_WITH_SIZE))), key=lambda guess: -guess.score)
-        return kept[:MOST_FITTED]
+        kept = sorted((guess for guess in found if guess.score >= max(best - BEHIND, none + WORTH)),
+                      key=lambda guess: -guess.score)
+        sized = [guess for guess in self._of_sizes(springs[0]) if guess.score >= none + WORTH_WITH_SIZE]
+        return [*kept[:MOST_FITTED], *sized]
 
     def _of_columns(self, plain: Sums) -> list[_Guess]:
         """Those without a size: in all rows, before or from a visit on; and two sets of springs."""
@@ -250,7 +267,7 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     data = plain.data
     try:
         if guess.size is not None:
-            return _with_size(plain, guess) if _support_near_none(plain, guess) > HOPELESS else None
+            return _with_size(plain, guess)
         if guess.split:
             assert guess.rows is not None
             models = tuple(posterior(data.with_rows(data.rows.select(part))) for part in (guess.rows, ~guess.rows))
