@@ -36,6 +36,8 @@ WORTH_A_PART = 3.0
 SIZES = (0.5, 1.5, 5.0, 15.0, 50.0)
 LEFT = (1.0, 0.5, 0.2)
 TAKEN_FOR = {SETUP: (FORCE, ABSOLUTE), MEMORY: (FORCE, ABSOLUTE, OFFSET)}
+# Visits from which on the rows tell whether the parts are there.
+MANY_VISITS = 40
 # A way that is less likely than another by so much in ln counts for nothing.
 NEGLIGIBLE = 6.0
 # Where the search for the size of a part begins that the fit has left out.
@@ -81,10 +83,10 @@ def asked_for(at: Linearised, components: VarianceComponents) -> Way:
 
 def averaged_trials(at: Linearised, components: VarianceComponents, beside: Array) -> Trials:
     """Components spread over their posterior and over the ways in which the optional parts may be there; each part as likely
-    as not beforehand. beside (n, 3, m): as in ComponentPosterior. Where only a part of the rows is looked at there are so many
-    that the fit's own way stands alone."""
+    as not beforehand. beside (n, 3, m): as in ComponentPosterior. Where there are many visits, or so many rows that only a part
+    is looked at, the fit's own way stands alone."""
     fitted = ComponentPosterior(at, beside)
-    if not fitted.whole:
+    if not fitted.whole or at.noise.visits > MANY_VISITS:
         return trial_components(fitted, components, log_covariance(fitted, components))
     tops = []
     for way in _ways(possible(at.noise)):
@@ -94,8 +96,8 @@ def averaged_trials(at: Linearised, components: VarianceComponents, beside: Arra
                      components.values)))
         tops.append((float(of_way(top.logs[None])[0][0]) + _log_prior(way), of_way, top, way))
     best = max(value for value, *_ in tops)
-    each = [(trial_components(of_way, top, log_covariance(of_way, top)), way)
-            for value, of_way, top, way in tops if value > best - NEGLIGIBLE]
+    likely = [(of_way, top, way) for value, of_way, top, way in tops if value > best - NEGLIGIBLE]
+    each = [(trial_components(of_way, top, log_covariance(of_way, top), len(likely)), way) for of_way, top, way in likely]
     log_weight = np.array([trials.log_evidence + _log_prior(way) for trials, way in each])
     total = float(np.logaddexp.reduce(log_weight))
     logs = [np.where([part in OPTIONAL and part not in way.parts for part in range(len(PARTS))], SMALLEST_LOG, trials.logs)

@@ -173,12 +173,13 @@ def log_covariance(posterior: ComponentPosterior, components: VarianceComponents
     return covariance
 
 
-def trial_components(posterior: ComponentPosterior, components: VarianceComponents, covariance: Array) -> Trials:
-    """Components spread over their posterior about the likeliest, with importance weights; covariance (6, 6) of their ln."""
+def trial_components(posterior: ComponentPosterior, components: VarianceComponents, covariance: Array, of: int = 1) -> Trials:
+    """Components spread over their posterior about the likeliest, with importance weights; covariance (6, 6) of their ln; of:
+    how many such sets share the number of trials."""
     from scipy.special import gammaincinv, gammaln, logsumexp, ndtri
 
     cost = posterior.rows * (REMEMBERING_COSTS if posterior.noise.active[MEMORY] else 1)
-    count = int(np.clip(TRIAL_ROWS // cost, FEWEST_TRIALS, TRIALS))
+    count = int(np.clip(TRIAL_ROWS // cost, FEWEST_TRIALS, max(TRIALS // of, FEWEST_TRIALS)))
     free = np.flatnonzero(posterior.noise.active)
     uniform = _even(count, len(free) + 1)
     normal = ndtri(uniform[:, :-1])
