@@ -39,7 +39,8 @@ class ForceLog:
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; None: logged.
+    what is not known of them along a whole stretch; None: logged. held (M,): rows in which a channel stood still (health.py),
+    which place the log and are no forces.
     """
 
     source: str
@@ -59,6 +60,7 @@ class ForceLog:
     spread: Array | None = None
     lines_left: float = 0.0
     covariance: Array | None = None
+    held: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -70,12 +72,11 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        time, spread, covariance = (None if rows is None else rows[:0].copy()
-                                    for rows in (self.time, self.spread, self.covariance))
-        return replace(
-            self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
-            line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
-            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance)
+        return self.rows(slice(0, 0))
+
+    def rows(self, which: NDArray[np.bool_] | slice) -> ForceLog:
+        """Some of its rows, by which (M,)."""
+        return replace(self, **{name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)})
 
 
 def read_force_log(
@@ -114,6 +115,7 @@ def read_force_log(
     if size > 1:
         findings.append(Finding("CS3030", "note", f"kept as {len(rows.line)} means of up to {size} consecutive samples",
                                 file=str(file)))
+    health.close()
     findings += health.findings()
     time, weight = rows.time, np.broadcast_to(1.0, len(rows.line)) if rows.weight is None else rows.weight
     if time is None and rate:
@@ -127,7 +129,8 @@ def read_force_log(
         str(file), rows.load[:, :3], moment, source.has_moment, source.key, place, rows.line,
         weight, time, rate,
         revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
-        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left)
+        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left,
+        held=health.no_forces(rows.number, weight, int(np.ceil(0.5 * window)) if window else 0))
 
 
 def _empty(source: ForceSource) -> CompstiffError:

@@ -32,6 +32,8 @@ MOST_LOST = 0.9
 # A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
 # share of its targets; a logger that rounds flickers between neighbours.
 BACK, MOST_AGAIN = 5, 0.1
+# So many stretches of targets are listed in a finding.
+MOST_LISTED = 6
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
 SMALL, SMALL_SHARE = 5.0, 0.05
 # Middles of sixteen equal shares of a normal distribution, of unit variance.
@@ -80,7 +82,7 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `on_path` and `zero_of` raise.
     """
-    log = on_path(log, path)
+    log, held = _without_held(on_path(log, path), path)
     target = _targets(log, path)
     on = target >= 0
     _check_once(log)
@@ -108,7 +110,34 @@ def place_forces(
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
                                     log.source)]
+    findings += _held(held, path, forces)
     return replace(forces, findings=(*log.findings, *findings))
+
+
+def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
+    """The placed log without the rows in which a channel stood still, and the targets these are of. Raises CompstiffError
+    (CS3024) where there are no others."""
+    if log.held is None or not log.held.any():
+        return log, np.empty(0, dtype=np.intp)
+    if log.held.all():
+        raise error("CS3024", "a channel stands still in all of the log: nothing in it is a force", file=log.source,
+                    hint="check the logger, and log the pass again")
+    target = _targets(log.rows(log.held), path)
+    return log.rows(~log.held), np.unique(target[target >= 0])
+
+
+def _held(held: Indices, path: RobotPath, forces: TargetForces) -> list[Finding]:
+    """The targets, of those `held` whose samples stood still, that have no others and so no correction."""
+    left = held[(held < len(forces.samples)) & (forces.samples[np.minimum(held, len(forces.samples) - 1)] == 0)]
+    if not len(left):
+        return []
+    starts = left[np.flatnonzero(np.diff(left, prepend=-2) > 1)]
+    ends = left[np.flatnonzero(np.diff(left, append=left[-1] + 2) > 1)]
+    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
+    more = f" and {len(runs) - MOST_LISTED} more stretches" if len(runs) > MOST_LISTED else ""
+    return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
+                    f"{', '.join(runs[:MOST_LISTED])}{more}", **_at(path, int(left[0])),
+                    hint="log the pass again; what stands in the log there is no force")]
 
 
 def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
