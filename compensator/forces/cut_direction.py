@@ -152,8 +152,8 @@ def said_of_direction(
     if here.impossible:
         findings.append(Finding(
             "CS3068", "warning", f"{text}: no cutter that turns clockwise is pulled {here.impossible}", file=source,
-            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame? Right only for a spindle that "
-            "turns the other way"))
+            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame (a quaternion is w x y z)? Right "
+            "only for a spindle that turns the other way"))
     elif here.along > 0:
         findings.append(Finding(
             "CS3068", "note", f"{text}: it pulls itself forwards, as in climb milling of little engagement alone", file=source,

@@ -76,7 +76,9 @@ class ForceLog:
 
     def rows(self, which: NDArray[np.bool_] | slice) -> ForceLog:
         """Some of its rows, by which (M,)."""
-        return replace(self, **{name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)})
+        some: dict[str, Any] = {
+            name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)}
+        return replace(self, **some)
 
 
 def read_force_log(

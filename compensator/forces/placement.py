@@ -23,6 +23,7 @@ from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
 from identification.model.cell import Cell, FrameKind
+from identification.model.quaternion_order import other_order
 from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
@@ -253,9 +254,12 @@ def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[s
     known: list[FrameKind] = ["base", "tool", "sensor"]
     others = {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind)))
               for kind in (known if form.flange_from_sensor is not None else known[:2]) if kind != form.kind}
+    turned = {} if form.kind != "sensor" or form.flange_from_sensor is None else {
+        "sensor, its quaternion read as x y z w": base_from_log(path, replace(cell, force_log=replace(
+            form, flange_from_sensor=Frame(other_order(form.flange_from_sensor.rotation), form.flange_from_sensor.position))))}
     return {form.kind: force, **{
         kind: form.sign * mean if kind == "base" else np.nan_to_num(frame.turn(form.sign * mean))
-        for kind, frame in others.items()}}
+        for kind, frame in (others | turned).items()}}
 
 
 def _at(path: RobotPath, target: int) -> dict[str, Any]:

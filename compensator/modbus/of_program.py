@@ -1,4 +1,4 @@
-"""Are these the offsets of the program that the robot runs? The robot cannot tell: it adds the offset of a number to a target."""
+"""Are these the offsets of the program that the robot runs? It cannot tell: it adds the offset of a number to a target."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ def check_program(offsets: Offsets, position: Array, source: str) -> tuple[Findi
     if offsets.planned is None:
         if last != count:
             raise _other(offsets, source, f"they are for {counted(last, 'target')}, the program has {count}")
-        return (Finding("CS5024", "note", f"that {source} is their program is held by its number of targets alone: the file has "
-                        "no columns x_mm y_mm z_mm", file=offsets.source, hint="push the file that correct --offsets writes"),)
+        return (Finding("CS5024", "note", f"that {source} is their program is held by its number of targets alone: the "
+                        "file has no columns x_mm y_mm z_mm", file=offsets.source,
+                        hint="push the file that correct --offsets writes"),)
     there = position[offsets.first:last]
     same = min(len(there), rows)
     apart = there[:same] - offsets.planned[:same]

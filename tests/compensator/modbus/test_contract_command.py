@@ -302,8 +302,8 @@ def moved(by: float, target: int) -> list[list[float]]:
 
 
 @pytest.mark.parametrize(("program", "code"), [
-    (PLACES, None), (moved(0.01, 7), "CS5022"), (PLACES[:-1], "CS5022"), (PLACES[1:], "CS5022"), ([*PLACES, [1, 2, 3]], "CS5022"),
-    (PLACES[::-1], "CS5022"),
+    (PLACES, None), (moved(0.01, 7), "CS5022"), (PLACES[:-1], "CS5022"), (PLACES[1:], "CS5022"),
+    ([*PLACES, [1, 2, 3]], "CS5022"), (PLACES[::-1], "CS5022"),
     ([[a + b for a, b in zip(place, SHIFT if k > 3 else [0, 0, 0], strict=True)] for k, place in enumerate(PLACES)], "CS5023"),
 ])
 def test_only_the_program_they_were_made_for_gets_the_offsets(tmp_path, program, code):
