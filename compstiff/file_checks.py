@@ -234,7 +234,8 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
                              hint="are tool, work object and base_frame those of the controller?"),)
     order = in_another_order(file, cell, settings.posting, path, program)
     if order:
-        findings += (Finding("CS0117", "warning" if len(beyond) else "note", order, file=str(file), hint=f"{W_FIRST}; is this one?"),)
+        findings += (Finding(
+            "CS0117", "warning" if len(beyond) else "note", order, file=str(file), hint=f"{W_FIRST}; is this one?"),)
     try:
         check_not_corrected(file)
     except Refused as corrected:        # a good file all the same: it goes to the robot, not through `correct` again

@@ -109,8 +109,7 @@ def place_forces(
                           zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
-                 *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
-                                    log.source)]
+                 *(_direction(log, path, cell, forced, wrench, mean) if log.covariance is None else ())]
     findings += _held(held, path, forces)
     return replace(forces, findings=(*log.findings, *findings))
 
@@ -139,6 +138,14 @@ def _held(held: Indices, path: RobotPath, forces: TargetForces) -> list[Finding]
     return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
                     f"{', '.join(runs[:MOST_LISTED])}{more}", **_at(path, int(left[0])),
                     hint="log the pass again; what stands in the log there is no force")]
+
+
+def _direction(
+    log: ForceLog, path: RobotPath, cell: Cell, forced: NDArray[np.bool_], wrench: Array, mean: Array
+) -> list[Finding]:
+    """What the direction of logged forces tells of sign and frame."""
+    return said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind, log.source,
+                             sign_stated="sign" in cell.force_log.form.model_fields_set)
 
 
 def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
