@@ -15,5 +15,7 @@ def named_columns(header: Sequence[str]) -> str:
     told = [column if column in LOG_COLUMNS and not needed else "" for column, needed in map(meant, header)]
     if any(told.count(force) != 1 for force in FORCES):
         return ""
-    columns = ", ".join(name if name and told.count(name) == 1 else "'-'" for name in told)
-    return f"; if they are meant so, put into cell.yaml below force_log: columns: [{columns}]"
+    sure = [name if name and told.count(name) == 1 else "'-'" for name in told]
+    left = [name for name, column in zip(header, sure, strict=True) if column == "'-'" and name]
+    unsure = f"; '-' stands for {', '.join(left)}, of which quantity or unit is not sure" if left else ""
+    return f"; if they are meant so, put into cell.yaml below force_log: columns: [{', '.join(sure)}]{unsure}"
