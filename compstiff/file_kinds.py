@@ -94,9 +94,24 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "toolpath"
     if LOG_NAME in file.name.lower():
         return "force log"      # by its name: its reader says what its columns should be called
+    if _has_columns(file, form):
+        return "force log"
     unknown = _unknown(file, f"no kind of table has these columns: {', '.join(sorted(header - {''})[:12])}",
                        "the first row that does not begin with # must name the columns, such as q1_deg or fx_n; ")
     raise CompstiffError(*unknown.findings, *sheet_finding(file))
+
+
+def _has_columns(file: Path, form: ForceLogFile) -> bool:
+    """Whether this table has as many columns as those that cell.yaml names for a log, above which anything may stand."""
+    from identification.common.table_layout import read_layout
+
+    if form.columns is None or file.suffix.lower() in (".parquet", ".pq"):
+        return False
+    try:
+        read_layout(file, form.columns)
+    except CompstiffError:
+        return False
+    return True
 
 
 def _unknown(file: Path, found: str, hint: str = "") -> CompstiffError:

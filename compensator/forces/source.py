@@ -194,7 +194,7 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     if layout is not None and form.columns is not None:
         findings.append(Finding(
             "CS3021", "note", f"cells separated by {SEPARATORS[layout.separator]}, columns as cell.yaml names them: "
-            f"{', '.join(columns)}" + (f"; {layout.skipped + 1} lines above the numbers passed over"
+            f"{', '.join(columns)}" + (f"; {counted(layout.skipped + 1, 'line')} above the numbers passed over"
                                        if layout.header_line else ""), file=name, line=layout.line))
     return ForceSource(file, form, names, wanted, layout, held, rows, key, tuple(findings))
 

@@ -49,3 +49,5 @@ def test_the_line_works(tmp_path: Path, above: str, encoding: str) -> None:
     cell.write_text(cell.read_text() + f"force_log:\n  {line[1]}\n")
     read = kit.run("check", cell, log)
     assert read.code == 0, read
+    other = log.rename(tmp_path / "log_0815.csv")
+    assert "force log" in kit.run("check", cell, other).out, "told by its columns, whatever its name"
