@@ -15,7 +15,7 @@ from compensator.forces.column_names import named_columns
 from identification.common import number_blocks
 from identification.common.arrays import Array
 from identification.common.columns import FORCES, JOINTS, MOMENTS
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.table_layout import BLANKS, Layout, read_layout
 from identification.common.tables import check_columns, unread
 from identification.common.workbook import sheet_finding

@@ -123,7 +123,7 @@ def _lines(head: bytes, name: str) -> list[_Line]:
         try:
             text = decoded(match[1], name, match.start() + begin)
         except CompstiffError:
-            # What a logger writes above its numbers does not stand in the way of reading them; `Fräsen [°]` in the way of a name.
+            # What a logger writes above its numbers does not stand in the way of reading them, nor a degree sign of a name.
             text = match[1].decode("latin-1")
         if holds_cells(text):
             lines.append(_Line(number, end, text))

@@ -23,8 +23,8 @@ def test_meant_beyond_doubt(header: str, columns: str) -> None:
 def test_what_is_not_beyond_doubt_is_named() -> None:
     """X without a unit would place the samples: it is not left out in silence."""
     told = named_columns(["Zeit [s]", "X", "Y", "Z", "Fx [N]", "Fy [N]", "Fz [N]"])
-    assert told.endswith("columns: [time_s, '-', '-', '-', fx_n, fy_n, fz_n]; '-' stands for X, Y, Z, of which quantity or unit is "
-                         "not sure")
+    assert told.endswith("columns: [time_s, '-', '-', '-', fx_n, fy_n, fz_n]; '-' stands for X, Y, Z, of which quantity or "
+                         "unit is not sure")
     assert "stands for" not in named_columns(["Zeit [s]", "Fx [N]", "Fy [N]", "Fz [N]"])
 
 
@@ -34,8 +34,8 @@ def test_doubt_is_no_name(header: str) -> None:
     assert named_columns(header.split(";")) == ""
 
 
-@pytest.mark.parametrize(("above", "encoding"), [("", "utf-8"), ("Einsatz: Fräsen 3\nDatum: 12.03.2026\n", "utf-8"),
-                                                ("Einsatz: Fräsen 3\nDatum: 12.03.2026\n", "cp1252")])
+@pytest.mark.parametrize(("above", "encoding"), [
+    ("", "utf-8"), ("Einsatz: Fräsen 3\nDatum: 12.03.2026\n", "utf-8"), ("Einsatz: Fräsen 3\nDatum: 12.03.2026\n", "cp1252")])
 def test_the_line_works(tmp_path: Path, above: str, encoding: str) -> None:
     """`check` says it, it is put into cell.yaml, and `check` reads the log; with what loggers write above, in their encoding."""
     cell, log = tmp_path / "cell.yaml", tmp_path / "part.forces.csv"
