@@ -35,9 +35,9 @@ def test_doubt_is_no_name(header: str) -> None:
 
 
 @pytest.mark.parametrize(("above", "encoding"), [
-    ("", "utf-8"), ("Einsatz: Fräsen\nDatum: 12.3.26\n", "utf-8"), ("Einsatz: Fräsen\nDatum: 12.3.26\n", "cp1252")])
+    ("", "utf-8"), ("Einsatz: Fräsen\nam 12.3.26\n", "utf-8"), ("Einsatz: Fräsen\nam 12.3.26\n", "cp1252")])
 def test_the_line_works(tmp_path: Path, above: str, encoding: str) -> None:
-    """`check` says it, it is put into cell.yaml, and `check` reads the log; with what loggers write above, in their encoding."""
+    """`check` says it, it is put into cell.yaml, `check` reads the log; with what loggers write above, in their encoding."""
     cell, log = tmp_path / "cell.yaml", tmp_path / "part.forces.csv"
     cell.write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\n")
     log.write_text(above + "Zeit [s];Fx [N];Fy [N];Fz [N];X [mm];Y [mm];Z [mm]\n" + "\n".join(
