@@ -24,6 +24,8 @@ ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
 # What plain means cost is said of a target's stretch of this time [s].
 A_STRETCH = 0.1
+# A cutter has fewer teeth: the lines of so many times the stated speed are those of a faster spindle.
+MOST_TURNS = 24
 # A milling spindle that turns slower has its speed in another unit.
 SLOWEST_RPM = 100.0
 
@@ -183,13 +185,22 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
             spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
             f"at {spindle.strongest:.1f} Hz", name), _turn_or_tooth(spindle, name)]
     if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
-        return spindle.frequency, 0.0, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+        # Any line is a multiple of a turn that is slow enough: 150 a minute for 150 a second.
+        widest = None if seen is None else revolutions.find_spindle(*seen)
+        slow = widest is not None and widest.frequency > MOST_TURNS * stated
+        return spindle.frequency, 0.0, [
+            _averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name),
+            *([_other_speed(widest.frequency, stated, name)] if widest is not None and slow else [])]
     other = None if seen is None else revolutions.find_spindle(*seen)
     findings = [_averaged(stated, "as stated", name)]
     if other is not None:
-        findings.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
-                            f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
+        findings.append(_other_speed(other.frequency, stated, name))
     return stated, 0.0, findings
+
+
+def _other_speed(found: float, stated: float, name: str) -> Finding:
+    return Finding("CS3035", "warning", f"the spectrum shows a period of {60 * found:.1f} rpm, not the stated {60 * stated:g}",
+                   file=name, hint="is that the speed of this program, in revolutions a minute?")
 
 
 def _ambiguous(spindle: revolutions.Spindle, rate: float, name: str) -> Finding:
