@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.cut_direction import said_of_direction
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
+from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
@@ -109,6 +110,7 @@ def place_forces(
                           zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
+                 *(said_of_feed(log, path, forced) if log.covariance is None else ()),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.covariance is None else ())]
     findings += _held(held, path, forces)
     return replace(forces, findings=(*log.findings, *findings))
