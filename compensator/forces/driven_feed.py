@@ -46,7 +46,7 @@ def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> l
     if most >= SLOW and middle <= FAST:
         return []
     return [Finding(
-        "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed "
-        f"(nine in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,
-        hint="was the override on, or is it the log of another version? Log the pass as the corrected program will be driven; a "
-        "robot that never holds its feed (--check-feed) will not then either, and the log is right")]
+        "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed (nine "
+        f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,
+        hint="was the override on, or is it the log of another version? Log the pass as the corrected program will be driven. "
+        "A robot that never holds its feed (--check-feed) will not then either, and the log is right")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -50,7 +50,8 @@ class TargetForces:
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
-    frame: covariance of forces that were predicted, None where they were logged.
+    frame: covariance of forces that were predicted, None where they were logged. held (k,): targets all of whose samples stood
+    still (health.py), of which no force is known.
     """
 
     wrench: Array
@@ -61,6 +62,7 @@ class TargetForces:
     findings: tuple[Finding, ...]
     log: ForceLog
     unknown: Array | None = None
+    held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
 
     @property
     def named(self) -> bool:
@@ -112,8 +114,8 @@ def place_forces(
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *(said_of_feed(log, path, forced) if log.covariance is None else ()),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.covariance is None else ())]
-    findings += _held(held, path, forces)
-    return replace(forces, findings=(*log.findings, *findings))
+    held = held[forces.samples[held] == 0]
+    return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
 
 
 def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
@@ -128,9 +130,8 @@ def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
     return log.rows(~log.held), np.unique(target[target >= 0])
 
 
-def _held(held: Indices, path: RobotPath, forces: TargetForces) -> list[Finding]:
-    """The targets, of those `held` whose samples stood still, that have no others and so no correction."""
-    left = held[(held < len(forces.samples)) & (forces.samples[np.minimum(held, len(forces.samples) - 1)] == 0)]
+def _held(left: Indices, path: RobotPath) -> list[Finding]:
+    """The targets whose samples stood still and that have no others, and so no correction."""
     if not len(left):
         return []
     starts = left[np.flatnonzero(np.diff(left, prepend=-2) > 1)]

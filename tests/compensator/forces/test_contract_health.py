@@ -127,6 +127,7 @@ def test_a_reading_that_is_repeated_is_no_force(tmp_path, channels: list[int]) -
     assert forces.samples.tolist() == [1500, 1400, 0, 1400, 0]
     np.testing.assert_allclose(forces.wrench[1, :3], force[1500:2900].mean(axis=0), atol=1e-9)
     assert not forces.forced[2]
+    assert forces.held.tolist() == [2]
     (named,) = [finding for finding in forces.findings if finding.code == "CS3070"]
     assert named.target == 2
     assert named.level == "warning"
