@@ -44,7 +44,7 @@ def in_words(rotation: ArrayLike) -> str:
 def said_of_order(name: str, rotation: ArrayLike, source: str) -> list[Finding]:
     """A question (CS0117) where a quaternion, read as x y z w, would be no turn at all, or one about z alone of a frame that
     as written stands askew: frames are upright far more often. A half turn about x or y alone is none of these."""
-    w, x, y, z = matrix_to_quaternion(rotation)
+    w, x, _, z = matrix_to_quaternion(rotation)
     if max(abs(w), abs(x)) > NONE or abs(z) < NONE:
         return []
     other = in_words(other_order(rotation)) or "no turn"

@@ -43,6 +43,6 @@ def test_a_robot_that_slows_down_for_corners_is_left_in_peace(tmp_path: Path) ->
 
 
 def test_a_log_without_time_says_nothing(tmp_path: Path) -> None:
-    rows = "\n".join(f"{k},{-40 + k % 3},90,60" for k in range(0, 10 * (COUNT - 1)))
+    rows = "\n".join(f"{k},{-40 + k % 3},90,60" for k in range(10 * (COUNT - 1)))
     forces = place(tmp_path, f"path_mm,fx_n,fy_n,fz_n\n{rows}\n")
     assert "CS3072" not in {finding.code for finding in forces.findings}
