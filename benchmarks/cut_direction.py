@@ -106,7 +106,9 @@ def main(jobs: int, seed: int) -> None:
                     for stated in FRAMES:
                         forces = read_as(path, force, true, sign)
                         found = said_of_direction(path, np.any(force != 0, axis=1), forces, stated, "log")
-                        warned = "+".join(sorted(finding.code for finding in found if finding.level == "warning")) or "silent"
+                        warned = "+".join(sorted(finding.code for finding in found if finding.level == "warning"))
+                        untold = any(finding.code == "CS3071" for finding in found)
+                        warned = warned or ("said that it is not told" if untold else "silent")
                         what = ("right" if sign > 0 else "sign") if true == stated else ("frame" if sign > 0 else "both")
                         said[what][warned] += 1
                         by_kind[f"{kind}: {what}"][warned] += 1

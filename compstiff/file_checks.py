@@ -13,8 +13,10 @@ import numpy as np
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
+from compstiff.quaternion_orders import W_FIRST, in_another_order
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.model.cell import Cell, ForceLogFile, read_cell
+from identification.model.quaternion_order import in_words, said_of_order
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
 REACH_MM = 10.0
@@ -91,7 +93,7 @@ def check_files(cell_file: str | Path, files: Sequence[str | Path] = (), setting
     def of_cell() -> tuple[str, tuple[Finding, ...]]:
         nonlocal cell
         cell = read_cell(cell_file)
-        return _cell_in_words(cell), ()
+        return _of_cell(cell)
 
     checks = [_attempt(Path(cell_file), "cell", of_cell)]
     checks += [_checked(file, cell, settings) for file in named if file.resolve() != Path(cell_file).resolve()]
@@ -135,7 +137,7 @@ def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
     if kind in ("record", "result"):
         return FileCheck(file, kind, {"record": "what a program was made from", "result": "what a command said"}[kind])
     if kind == "cell":
-        return _attempt(file, kind, lambda: (_cell_in_words(read_cell(file)), ()))
+        return _attempt(file, kind, lambda: _of_cell(read_cell(file)))
     if cell is None:
         return FileCheck(file, kind, "", (Finding(
             "CS0111", "warning", f"not judged: a {kind} is read for a cell, and cell.yaml could not be read", file=str(file),
@@ -144,11 +146,21 @@ def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
     return _attempt(file, kind, lambda: READERS[kind](file, known, settings))
 
 
+def _of_cell(cell: Cell) -> tuple[str, tuple[Finding, ...]]:
+    proved = cell.pendant is not None and cell.pendant.turn is not None
+    return _cell_in_words(cell), tuple(
+        finding for name, frame in cell.frames.items() if not (proved and name == "tool.")
+        for finding in said_of_order(f"{name}quaternion", frame.rotation, str(cell.source)))
+
+
 def _cell_in_words(cell: Cell) -> str:
+    """With every turn as degrees about an axis: a quaternion in another order is one of length one, too."""
     place = ", ".join(f"{1e3 * x:g}" for x in cell.flange_from_tcp.position)
-    proof = ("unproved: no pendant_poses" if cell.pendant_off is None
-             else f"the pendant's poses agree to {1e3 * cell.pendant_off:.2g} mm")
-    return f"{cell.robot.name}, TCP at [{place}] mm, {proof}; forces in the frame {cell.force_log.kind}"
+    proof = "unproved: no pendant_poses" if cell.pendant is None else cell.pendant.words()
+    turned = [f"{name.rstrip('._')} turned {words}" for name, frame in cell.frames.items()
+              if (words := in_words(frame.rotation))]
+    return "; ".join([f"{cell.robot.name}, TCP at [{place}] mm, {proof}", *turned,
+                      f"forces in the frame {cell.force_log.kind}"])
 
 
 def _robot(file: Path) -> tuple[str, tuple[Finding, ...]]:
@@ -196,7 +208,14 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
 
-    program = read_toolpath(file, cell, settings.posting)
+    try:
+        program = read_toolpath(file, cell, settings.posting)
+    except Refused as refused:
+        if all(finding.code != "CS4303" for finding in refused.findings):
+            raise
+        order = in_another_order(file, cell, settings.posting)
+        hint = f"{order}: {W_FIRST}; " if order else ""
+        raise Refused(*(replace(finding, hint=hint + finding.hint) for finding in refused.findings)) from refused
     if not len(program.toolpath):
         raise error("CS4202", "the program has no move", file=str(file), hint="name the module that holds the moves")
     # Absurd numbers overflow on their way to a finding; NumPy need not say so too.
@@ -204,13 +223,19 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
         path = robot_path(program.toolpath, cell)
         length = float(np.nanmax(path.length, initial=0.0))
     words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
-    findings = (*program.toolpath.findings, *path.findings, *other_tools(path, path.known, "of the program"))
+    # What is asked about cell.yaml itself is said of it.
+    own = (finding for finding in program.toolpath.findings if finding.code != "CS0117")
+    findings = (*own, *path.findings, *other_tools(path, path.known, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
         first = int(beyond[0])
         findings += (Finding("CS0114", "warning", f"the robot does not reach {len(beyond)} of {len(program.toolpath)} targets",
                              file=str(file), line=int(program.toolpath.line[first]), target=int(program.toolpath.number[first]),
                              hint="are tool, work object and base_frame those of the controller?"),)
+    order = in_another_order(file, cell, settings.posting, path, program)
+    if order:
+        findings += (Finding(
+            "CS0117", "warning" if len(beyond) else "note", order, file=str(file), hint=f"{W_FIRST}; is this one?"),)
     try:
         check_not_corrected(file)
     except Refused as corrected:        # a good file all the same: it goes to the robot, not through `correct` again

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from compensator.posting.suffixes import APT_SUFFIXES, RAPID_SUFFIXES, toolpath_suffix
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS
 from identification.common.findings import CompstiffError, error
+from identification.common.header_names import meant
 from identification.common.workbook import sheet_finding
 from identification.common.yaml_source import read_mapping
 from identification.model.cell import ForceLogFile
@@ -75,7 +76,9 @@ def columns_of(file: Path) -> tuple[str, ...]:
 def _of_table(file: Path, form: ForceLogFile) -> Kind:
     if form.columns is not None and LOG_NAME in file.name.lower():
         return "force log"      # its columns stand in cell.yaml, whatever its first line says
-    names = set(columns_of(file))
+    header = set(columns_of(file))
+    # By another header, such as Fx [N]: its reader says what the columns should be called.
+    names = header | {column for column, _ in map(meant, header) if column}
     if any(name.endswith(("_motor_deg", "_link_deg")) for name in names):
         return "joint log"
     joints = len(names & {*JOINTS})         # one name may be wrong
@@ -91,9 +94,24 @@ def _of_table(file: Path, form: ForceLogFile) -> Kind:
         return "toolpath"
     if LOG_NAME in file.name.lower():
         return "force log"      # by its name: its reader says what its columns should be called
-    unknown = _unknown(file, f"no kind of table has these columns: {', '.join(sorted(names - {''})[:12])}",
+    if _has_columns(file, form):
+        return "force log"
+    unknown = _unknown(file, f"no kind of table has these columns: {', '.join(sorted(header - {''})[:12])}",
                        "the first row that does not begin with # must name the columns, such as q1_deg or fx_n; ")
     raise CompstiffError(*unknown.findings, *sheet_finding(file))
+
+
+def _has_columns(file: Path, form: ForceLogFile) -> bool:
+    """Whether this table has as many columns as those that cell.yaml names for a log, above which anything may stand."""
+    from identification.common.table_layout import read_layout
+
+    if form.columns is None or file.suffix.lower() in (".parquet", ".pq"):
+        return False
+    try:
+        read_layout(file, form.columns)
+    except CompstiffError:
+        return False
+    return True
 
 
 def _unknown(file: Path, found: str, hint: str = "") -> CompstiffError:

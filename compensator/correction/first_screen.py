@@ -34,10 +34,14 @@ def verdict_of(job: Predicted | Corrected, budget: Budget | None) -> Verdict:
                 f"this "
                 f"correction {2 * left['rms']:.0f} µm RMS are expected on the part, {2 * left['largest']:.0f} µm at most (2 "
                 f"sigma).")
+    held = len(job.planned.forces.held)
+    if held:
+        sentence += f" {counted(held, 'target')} are not among them: the log stood still there, and they stay as planned."
     slow = job.feed is not None and (job.feed.last.slow & job.feed.last.cutting).any()
     doubts = count_words(job.findings, "error", "warning")
     largest = max(CAUSES, key=lambda cause: left[cause])
     for holds, word, why in (
+            (held, "BUT NOT ALL OF THE CUT", ""),
             (slow, "BUT THE FEED CANNOT BE HELD EVERYWHERE", ""),
             (2 * left["rms"] > before["rms"], "BUT MORE IS UNCERTAIN THAN WAS CORRECTED", f" Mostly: {CAUSES[largest]}."),
             (job.left.mostly_unknown_cut, "BUT THE CUT IS NOT STATED",

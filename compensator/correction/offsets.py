@@ -44,7 +44,8 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     at = given[own]
     return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
                                        _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
-                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own)])
+                   [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own,
+                             _held(corrected.planned))])
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -94,9 +95,10 @@ def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) ->
         time = np.cumsum(predicted.path.move_time)
     left = predicted.forces.forced.copy()
     left[targets] = False
+    unknown = left | _held(predicted)
     every, prediction = np.arange(len(toolpath)), predicted.prediction
     columns = [_Columns("x_mm y_mm z_mm", toolpath.position, 6, 1e3, every, every), *more,
-               *(_Columns(names, values, 4, 1e6, targets, np.arange(len(targets)), left)
+               *(_Columns(names, values, 4, 1e6, targets, np.arange(len(targets)), unknown)
                  for names, values in (("dx_um dy_um dz_um", prediction.position), ("sx_um sy_um sz_um", prediction.std)))]
     notes = _notes(predicted, left)
     for start in range(0, max(len(toolpath), 1), CHUNK):
@@ -117,12 +119,20 @@ def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) ->
         yield stream.getvalue()
 
 
+def _held(predicted: Predicted) -> NDArray[np.bool_]:
+    """The targets (N,) of which no force is known, since the log stood still there."""
+    held = np.zeros(len(predicted.path.toolpath), dtype=bool)
+    held[predicted.forces.held] = True
+    return held
+
+
 def _notes(predicted: Predicted, left: NDArray[np.bool_]) -> NDArray[np.object_]:
     """Why a target was not corrected; where it was, whose state changes before it, mostly empty."""
     forces, toolpath = predicted.forces, predicted.path.toolpath
     notes = np.full(len(toolpath), "", dtype=object)
     notes[~forces.forced] = "no force"
     notes[forces.samples == 0] = "no sample"
+    notes[forces.held] = "the log stood still"
     notes[predicted.targets] = predicted.prediction.notes
     for target in np.flatnonzero(left):
         notes[target] = f"left: {toolpath.block[target] or 'MoveAbsJ'}"

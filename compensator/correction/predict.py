@@ -29,6 +29,8 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
+from identification.model.quaternion_order import in_words, other_order
+from identification.model.rotations import Frame
 from identification.model.stiffness import IdentifiedModel
 
 Array = NDArray[np.float64]
@@ -257,11 +259,22 @@ def other_tools(path: RobotPath, which: NDArray[np.bool_], of_moves: str = "with
         off, turn = float(np.linalg.norm(apart.position)), float(np.arccos(np.clip((np.trace(apart.rotation) - 1) / 2, -1, 1)))
         if off > SAME_TOOL or turn > SAME_TURN:
             short = 0 < np.linalg.norm(flange_from_tcp.position) < SHORT_TOOL
+            hint = "is its tooldata in metres?" if short else ""
+            if off <= SAME_TOOL:
+                hint = _order(path.cell.flange_from_tcp, flange_from_tcp)
             findings.append(Finding(
-                "CS2055", "warning" if short else "note", f"the tool of {counted(len(places), 'move')} {of_moves} is "
+                "CS2055", "warning" if hint else "note", f"the tool of {counted(len(places), 'move')} {of_moves} is "
                 f"{1e3 * off:.1f} mm and {np.degrees(turn):.1f} deg from cell.yaml's; the program's is used",
-                file=path.toolpath.source, hint="is its tooldata in metres?" if short else ""))
+                file=path.toolpath.source, hint=hint))
     return findings
+
+
+def _order(of_cell: Frame, of_program: Frame) -> str:
+    """Which of the two has its quaternion in the order x y z w, where that is all they differ by."""
+    for name, written, other in (("cell.yaml's tool.quaternion", of_cell, of_program), ("its tooldata", of_program, of_cell)):
+        if in_words(written.rotation) and np.allclose(other_order(written.rotation), other.rotation, atol=SAME_TURN):
+            return f"{name} read as x y z w is the other one: quaternions are w x y z, w first, as q1 in RAPID"
+    return ""
 
 
 def _without_zero(placed: TargetForces, path: RobotPath, settings: Settings) -> list[Finding]:

@@ -18,7 +18,7 @@ is pushed across; a ball, a ramp or a plunge push it in. Exceptions: a spindle t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -69,6 +69,11 @@ class CutDirection:
         if -self.up > MOST_OUT * np.hypot(self.along, self.left):
             return "out of the spindle by more than it is pushed aside"
         return ""
+
+    @property
+    def turned_over(self) -> CutDirection:
+        """Of the force with the other sign."""
+        return replace(self, along=-self.along, left=-self.left, up=-self.up)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,13 +133,16 @@ def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> C
 
 
 def said_of_direction(
-    path: RobotPath, forced: NDArray[np.bool_], forces: Mapping[str, Array], stated: str, source: str
+    path: RobotPath, forced: NDArray[np.bool_], forces: Mapping[str, Array], stated: str, source: str, *,
+    sign_stated: bool = True,
 ) -> list[Finding]:
     """Findings on sign and frame. forces: the mean force (N, 3) [N] on the tool, base frame, as each frame of force_log would
-    have it; stated: which of them cell.yaml names."""
+    have it; stated: which of them cell.yaml names. sign_stated: it states force_log.sign, so that somebody answers for it."""
+    if not forced.any():
+        return []
     cuts = travel(path, forced)
     if cuts is None:
-        return []
+        return [_untold(f"fewer than {FEWEST} targets cut across the spindle's axis", source, sign_stated)]
     here = cuts.against(forces[stated])
     others = {kind: cuts.against(force) for kind, force in forces.items() if kind != stated}
     best = max(others, key=lambda kind: others[kind].follows, default=None)
@@ -146,16 +154,25 @@ def said_of_direction(
             f"feed; read in the frame {best} it would be {100 * others[best].follows:.0f} %", file=source,
             hint=f"is force_log.frame {stated} in cell.yaml right? Known directions of push, by hand, tell"))
     if here.share < STEADY:
-        return findings
+        return [*findings, _untold("against the feed it points all ways", source, sign_stated)]
     text = (f"over {here.targets} targets that cut the force on the tool is on average {here.along:+.0f} N along the feed and "
             f"{here.left:+.0f} N to its left, {here.up:+.0f} N towards the spindle")
     if here.impossible:
         findings.append(Finding(
             "CS3068", "warning", f"{text}: no cutter that turns clockwise is pulled {here.impossible}", file=source,
-            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame? Right only for a spindle that "
-            "turns the other way"))
-    elif here.along > 0:
-        findings.append(Finding(
-            "CS3068", "note", f"{text}: it pulls itself forwards, as in climb milling of little engagement alone", file=source,
-            hint="if the cut is conventional, force_log.sign in cell.yaml is wrong"))
+            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame (a quaternion is w x y z)? Right "
+            "only for a spindle that turns the other way"))
+    elif not here.turned_over.impossible:
+        kind, other = ("climb", "conventional") if here.along > 0 else ("conventional", "climb")
+        findings.append(_untold(f"{text}, as in {kind} milling of little engagement; with the other sign as in {other}",
+                                source, sign_stated))
     return findings
+
+
+def _untold(why: str, source: str, stated: bool) -> Finding:
+    """These forces fit either sign (CS3071). Nobody answers for one that cell.yaml does not state."""
+    more = "" if stated else "; then state force_log.sign in cell.yaml"
+    return Finding(
+        "CS3071", "note" if stated else "warning", f"this log does not tell whether force_log.sign is right: {why}",
+        file=source, hint="with the wrong sign the correction doubles the error: once for a cell, push the tool by hand in a "
+        f"known direction and look at the log{more}")

@@ -33,7 +33,8 @@ GAP, EVEN = 1.5, 0.1
 @dataclass
 class Channel:
     """What was seen of one channel so far. extreme: largest and smallest value; reset: sample number from which flags of that
-    extreme count; clipped: samples of such runs, first_clipped: line of the first."""
+    extreme count; clipped: samples of such runs, first_clipped: line of the first; held_from, held_to: sample numbers of the
+    runs that stood still."""
 
     extreme: list[float] = field(default_factory=lambda: [-np.inf, np.inf])
     reset: list[int] = field(default_factory=lambda: [0, 0])
@@ -43,6 +44,8 @@ class Channel:
     stuck: int = 0
     first_stuck: int = 0
     longest: int = 0
+    held_from: list[int] = field(default_factory=list)
+    held_to: list[int] = field(default_factory=list)
     held: float = np.nan
     run: int = 0
     moving: int = 0
@@ -135,22 +138,25 @@ class Health:
         channel.run, channel.moving = channel.run + int(ends[0]), channel.moving + first
         if not len(starts):
             return
-        self._end_run(channel)
+        self._end_run(channel, self.count + int(ends[0]))
         length, inside = np.diff(ends), moved[ends[1:] - 1] - moved[starts]
         long = np.flatnonzero((length[:-1] >= STUCK) & (2 * inside[:-1] >= length[:-1]))
         for k in long:
             channel.run, channel.moving, channel.run_line = int(length[k]), int(inside[k]), int(line[starts[k]])
             channel.held = float(values[starts[k]])
-            self._end_run(channel)
+            self._end_run(channel, self.count + int(ends[k + 1]))
         channel.run, channel.moving, channel.run_line = int(length[-1]), int(inside[-1]), int(line[starts[-1]])
         channel.held = float(values[starts[-1]])
 
     @staticmethod
-    def _end_run(channel: Channel) -> None:
+    def _end_run(channel: Channel, end: int) -> None:
+        """end: number of the first sample behind the run."""
         if channel.run >= STUCK and 2 * channel.moving >= channel.run and channel.held != 0:
             channel.first_stuck = channel.first_stuck or channel.run_line
             channel.stuck += channel.run
             channel.longest = max(channel.longest, channel.run)
+            channel.held_from.append(end - channel.run)
+            channel.held_to.append(end)
 
     def _clipped(self, channel: Channel, readings: _Readings, flags: Flags, bit: int) -> None:
         """Runs at the largest and at the smallest value so far; a new extreme starts the count anew. bit: the channel's first
@@ -232,14 +238,27 @@ class Health:
             bad |= ((flags >> np.uint16(2 * channel + side)) & 1 == 1) & (number >= self.channels[channel].reset[side])
         return np.asarray(bad)
 
+    def close(self) -> None:
+        """All samples were looked at: the runs that reach to the end are over."""
+        for channel in (*self.channels, self.together):
+            if channel.run != self.count:
+                self._end_run(channel, self.count)
+
+    def no_forces(self, number: Indices, weight: Array, beside: int) -> NDArray[np.bool_]:
+        """Which rows (n,), the means of `weight` samples from `number` (n,) on, hold a reading that stood still, or are within
+        `beside` samples of one: what stands there is no force."""
+        stood = [channel for channel in self.channels if channel.stuck and channel.run != self.count and self._told(channel)]
+        stood += [self.together] if self._all_stood() else []
+        bad = np.zeros(len(number), dtype=bool)
+        for channel in stood:
+            start, end = np.array(channel.held_from) - beside, np.array(channel.held_to) + beside
+            # The first run that ends behind the row's beginning: does it begin before the row's end?
+            run = np.searchsorted(end, number, side="right")
+            bad |= (run < len(end)) & (start[np.minimum(run, len(end) - 1)] < number + weight)
+        return np.asarray(bad)
+
     def findings(self) -> list[Finding]:
         """What was found."""
-        for channel in self.channels:
-            whole = channel.run == self.count
-            if not whole:
-                self._end_run(channel)
-        if self.together.run != self.count:
-            self._end_run(self.together)
         return [*self._saturated(), *self._stuck(), *self._lost()]
 
     def _saturated(self) -> list[Finding]:
@@ -272,16 +291,19 @@ class Health:
                 findings.append(Finding(
                     "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
                     f"run {channel.longest}", file=self.source, line=channel.first_stuck,
-                    hint="its readings there are not forces: check the cable and the channel"))
+                    hint="these samples are not used: check the cable and the channel, and log the pass again"))
         all_of_it = self.together
-        noisy = self.turns >= NOISY * (self.count - all_of_it.stuck)
-        if all_of_it.stuck and noisy and self._told(all_of_it):
+        if self._all_stood():
             findings.append(Finding(
                 "CS3024", "warning", f"all channels stood still together: {all_of_it.stuck} samples, the longest run "
                 f"{all_of_it.longest}", file=self.source, line=all_of_it.first_stuck,
-                hint="the logger repeats the last reading it got: these are no forces, and programs are corrected by them all "
-                "the same; log the pass again"))
+                hint="the logger repeats the last reading it got: these samples are not used; log the pass again"))
         return findings
+
+    def _all_stood(self) -> bool:
+        """Whether all channels stood still together, in a log that has noise elsewhere."""
+        noisy = self.turns >= NOISY * (self.count - self.together.stuck)
+        return bool(self.together.stuck and noisy and self._told(self.together))
 
     def _told(self, channel: Channel) -> bool:
         """Whether the samples beside the runs that stood still are enough, and move."""

@@ -24,6 +24,8 @@ ROWS, ROWS_PER_TARGET = 250_000, 16
 AS_IT_IS = ForceLogFile()
 # What plain means cost is said of a target's stretch of this time [s].
 A_STRETCH = 0.1
+# A cutter has fewer teeth: the lines of so many times the stated speed are those of a faster spindle.
+MOST_TURNS = 24
 # A milling spindle that turns slower has its speed in another unit.
 SLOWEST_RPM = 100.0
 
@@ -39,7 +41,8 @@ class ForceLog:
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; None: logged.
+    what is not known of them along a whole stretch; None: logged. held (M,): rows in which a channel stood still (health.py),
+    which place the log and are no forces.
     """
 
     source: str
@@ -59,6 +62,7 @@ class ForceLog:
     spread: Array | None = None
     lines_left: float = 0.0
     covariance: Array | None = None
+    held: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -70,12 +74,13 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        time, spread, covariance = (None if rows is None else rows[:0].copy()
-                                    for rows in (self.time, self.spread, self.covariance))
-        return replace(
-            self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
-            line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
-            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance)
+        return self.rows(slice(0, 0))
+
+    def rows(self, which: NDArray[np.bool_] | slice) -> ForceLog:
+        """Some of its rows, by which (M,)."""
+        some: dict[str, Any] = {
+            name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)}
+        return replace(self, **some)
 
 
 def read_force_log(
@@ -114,6 +119,7 @@ def read_force_log(
     if size > 1:
         findings.append(Finding("CS3030", "note", f"kept as {len(rows.line)} means of up to {size} consecutive samples",
                                 file=str(file)))
+    health.close()
     findings += health.findings()
     time, weight = rows.time, np.broadcast_to(1.0, len(rows.line)) if rows.weight is None else rows.weight
     if time is None and rate:
@@ -127,7 +133,8 @@ def read_force_log(
         str(file), rows.load[:, :3], moment, source.has_moment, source.key, place, rows.line,
         weight, time, rate,
         revolution=1 / spindle if window and spindle else None, plain=rows.plain if window else rows.load,
-        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left)
+        saturated=health.unsound(rows.flags, rows.number), findings=tuple(findings), lines_left=left,
+        held=health.no_forces(rows.number, weight, int(np.ceil(0.5 * window)) if window else 0))
 
 
 def _empty(source: ForceSource) -> CompstiffError:
@@ -178,13 +185,22 @@ def _spindle(source: ForceSource, rate: float | None, stated_rpm: float | None) 
             spindle.frequency, f"found in the spectrum: {100 * spindle.share:.0f} % of its lines at multiples, the strongest "
             f"at {spindle.strongest:.1f} Hz", name), _turn_or_tooth(spindle, name)]
     if spindle is not None and abs(spindle.frequency / stated - 1) <= revolutions.SLIP:
-        return spindle.frequency, 0.0, [_averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name)]
+        # Any line is a multiple of a turn that is slow enough: 150 a minute for 150 a second.
+        widest = None if seen is None else revolutions.find_spindle(*seen)
+        slow = widest is not None and widest.frequency > MOST_TURNS * stated
+        return spindle.frequency, 0.0, [
+            _averaged(spindle.frequency, f"stated {stated_rpm:g}, found so in the spectrum", name),
+            *([_other_speed(widest.frequency, stated, name)] if widest is not None and slow else [])]
     other = None if seen is None else revolutions.find_spindle(*seen)
     findings = [_averaged(stated, "as stated", name)]
     if other is not None:
-        findings.append(Finding("CS3035", "warning", f"the spectrum shows a period of {60 * other.frequency:.1f} rpm, not the "
-                            f"stated {stated_rpm:g}", file=name, hint="is that the speed of this program?"))
+        findings.append(_other_speed(other.frequency, stated, name))
     return stated, 0.0, findings
+
+
+def _other_speed(found: float, stated: float, name: str) -> Finding:
+    return Finding("CS3035", "warning", f"the spectrum shows a period of {60 * found:.1f} rpm, not the stated {60 * stated:g}",
+                   file=name, hint="is that the speed of this program, in revolutions a minute?")
 
 
 def _ambiguous(spindle: revolutions.Spindle, rate: float, name: str) -> Finding:

@@ -16,9 +16,9 @@ from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.kinematics import forward
 
-# The middle of all samples is off the path by more than this [m] where TCP or work object differ: what zones and delay put a
-# sample off cancels in the middle.
-BESIDE = 1e-3
+# The middle of all samples is off the path by more than this [m] where TCP, work object or program differ: what zones and delay
+# put a sample off cancels in the middle, and a corrected pass stands off by less (engineering judgement).
+BESIDE = 5e-4
 # What a column of millimetres may be in by mistake.
 UNITS = {"metres": 1e3, "inches": 25.4, "micrometres": 1e-3}
 
@@ -101,8 +101,8 @@ def _beside(log: ForceLog, points: Array, length: Array, position: Array, place:
     middle = np.median(off, axis=0)
     if np.linalg.norm(middle) < BESIDE:
         return []
-    return [Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.1f} mm in the "
-                    f"middle ({', '.join(f'{1e3 * axis:+.1f}' for axis in middle)} mm, world frame)", file=log.source,
+    return [Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.2g} mm in the "
+                    f"middle ({', '.join(f'{1e3 * axis:+.2f}' for axis in middle)} mm, world frame)", file=log.source,
                     hint="does the logger use another TCP or work object than the program, or is the log of another one?")]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.cut_direction import said_of_direction
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
+from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
@@ -23,6 +24,7 @@ from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
 from identification.model.cell import Cell, FrameKind
+from identification.model.quaternion_order import other_order
 from identification.model.rotations import Frame
 
 __all__ = ["ForceLog", "TargetForces", "place_forces", "read_force_log"]
@@ -32,6 +34,8 @@ MOST_LOST = 0.9
 # A log comes back to a target where the number falls by more than this, and goes twice over the program with more than this
 # share of its targets; a logger that rounds flickers between neighbours.
 BACK, MOST_AGAIN = 5, 0.1
+# So many stretches of targets are listed in a finding.
+MOST_LISTED = 6
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
 SMALL, SMALL_SHARE = 5.0, 0.05
 # Middles of sixteen equal shares of a normal distribution, of unit variance.
@@ -46,7 +50,8 @@ class TargetForces:
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
-    frame: covariance of forces that were predicted, None where they were logged.
+    frame: covariance of forces that were predicted, None where they were logged. held (k,): targets all of whose samples stood
+    still (health.py), of which no force is known.
     """
 
     wrench: Array
@@ -57,6 +62,7 @@ class TargetForces:
     findings: tuple[Finding, ...]
     log: ForceLog
     unknown: Array | None = None
+    held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
 
     @property
     def named(self) -> bool:
@@ -80,7 +86,7 @@ def place_forces(
     Raises CompstiffError: CS3004 target beyond the program, CS3005 log not on this path, CS3119 it goes twice over it, and what
     `on_path` and `zero_of` raise.
     """
-    log = on_path(log, path)
+    log, held = _without_held(on_path(log, path), path)
     target = _targets(log, path)
     on = target >= 0
     _check_once(log)
@@ -106,9 +112,43 @@ def place_forces(
                           zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
-                 *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
-                                    log.source)]
-    return replace(forces, findings=(*log.findings, *findings))
+                 *(said_of_feed(log, path, forced) if log.covariance is None else ()),
+                 *(_direction(log, path, cell, forced, wrench, mean) if log.covariance is None else ())]
+    held = held[forces.samples[held] == 0]
+    return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
+
+
+def _without_held(log: ForceLog, path: RobotPath) -> tuple[ForceLog, Indices]:
+    """The placed log without the rows in which a channel stood still, and the targets these are of. Raises CompstiffError
+    (CS3024) where there are no others."""
+    if log.held is None or not log.held.any():
+        return log, np.empty(0, dtype=np.intp)
+    if log.held.all():
+        raise error("CS3024", "a channel stands still in all of the log: nothing in it is a force", file=log.source,
+                    hint="check the logger, and log the pass again")
+    target = _targets(log.rows(log.held), path)
+    return log.rows(~log.held), np.unique(target[target >= 0])
+
+
+def _held(left: Indices, path: RobotPath) -> list[Finding]:
+    """The targets whose samples stood still and that have no others, and so no correction."""
+    if not len(left):
+        return []
+    starts = left[np.flatnonzero(np.diff(left, prepend=-2) > 1)]
+    ends = left[np.flatnonzero(np.diff(left, append=left[-1] + 2) > 1)]
+    runs = [f"{first} to {last}" if last > first else f"{first}" for first, last in zip(starts, ends, strict=True)]
+    more = f" and {len(runs) - MOST_LISTED} more stretches" if len(runs) > MOST_LISTED else ""
+    return [Finding("CS3070", "warning", f"{counted(len(left), 'target')} left where planned, since the log stood still there: "
+                    f"{', '.join(runs[:MOST_LISTED])}{more}", **_at(path, int(left[0])),
+                    hint="log the pass again; what stands in the log there is no force")]
+
+
+def _direction(
+    log: ForceLog, path: RobotPath, cell: Cell, forced: NDArray[np.bool_], wrench: Array, mean: Array
+) -> list[Finding]:
+    """What the direction of logged forces tells of sign and frame."""
+    return said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind, log.source,
+                             sign_stated="sign" in cell.force_log.form.model_fields_set)
 
 
 def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
@@ -224,9 +264,12 @@ def _in_frames(force: Array, mean: Array, path: RobotPath, cell: Cell) -> dict[s
     known: list[FrameKind] = ["base", "tool", "sensor"]
     others = {kind: base_from_log(path, replace(cell, force_log=replace(form, kind=kind)))
               for kind in (known if form.flange_from_sensor is not None else known[:2]) if kind != form.kind}
+    turned = {} if form.kind != "sensor" or form.flange_from_sensor is None else {
+        "sensor, its quaternion read as x y z w": base_from_log(path, replace(cell, force_log=replace(
+            form, flange_from_sensor=Frame(other_order(form.flange_from_sensor.rotation), form.flange_from_sensor.position))))}
     return {form.kind: force, **{
         kind: form.sign * mean if kind == "base" else np.nan_to_num(frame.turn(form.sign * mean))
-        for kind, frame in others.items()}}
+        for kind, frame in (others | turned).items()}}
 
 
 def _at(path: RobotPath, target: int) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from compensator.forces.column_names import named_columns
 from identification.common import number_blocks
 from identification.common.arrays import Array
 from identification.common.columns import FORCES, JOINTS, MOMENTS
-from identification.common.findings import CompstiffError, Finding, error
+from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.table_layout import BLANKS, Layout, read_layout
 from identification.common.tables import check_columns, unread
 from identification.common.workbook import sheet_finding
@@ -181,7 +181,8 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     columns = [column for column in names if column]
     forces = FORCE_COUNTS if FORCE_COUNTS[0] in names and FORCES[0] not in names else FORCES
     check_columns(columns, forces, TOGETHER, name, header_line,
-                  hint=named_columns(columns) or "; or name them in cell.yaml, force_log.columns")
+                  hint=named_columns(columns) or named_columns(layout.above if layout is not None else ())
+                  or "; or name them in cell.yaml, force_log.columns")
     moments: tuple[str, ...] = next((group for group in (MOMENTS, MOMENT_COUNTS) if group[0] in names), ())
     _check_scales(forces, moments, form, name, header_line)
     key = _key(columns, form, name, header_line)
@@ -193,7 +194,7 @@ def open_force_log(file: Path, form: ForceLogFile, log_format: str | None = None
     if layout is not None and form.columns is not None:
         findings.append(Finding(
             "CS3021", "note", f"cells separated by {SEPARATORS[layout.separator]}, columns as cell.yaml names them: "
-            f"{', '.join(columns)}" + (f"; {layout.skipped + 1} lines above the numbers passed over"
+            f"{', '.join(columns)}" + (f"; {counted(layout.skipped + 1, 'line')} above the numbers passed over"
                                        if layout.header_line else ""), file=name, line=layout.line))
     return ForceSource(file, form, names, wanted, layout, held, rows, key, tuple(findings))
 

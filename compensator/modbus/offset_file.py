@@ -15,6 +15,7 @@ from identification.common.findings import Finding, Refused, counted, error
 
 OFFSET = ("ox_mm", "oy_mm", "oz_mm")
 TURN = ("orx_deg", "ory_deg", "orz_deg")
+PLACE = ("x_mm", "y_mm", "z_mm")
 # Decimal millimetres are not exact in binary: an offset of exactly the limit must pass.
 EXACT_M = 1e-12
 
@@ -24,7 +25,8 @@ class Offsets:
     """offset (N, 3) [m], work object, of the targets first ... first + N - 1; lines (N,): where each stands in the file.
 
     turn (N,) [rad]: angle by which the correction also turns the tool, NaN where the file does not say, which is not sent.
-    sha256: of the file as it was read.
+    sha256: of the file as it was read. planned (N, 3) [m], work object: where the program has these targets, NaN where it does
+    not say; None: the file has no such columns.
     """
 
     source: str
@@ -34,6 +36,7 @@ class Offsets:
     lines: NDArray[np.intp]
     findings: tuple[Finding, ...]
     sha256: str = ""
+    planned: Array | None = None
 
     @property
     def length(self) -> Array:
@@ -66,7 +69,8 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     from identification.common.tables import read_table
 
     read = AsRead.of([Path(file)])
-    table = read_table(file, required=("target", *OFFSET), optional=TURN, may_be_empty=(*OFFSET, *TURN), together=(TURN,))
+    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE), may_be_empty=(*OFFSET, *TURN, *PLACE),
+                       together=(TURN, PLACE))
     if not len(table):
         raise error("CS5001", "has no row: there is nothing to push", file=str(file))
     _check_targets(table.numbers["target"], table.line, file)
@@ -88,7 +92,8 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     first = int(table.numbers["target"][0])
     digest = sha256(file)
     read.check()
-    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings), digest)
+    planned = 1e-3 * table.stack(*PLACE) if PLACE[0] in table.numbers else None
+    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings), digest, planned)
 
 
 def check_offsets(offsets: Offsets, limit: float) -> None:

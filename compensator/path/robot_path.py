@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 # Two neighbouring targets of a linear move never turn a joint farther than this [rad]; a branch that would is left.
 LARGEST_STEP = np.radians(90.0)
+# A frame that is nearer to the origin of the world than this [m], and not in it: robots stand and parts lie farther off.
+IN_METRES = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +149,7 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
         flanges = _Flanges(base_from_tcp, flange_from_tcp, np.flatnonzero(posed))
         findings = _follow(robot, toolpath, flanges, by_joints, theta)
     rest_from_tcp = axes.to_rest(base_from_tcp)
+    findings += _in_metres(cell, toolpath, posed)
     used = UsedFrames(
         tuple(_tool(toolpath.tools[i], cell) for i in np.unique(toolpath.tool[known])),
         tuple(objects[i] for i in np.unique(toolpath.workobject[posed])))
@@ -154,6 +157,18 @@ def robot_path(toolpath: Toolpath, cell: Cell) -> RobotPath:
     read_only(theta, base_from_tcp.rotation, base_from_tcp.position, known, reached)
     return RobotPath(toolpath, cell, theta, base_from_tcp, flange_from_tcp, base_from_object, axes,
                      rest_from_tcp, known, reached, used, tuple(findings))
+
+
+def _in_metres(cell: Cell, toolpath: Toolpath, posed: NDArray[np.bool_]) -> list[Finding]:
+    """Frames that lie next to the world's origin, and not in it (CS0118): base_frame, and the work objects of the posed
+    targets that the program declares."""
+    near = [("base_frame.position_mm", cell.world_from_base.position, str(cell.source), None)]
+    near += [(f"the work object {item.name}", item.position, toolpath.source, item.line)
+             for item in (toolpath.workobjects[k] for k in np.unique(toolpath.workobject[posed]))
+             if item.position is not None and not item.unit]
+    return [Finding("CS0118", "warning", f"{name} is {1e3 * size:.3g} mm from the world's origin: is it in metres?", file,
+                    line, hint="every length is in millimetres, in cell.yaml as in RAPID")
+            for name, position, file, line in near if 0 < (size := float(np.linalg.norm(position))) < IN_METRES]
 
 
 def _tool(tool: ToolFrame, cell: Cell) -> Frame:

@@ -19,6 +19,7 @@ from compensator.rapid import RapidProgram, read_rapid
 from identification.common.arrays import Array
 from identification.common.findings import Finding, error
 from identification.model.cell import Cell
+from identification.model.quaternion_order import said_of_order
 
 MOST_SPEEDS_SHOWN = 8
 # A cutting feed beyond these [mm/s] is likely in another unit; engineering judgement.
@@ -94,6 +95,8 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
         findings.append(Finding(
             "CS4301", "warning", "cell.yaml states no mass and centre of mass of the tool: the tooldata declares almost none",
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
+    for name in ("tool.", "workobject."):
+        findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
     findings += _odd_feeds(cam_path)
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)

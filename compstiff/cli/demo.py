@@ -60,7 +60,8 @@ def demo(session: Session, folder: Path) -> Outcome:
         f"--tare {TARE[0]}:{TARE[1]} -o insert_corrected.mod --offsets offsets.csv --report correct.html",
         *corrected.lines(),
         "",
-        "$ compstiff cell cell.yaml & compstiff push cell.yaml offsets.csv --apply   (instead of the corrected program)",
+        "$ compstiff cell cell.yaml & compstiff push cell.yaml offsets.csv --program insert.mod --apply   "
+        "(instead of the corrected program)",
         *pushed,
         "",
         f"Everything is in {folder}: the corrected program insert_corrected.mod beside insert.mod, reports identify.html "

@@ -51,13 +51,22 @@ def learn(
     CELL is cell.yaml, TOOLPATH the planned program, POINTS the deviation measured on the part: x_mm y_mm z_mm in the work
     object, with dx_um dy_um dz_um, or nx ny nz and dn_um along the normal; std_um. FORCES is the log of that very pass.
     """
+    from dataclasses import replace
+
+    from compensator.correction.record import check_not_corrected
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import learn, read_cell, read_stiffness, read_toolpath
     from identification.common.files import check_writable, json_bytes, write_whole
+    from identification.common.findings import Refused
 
     inputs = [cell_file, toolpath_file, points_file, stiffness_file, forces_file]
     session.inputs += [*inputs, *(path for _, path in settings.files())]
     check_writable([output, *([report] if report else [])], overwrite=session.overwrite)
+    try:
+        check_not_corrected(toolpath_file)
+    except Refused as corrected:
+        raise Refused(*(replace(finding, hint="name the planned program, and with --logged-with the offsets.csv that this one "
+                                "has over it") for finding in corrected.findings)) from corrected
     cell = read_cell(cell_file)
     model = read_stiffness(stiffness_file, cell)
     learning = learn(cell, read_toolpath(toolpath_file, cell, settings.posting), model, forces_file, points_file, settings,

@@ -44,12 +44,12 @@ class Shard(click.ParamType[tuple[int, int]]):
 
 
 class Scaled(click.ParamType[float]):
-    """A finite number of at least `low` in the unit of the help text, times `factor` in SI."""
+    """A finite number of at least `low` and at most `high` in the unit of the help text, times `factor` in SI."""
 
     name = "NUMBER"
 
-    def __init__(self, factor: float, low: float = 0.0) -> None:
-        self.factor, self.low = factor, low
+    def __init__(self, factor: float, low: float = 0.0, high: float = math.inf) -> None:
+        self.factor, self.low, self.high = factor, low, high
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         try:
@@ -58,6 +58,8 @@ class Scaled(click.ParamType[float]):
             number = math.nan
         if not (math.isfinite(number) and number >= self.low):
             self.fail(f"'{value}' is not a number of at least {self.low:g}", param, ctx)
+        if number > self.high:
+            self.fail(f"'{value}' is over {self.high:g}: in which unit is it?", param, ctx)
         return float(f"{self.factor * number:.12g}")       # a default said in other units is the default again
 
 
@@ -203,8 +205,8 @@ CORRECTION_OPTIONS: tuple[Decorator, ...] = (
 # How the force follows the cut: `correct`, and the error budget of `predict`.
 CUT_OPTIONS: tuple[Decorator, ...] = (
     _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
-    _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01), help="Across the feed [mm]; where nothing says more of the "
-                "cut it tells how the force grows."),
+    _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01, high=100), help="Across the feed [mm]; where nothing says more "
+                "of the cut it tells how the force grows."),
     _correction("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     _correction("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
                 "give the cutting stiffness."),

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 @click.argument("cell_file", metavar="CELL", type=READABLE)
 @click.argument("offsets_file", metavar="OFFSETS", type=READABLE)
 @click.option("--apply", "applies", is_flag=True, help="Really send them; without it nothing changes.")
+@click.option("--program", type=READABLE, help="The planned RAPID program that the robot runs: the offsets must be its own.")
+@click.option("--any-program", is_flag=True, help="Send them without knowing which program runs.")
 @click.option("--host", help="Instead of modbus.host.")
 @click.option("--port", type=click.IntRange(1, 65535), help="Instead of modbus.port.")
 @click.option("--unit", type=click.IntRange(0, 255), help="Instead of modbus.unit.")
@@ -39,24 +41,30 @@ if TYPE_CHECKING:
 @click.option("--log", type=WRITABLE, help="Log of the pushes.  [default: push-log.jsonl beside CELL]")
 @with_tls
 def push(
-    session: Session, cell_file: Path, offsets_file: Path, applies: bool, host: str | None, port: int | None, unit: int | None,
-    timeout: float, retries: int, patience: float, robot_wait: float, restart: bool, reach: float, receiver: Path | None,
-    corrwrite: bool, log: Path | None, tls: TlsFiles | None,
+    session: Session, cell_file: Path, offsets_file: Path, applies: bool, program: Path | None, any_program: bool,
+    host: str | None, port: int | None, unit: int | None, timeout: float, retries: int, patience: float, robot_wait: float,
+    restart: bool, reach: float, receiver: Path | None, corrwrite: bool, log: Path | None, tls: TlsFiles | None,
 ) -> Outcome:
     """Send offsets to the cell over Modbus; a dry run unless --apply.
 
-    CELL is cell.yaml, OFFSETS what correct --offsets writes. The table becomes active whole or not at all, and is read back.
+    CELL is cell.yaml, OFFSETS what correct --offsets writes. With --program they are held against the program that the robot
+    runs, which --apply asks for. The table becomes active whole or not at all, and is read back.
     Only positions are sent. It does not belong together with a program that correct wrote: that one has the offsets already.
     """
     if corrwrite and not receiver:
         raise click.UsageError("--corrwrite belongs to --receiver")
+    if applies and not program and not any_program:
+        raise click.UsageError("--apply needs --program: the planned program that the robot runs, so that it does not get the "
+                               "offsets of another one (--any-program sends them unseen)")
+    from compensator.modbus.of_program import check_program
     from compensator.modbus.push import LOG, Waiting
     from compensator.modbus.receiver import Receiver
-    from compstiff import Address, push, read_cell, read_offsets
+    from compstiff import Address, push, read_cell, read_offsets, read_toolpath
 
-    session.inputs += [cell_file, offsets_file]
-    cell = read_cell(cell_file, geometry=False)
+    session.inputs += [cell_file, offsets_file, *((program,) if program else ())]
+    cell = read_cell(cell_file, geometry=program is not None)
     offsets = read_offsets(offsets_file, reach)
+    told = check_program(offsets, read_toolpath(program, cell).toolpath.position, str(program)) if program else ()
     address = Address(host or cell.modbus.host, port or cell.modbus.port, cell.modbus.unit if unit is None else unit,
                       timeout, retries, tls.context("client") if tls else None)
     result = push(
@@ -64,7 +72,9 @@ def push(
         receiver=Receiver(receiver, corrwrite, session.overwrite) if receiver else None,
         log=log or cell_file.parent / LOG, progress=_progress(session), say=session.say)
     words = sys.argv[1:] if session.command in sys.argv else ["push", str(cell_file), str(offsets_file)]
-    return Outcome(result.as_dict(), result.findings, result.lines(), "" if applies else call(*words, "--apply"))
+    of_program = () if program or any_program else ("--program", "PROGRAM.mod")
+    return Outcome(result.as_dict() | {"program": str(program) if program else None}, (*result.findings, *told), result.lines(),
+                   "" if applies else call(*words, *of_program, "--apply"))
 
 
 def _progress(session: Session) -> Progress:

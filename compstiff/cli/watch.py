@@ -62,7 +62,7 @@ def watch(
 
 
 def _log(session: Session, result: ProgramResult) -> None:
-    """One program of a watched folder: a line on stderr, with what went wrong; with `--json` a line on stdout."""
+    """One program of a watched folder: a line on stderr, with its errors and warnings; with `--json` a line on stdout."""
     if session.as_json:
         click.echo(json.dumps(result.as_dict(), allow_nan=False))
         return
@@ -71,5 +71,5 @@ def _log(session: Session, result: ProgramResult) -> None:
     if result.code or not session.quiet:
         click.echo(f"{datetime.now():%Y-%m-%d %H:%M:%S} {printable(result.lines()[0])}", err=True)
     for finding in result.findings if session.verbose else fold(result.findings):
-        if finding.level == "error" or session.verbose:
+        if finding.level == "error" or session.verbose or (finding.level == "warning" and not session.quiet):
             click.echo(f"  {str(finding).replace(chr(10), chr(10) + '  ')}", err=True)

@@ -20,13 +20,30 @@ def chart_numbers(figure: Figure) -> Table | None:
     tables = [_panel_numbers(panel) for panel in figure.panels]
     if not tables or any(table is None for table in tables):
         return None
-    (header, rows), *others = [table for table in tables if table is not None]
+    alike = len({_quantity(panel) for panel in figure.panels}) == 1
+    headed = [(header, rows) if alike else _of_panel(panel, header, rows)
+              for panel, (header, rows) in zip(figure.panels, (table for table in tables if table is not None), strict=True)]
+    (header, rows), *others = headed
+    header = [next((names[0] for names, _ in headed if names[0]), ""), *header[1:]]
     for more, beside in others:
         if [row[0] for row in beside] != [row[0] for row in rows]:
             return None
         header = header + more[1:]
         rows = [one + other[1:] for one, other in zip(rows, beside, strict=True)]
     return header, rows
+
+
+def _quantity(panel: Panel) -> str:
+    """What a panel shows: its axis' title without the unit."""
+    return (panel.x if panel.sideways else panel.y).title.partition("[")[0].strip()
+
+
+def _of_panel(panel: Panel, header: list[str], rows: list[list[str]]) -> Table:
+    """The table of one of several panels of other quantities: its columns have the panel's before the series' name."""
+    quantity = _quantity(panel)
+    named = [name if not quantity or name.startswith(quantity) or name in ("from", "to") else f"{quantity}, {name}"
+             for name in header[1:]]
+    return [header[0], *named], rows
 
 
 def _panel_numbers(panel: Panel) -> Table | None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from identification.common.findings import error
+from identification.common.findings import CompstiffError, error
 from identification.common.tables import check_unique, decoded, holds_cells, opened
 
 HEAD_BYTES = 1 << 20
@@ -25,7 +25,7 @@ class Layout:
     """How a text table is written. separator: `,` `;` tab, or BLANKS; names: one a column, "" for one that is not read.
 
     start: byte the rows begin at; line: their first line, from 1; header_line: 0 without a header; skipped: lines of other
-    headers; rows: about how many there are.
+    headers; rows: about how many there are. above: the cells of the line right above the numbers, where that is another one.
     """
 
     separator: str
@@ -35,6 +35,7 @@ class Layout:
     header_line: int
     skipped: int
     rows: int
+    above: tuple[str, ...] = ()
 
 
 def cells_of(line: str, separator: str) -> list[str]:
@@ -98,7 +99,7 @@ def read_layout(file: Path, columns: Sequence[str] | None = None) -> Layout:
     body = head[start:]
     ends = max(body.count(b"\n"), body.count(b"\r"), 1)
     return Layout(separator, tuple(names), start, before + 1, header_line, max(above - 1, 0),
-                  -(-(size - start) * ends // max(len(body), 1)))
+                  -(-(size - start) * ends // max(len(body), 1)), _right_above(lines) if columns is None else ())
 
 
 class _Line(NamedTuple):
@@ -119,7 +120,11 @@ def _lines(head: bytes, name: str) -> list[_Line]:
     lines: list[_Line] = []
     for number, match in enumerate(_LINE.finditer(head[begin:]), start=1):
         end = match.end() + begin
-        text = decoded(match[1], name, match.start() + begin)
+        try:
+            text = decoded(match[1], name, match.start() + begin)
+        except CompstiffError:
+            # What a logger writes above its numbers does not stand in the way of reading them, nor a degree sign of a name.
+            text = match[1].decode("latin-1")
         if holds_cells(text):
             lines.append(_Line(number, end, text))
             if len(lines) > MOST_LINES_ABOVE or (len(lines) > 1 and _numeric(text)):
@@ -129,6 +134,14 @@ def _lines(head: bytes, name: str) -> list[_Line]:
     if not lines:
         raise error("CS0201", "is empty: a header line with column names was expected", file=name, line=1)
     return lines
+
+
+def _right_above(lines: Sequence[_Line]) -> tuple[str, ...]:
+    """The cells of the last line above the numbers, where others stand above it; () else."""
+    first = next((k for k, line in enumerate(lines) if _numeric(line.text)), 0)
+    if first < 2:
+        return ()
+    return tuple(cells_of(lines[first - 1].text, separator_of(lines[first].text)))
 
 
 def _check_header(line: _Line, name: str) -> None:

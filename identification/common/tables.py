@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, Level, counted, error
+from identification.common.header_names import renamed
 from identification.common.sizes import LARGEST_CELL
 from identification.common.workbook import SAVE_AS, is_workbook, sheet_finding, workbook_text
 
@@ -103,7 +104,7 @@ def _table(
     for group in [group for name, group in (instead or {}).items() if name in names]:
         required, optional = [name for name in required if name not in group], [*optional, *group]
         may_be_empty, together = [*may_be_empty, *group], [*together, group]
-    check_columns(names, required, together, file, header_line)
+    check_columns(names, required, together, file, header_line, optional=(*optional, *texts))
     wanted = [*required, *(name for name in optional if name in names)]
     numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
     labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
@@ -116,17 +117,20 @@ def _table(
 
 def check_columns(
     names: Sequence[str], required: Sequence[str], together: Sequence[Sequence[str]], file: str, line: int | None, *,
-    hint: str = ""
+    optional: Sequence[str] = (), hint: str = ""
 ) -> None:
     """Raises CompstiffError (CS0202) for a required column that is missing, and for a part of a group of which all or none must
-    be there. hint: what else may help."""
+    be there. optional: what else is read. hint: what else may help."""
     missing = [name for name in required if name not in names]
     if missing:
         lower = [name.lower() for name in names]
         hint = "; names are in small letters" * any(name in lower for name in missing) + hint
         free = [name for name in names if name not in required]
         near = [(other, name) for name in missing for other in difflib.get_close_matches(name, free, n=1, cutoff=0.5)]
-        if near and not hint:
+        called = renamed(free, (*missing, *optional))
+        if called and not hint:
+            hint = f"; if they are meant so, {called}"
+        elif near and not hint:
             hint = "; " + ", ".join(f"is '{other}' meant to be {name}?" for other, name in near)
         raise error("CS0202", f"column{'s' if len(missing) > 1 else ''} missing: {', '.join(missing)}; "
                     f"found {', '.join(names) or 'none'}", file=file, line=line,
@@ -296,7 +300,8 @@ def decoded(content: bytes, name: str, offset: int = 0, encoding: str = "utf-8")
         line = None if offset or encoding != "utf-8" else content[:reason.start].count(b"\n") + 1
         raise error("CS0201", f"is not {encoding.upper()} text: {reason.reason} at byte {offset + reason.start}", file=name,
                     line=line,
-                    hint=f"is it the file that is meant, in its place on the command line? {SAVE_AS}") from reason
+                    hint=f"is it the file that is meant, in its place on the command line? {SAVE_AS}; from Excel as "
+                    "'CSV UTF-8', or give the .xlsx itself") from reason
 
 
 def _parquet(file: Path) -> tuple[pd.DataFrame, NDArray[np.intp], int]:

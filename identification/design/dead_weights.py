@@ -15,6 +15,10 @@ from itertools import pairwise
 import numpy as np
 
 from identification.common.arrays import Array
+from identification.common.findings import error
+from identification.common.yaml_source import read_yaml
+from identification.model.cell import Cell
+from identification.model.robot_file import RobotFile
 
 HEAVIEST_KG = 5000.0
 Level = tuple[float, ...]
@@ -71,6 +75,16 @@ class DeadWeights:
     def forces(steps: tuple[Level, ...], fall: Array) -> Array:
         """Forces (L, 3) [N] of the steps in the base frame; fall (3,): acceleration of free fall there [m/s^2]."""
         return np.outer([sum(step) for step in steps], fall)
+
+
+def check_payload(weights: DeadWeights, cell: Cell) -> None:
+    """Raises CompstiffError (CS1512) where the heaviest level and the tool are more than the data sheet lets a robot carry."""
+    payload = read_yaml(cell.robot.source, RobotFile).data_sheet.payload_kg
+    heaviest, tool = sum(weights.rising[-1]), cell.tool_mass or 0.0
+    if payload is not None and heaviest + tool > payload:
+        of_tool = f" of {tool:g} kg" if tool else ""
+        raise error("CS1512", f"{heaviest:g} kg hung on the tool{of_tool} are over the {payload:g} kg that {cell.robot.name} "
+                    "carries", file=str(cell.source), hint="take lighter weights; masses are in kilograms")
 
 
 def _without(these: Level, those: Level) -> Level:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from identification.common.findings import Finding, error
 from identification.design.constraints import Margins
 from identification.design.criteria import Criterion, a_criterion, d_criterion, e_criterion, i_criterion
-from identification.design.dead_weights import DeadWeights
+from identification.design.dead_weights import DeadWeights, check_payload
 from identification.design.discrimination import Diagnosed
 from identification.design.domain import Domain
 from identification.design.information import Instrument, instrument
@@ -107,7 +107,9 @@ def default_position(robot: RobotModel) -> Array:
 
 
 def prepare(cell: Cell, request: Request, milling: MillingPoses | None) -> Prepared:
-    """The task. Raises CompstiffError (CS1602) for the criterion I without a toolpath."""
+    """The task. Raises CompstiffError: CS1602 for the criterion I without a toolpath, CS1512 for weights over the payload."""
+    if request.dead_weight:
+        check_payload(DeadWeights.of(request.dead_weight), cell)
     rig, precision, before, findings = _known(cell, request)
     weight = None if milling is None else prediction_weight(rig, milling)
     positions, box, place = _place(cell, request, milling)

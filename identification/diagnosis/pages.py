@@ -72,7 +72,8 @@ def _verdict(diagnosis: Diagnosis) -> Verdict:
         sizes += f": its size would pass, but noise does not make such a pattern ({_probability(judgement)})"
     if diagnosis.verdict == "mistake":
         mistake = judgement.mistakes[0]
-        return Verdict("bad", "A MISTAKE IN THE FILES", f"{mistake.sentence}. Each pose is predicted from the others to "
+        told = f"{mistake.sentence[:1].upper()}{mistake.sentence[1:]}".replace("+-", "±")
+        return Verdict("bad", "A MISTAKE IN THE FILES", f"{told}. Each pose is predicted from the others to "
                        f"{1e6 * mistake.before:.1f} µm RMS as it stands, to {1e6 * mistake.after:.1f} µm with it mended.")
     if diagnosis.verdict == "unknown":
         seen = f": {'; '.join(judgement.patterns[:2])}" if judgement.patterns else ""

@@ -27,7 +27,7 @@ from identification.common.yaml_source import (
 )
 from identification.model.frame_file import ZERO, FrameFile
 from identification.model.mechanical_units import MechanicalUnit, MechanicalUnitFile, mechanical_units, travel
-from identification.model.pendant import PendantPoseFile, check_pendant
+from identification.model.pendant import PendantPoseFile, PendantProof, check_pendant
 from identification.model.robot import Prior, RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
 
@@ -48,7 +48,7 @@ class MeasurementFile(Strict):
 
     deflection_std_um: tuple[Positive, Positive, Positive] = (2.0, 2.0, 2.0)
     force_std_n: tuple[NotNegative, NotNegative, NotNegative] = ZERO
-    force_relative_std: NotNegative = 0.0
+    force_relative_std: Annotated[float, Field(ge=0, le=0.3)] = 0.0
     pose_offset_std_um: tuple[NotNegative, NotNegative, NotNegative] = ZERO
 
 
@@ -269,8 +269,8 @@ class Cell:
     of planned poses may stand, infinite where nothing is said; reach [m]: least and greatest distance of their TCP from axis 1.
     units: the mechanical units beside the arm, None where the file says nothing of them; world_from_base holds where the unit
     that carries the robot stands at its zero.
-    cutting, motion: as the file has them. pendant_off: how far [m] robot and tool are from the poses of the pendant, None where
-    the file has none.
+    cutting, motion: as the file has them. pendant: how far robot and tool are from the poses of the pendant, None where the
+    file has none.
     """
 
     source: Path
@@ -293,7 +293,14 @@ class Cell:
     units: tuple[MechanicalUnit, ...] | None = None
     cutting: CuttingFile = field(default_factory=CuttingFile)
     motion: MotionFile = field(default_factory=MotionFile)
-    pendant_off: float | None = None
+    pendant: PendantProof | None = None
+
+    @property
+    def frames(self) -> dict[str, Frame]:
+        """The frames that the file turns by a quaternion, by the words before `quaternion` there."""
+        sensor = self.force_log.flange_from_sensor
+        return {"tool.": self.flange_from_tcp, "base_frame.": self.world_from_base, "workobject.": self.world_from_object,
+                **({} if sensor is None else {"force_log.sensor_": sensor})}
 
 
 def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
@@ -358,7 +365,7 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
         units=units,
         cutting=_cutting(described.cutting, file),
         motion=described.motion,
-        pendant_off=check_pendant(described.pendant_poses, robot, described.tool.frame(), str(file)),
+        pendant=check_pendant(described.pendant_poses, robot, described.tool.frame(), str(file)),
     )
 
 

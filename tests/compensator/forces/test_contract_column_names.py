@@ -17,7 +17,15 @@ from tests.runs.command_line import user_files as kit
     ("status;Fx_N;Fy_N;Fz_N;Temp [C];X [mm];X [mm]", "'-', fx_n, fy_n, fz_n, '-', '-', '-'"),
 ])
 def test_meant_beyond_doubt(header: str, columns: str) -> None:
-    assert named_columns(header.split(";")).endswith(f"columns: [{columns}]")
+    assert f"columns: [{columns}]" in named_columns(header.split(";"))
+
+
+def test_what_is_not_beyond_doubt_is_named() -> None:
+    """X without a unit would place the samples: it is not left out in silence."""
+    told = named_columns(["Zeit [s]", "X", "Y", "Z", "Fx [N]", "Fy [N]", "Fz [N]"])
+    assert told.endswith("columns: [time_s, '-', '-', '-', fx_n, fy_n, fz_n]; '-' stands for X, Y, Z, of which quantity or "
+                         "unit is not sure")
+    assert "stands for" not in named_columns(["Zeit [s]", "Fx [N]", "Fy [N]", "Fz [N]"])
 
 
 @pytest.mark.parametrize("header", ["Fx;Fy;Fz", "Fx [kN];Fy [kN];Fz [kN]", "Fx [N];Fy [N]", "Fx [N];Fx [N];Fy [N];Fz [N]",
@@ -26,12 +34,14 @@ def test_doubt_is_no_name(header: str) -> None:
     assert named_columns(header.split(";")) == ""
 
 
-def test_the_line_works(tmp_path: Path) -> None:
-    """`check` says it, it is put into cell.yaml, and `check` reads the log."""
+@pytest.mark.parametrize(("above", "encoding"), [
+    ("", "utf-8"), ("Einsatz: Fräsen\nam 12.3.26\n", "utf-8"), ("Einsatz: Fräsen\nam 12.3.26\n", "cp1252")])
+def test_the_line_works(tmp_path: Path, above: str, encoding: str) -> None:
+    """`check` says it, it is put into cell.yaml, `check` reads the log; with what loggers write above, in their encoding."""
     cell, log = tmp_path / "cell.yaml", tmp_path / "part.forces.csv"
     cell.write_text("robot: irb6660-205-1.90\ntool: {position_mm: [0, 0, 250]}\n")
-    log.write_text("Zeit [s];Fx [N];Fy [N];Fz [N];X [mm];Y [mm];Z [mm]\n" + "\n".join(
-        f"{0.01 * k:.2f};{3 * k},5;-2,0;7,0;{0.1 * k:.1f};0;0".replace(".", ",") for k in range(50)) + "\n")
+    log.write_text(above + "Zeit [s];Fx [N];Fy [N];Fz [N];X [mm];Y [mm];Z [mm]\n" + "\n".join(
+        f"{0.01 * k:.2f};{3 * k},5;-2,0;7,0;{0.1 * k:.1f};0;0".replace(".", ",") for k in range(50)) + "\n", encoding=encoding)
     refused = kit.run("check", cell, log)
     assert refused.code != 0
     line = re.search(r"force_log: (columns: \[.*\])", refused.err)
@@ -39,3 +49,5 @@ def test_the_line_works(tmp_path: Path) -> None:
     cell.write_text(cell.read_text() + f"force_log:\n  {line[1]}\n")
     read = kit.run("check", cell, log)
     assert read.code == 0, read
+    other = log.rename(tmp_path / "log_0815.csv")
+    assert "force log" in kit.run("check", cell, other).out, "told by its columns, whatever its name"

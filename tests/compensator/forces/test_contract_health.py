@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,11 @@ import pandas as pd
 import pytest
 
 from compensator.forces.log import ForceLog, read_force_log
+from compensator.forces.placement import place_forces
 from identification.common import number_blocks
+from identification.common.findings import CompstiffError
 from identification.model.cell import ForceLogFile
-from tests.compensator.forces.test_contract_placement import place
+from tests.compensator.forces.test_contract_placement import place, plan
 
 RATE, COUNT = 2000.0, 6000
 FAULTS = {"CS3023", "CS3024", "CS3025", "CS3026", "CS3036"}
@@ -110,6 +113,34 @@ def test_a_logger_that_repeats_its_last_reading(tmp_path, ends: bool) -> None:
     assert f"all channels stood still together: {stop - 3000} samples" in str(log.findings)
     force[3000:stop] = 0
     assert faults(read(tmp_path, force)) == []
+
+
+@pytest.mark.usefixtures("blocks")
+@pytest.mark.parametrize("channels", [[1], [0, 1, 2]], ids=["one", "all"])
+def test_a_reading_that_is_repeated_is_no_force(tmp_path, channels: list[int]) -> None:
+    """Targets of half a second each: one of which everything is repeated stays as it is and is named, of one in which half is
+    repeated the other half is the mean, and where nothing is repeated all is as it was."""
+    force, target = noisy(), np.arange(COUNT) // 1500
+    force[2900:4600, channels] = force[2900, channels]
+    rows = "\n".join(f"{k},{x},{y},{z}" for k, (x, y, z) in zip(target, force, strict=True))
+    forces = place(tmp_path, "target,fx_n,fy_n,fz_n\n" + rows + "\n")
+    assert forces.samples.tolist() == [1500, 1400, 0, 1400, 0]
+    np.testing.assert_allclose(forces.wrench[1, :3], force[1500:2900].mean(axis=0), atol=1e-9)
+    assert not forces.forced[2]
+    assert forces.held.tolist() == [2]
+    (named,) = [finding for finding in forces.findings if finding.code == "CS3070"]
+    assert named.target == 2
+    assert named.level == "warning"
+    assert "1 target left where planned" in named.message
+
+
+def test_a_log_that_only_stands_still_is_refused(tmp_path) -> None:
+    """One target, all of whose rows come from a run: nothing is left to correct by."""
+    log = read(tmp_path, noisy())
+    everything = replace(log, held=np.ones(len(log.line), dtype=bool))
+    here = plan(tmp_path)
+    with pytest.raises(CompstiffError, match="nothing in it is a force"):
+        place_forces(everything, here, here.cell)
 
 
 def test_a_channel_that_is_dead(tmp_path) -> None:

@@ -53,7 +53,7 @@ def test_by_target(tmp_path) -> None:
     assert forces.forced.tolist() == [False, True, False, True, False]
     assert_allclose(forces.wrench[1], [15, 0, 0, 0, 0, 0])
     assert_allclose(forces.wrench[3], [0, 0, -5, 0, 0, 0])
-    assert {finding.code for finding in forces.findings} == {"CS3003", "CS3011", "CS3012"}
+    assert {finding.code for finding in forces.findings} == {"CS3003", "CS3011", "CS3012", "CS3071"}
 
 
 @pytest.mark.parametrize("header", ["path_mm", "x_mm,y_mm,z_mm"])

@@ -15,6 +15,7 @@ from compensator.forces.placement import place_forces, read_force_log
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
 from identification.model.cell import read_cell
+from tests.compensator.forces.test_contract_placement import plan
 from tests.virtual_cell.endmill import EndMill
 
 
@@ -95,4 +96,26 @@ def test_a_few_targets_say_nothing(jobs: list, tmp_path: Path) -> None:
     few = np.zeros(len(force), dtype=bool)
     few[np.flatnonzero(np.any(force != 0, axis=1))[:9]] = True
     assert cut_direction(path, force, few) is None
-    assert said_of_direction(path, few, {"base": -force}, "base", "log") == []
+    (untold,) = said_of_direction(path, few, {"base": -force}, "base", "log")
+    assert (untold.code, untold.level) == ("CS3071", "note")
+    assert said_of_direction(path, np.zeros(len(force), dtype=bool), {"base": force}, "base", "log") == []
+
+
+@pytest.mark.parametrize(("width", "climb", "told"), [
+    (0.3, True, False), (0.3, False, False), (12.0, True, True), (16.0, True, True)])
+def test_a_straight_cut_tells_the_sign_or_says_that_it_does_not(tmp_path: Path, width: float, climb: bool, told: bool) -> None:
+    """One straight cut along x, the forces of an end mill chip by chip: where the wrong sign is not warned of, both signs say
+    that nothing tells; and where nobody stated the sign that is a warning."""
+    mill = EndMill(runout_mm=(0.0, 0.0, 0.0))
+    side = mill.rim_mm[:, 1] if climb else -mill.rim_mm[:, 1]
+    force = np.array(mill.mean_force(mill.coverage(width - mill.radius_mm - side), 3.0))
+    path = plan(tmp_path, count=40)
+    ahead, up = np.array([1.0, 0, 0]), -path.base_from_tcp.rotation[0, :, 2] * np.sign(
+        -path.base_from_tcp.rotation[0, :, 2] @ path.to_flange[0])
+    on_tool = force[0] * ahead + force[1] * np.cross(up, ahead) + force[2] * up
+    forces, forced = np.tile(on_tool, (40, 1)), np.ones(40, dtype=bool)
+    said = {sign: {finding.code: finding.level for finding in said_of_direction(
+        path, forced, {"base": sign * forces}, "base", "log", sign_stated=stated)}
+        for sign, stated in ((1.0, True), (-1.0, False))}
+    assert said[1.0] == ({} if told else {"CS3071": "note"})
+    assert said[-1.0] == ({"CS3068": "warning"} if told else {"CS3071": "warning"})

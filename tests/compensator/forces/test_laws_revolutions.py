@@ -151,6 +151,14 @@ def test_a_wrong_stated_speed_is_said_and_a_slip_is_taken_up(tmp_path) -> None:
     assert "CS3035" in codes(wrong)
 
 
+@pytest.mark.parametrize(("stated", "said"), [(9000, False), (150, True)])
+def test_turns_a_second_are_said(tmp_path, stated: float, said: bool) -> None:
+    """150 a second for 9000 a minute: every line is a multiple of that, too, but a cutter has not so many teeth."""
+    force = cutting(9000, 60_000, RATE) + np.random.default_rng(0).normal(0, 5, (60_000, 3))
+    log = read_force_log(written(tmp_path / "a.parquet", force, RATE), spindle_rpm=stated)
+    assert ("CS3035" in codes(log)) is said
+
+
 def milled(rpm: float, count: int, rate: float, teeth: int = 3, runout: float = 0.012) -> np.ndarray:
     """Force (count, 3) [N] of the virtual cell's end mill on a wall, samples without a filter, with noise."""
     mill = EndMill(spindle_rpm=rpm, teeth=teeth, runout_mm=(runout, *(teeth - 1) * (0.0,)))

@@ -36,7 +36,8 @@ def rows_mm(table) -> list[list[object]]:
 
 
 def call(*arguments: object) -> tuple[int, dict]:
-    done = CliRunner().invoke(push, [*map(str, arguments), "--json"])
+    seen = ["--any-program"] if "--apply" in arguments and "--program" not in arguments else []
+    done = CliRunner().invoke(push, [*map(str, arguments), *seen, "--json"])
     return done.exit_code, json.loads(done.stdout)
 
 
@@ -255,7 +256,7 @@ def test_ctrl_c_while_a_push_waits_says_what_is_active(tmp_path):
     with Loopback(device) as server:
         device.write(96, [1, *kit.random_table(3).header.registers()])
         described, file = cell_yaml(tmp_path, server.port), offsets_csv(tmp_path, rows_mm(kit.random_table(2)))
-        with started(sys.executable, "-m", "compstiff", "push", described, file, "--apply", "--patience", "60",
+        with started(sys.executable, "-m", "compstiff", "push", described, file, "--any-program", "--apply", "--patience", "60",
                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             until = time.monotonic() + 60
             while device.result != 7:
@@ -276,3 +277,59 @@ def test_any_unit(tmp_path, unit):
         assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", unit)[0] == 0
         if unit:
             assert call(cell_yaml(tmp_path, server.port), file, "--apply", "--unit", 3, "--retries", 0)[0] == 4
+
+
+def planned(folder: Path, places: list[list[float]], name: str = "part.mod") -> Path:
+    """A RAPID program with these targets [mm], in the order of the file."""
+    moves = "".join(f"    MoveL [[{x:.4f},{y:.4f},{z:.4f}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z0,tool0;\n"
+                    for x, y, z in places)
+    file = folder / name
+    file.write_text(f"MODULE Part\n  PROC main()\n{moves}  ENDPROC\nENDMODULE\n")
+    return file
+
+
+PLACES = [[900 + 5.0 * k, 100 - 3.0 * k, 600.0] for k in range(30)]
+SHIFT = [0.31, -0.12, 0.05]
+
+
+def with_places(folder: Path, places: list[list[float]]) -> Path:
+    return offsets_csv(folder, [[k, *place, *(SHIFT if k > 3 else [0, 0, 0])] for k, place in enumerate(places)],
+                       "target,x_mm,y_mm,z_mm,ox_mm,oy_mm,oz_mm")
+
+
+def moved(by: float, target: int) -> list[list[float]]:
+    return [[x, y + by * (k == target), z] for k, (x, y, z) in enumerate(PLACES)]
+
+
+@pytest.mark.parametrize(("program", "code"), [
+    (PLACES, None), (moved(0.01, 7), "CS5022"), (PLACES[:-1], "CS5022"), (PLACES[1:], "CS5022"),
+    ([*PLACES, [1, 2, 3]], "CS5022"), (PLACES[::-1], "CS5022"),
+    ([[a + b for a, b in zip(place, SHIFT if k > 3 else [0, 0, 0], strict=True)] for k, place in enumerate(PLACES)], "CS5023"),
+])
+def test_only_the_program_they_were_made_for_gets_the_offsets(tmp_path, program, code):
+    device = kit.offset_device()
+    with Loopback(device) as server:
+        described, file = cell_yaml(tmp_path, server.port), with_places(tmp_path, PLACES)
+        answered, document = call(described, file, "--program", planned(tmp_path, program), "--apply")
+    codes = [finding["code"] for finding in document["findings"] if finding["level"] == "error"]
+    assert (answered, codes) == ((0, []) if code is None else (3, [code]))
+    assert (device.active is not None) == (code is None)
+
+
+def test_without_planned_places_the_number_of_targets_is_what_is_held(tmp_path):
+    device = kit.offset_device()
+    with Loopback(device) as server:
+        described = cell_yaml(tmp_path, server.port)
+        file = offsets_csv(tmp_path, [[k, *SHIFT] for k in range(30)])
+        for places, exit_code, code in ((PLACES[:-1], 3, "CS5022"), (moved(1.0, 3), 0, "CS5024")):
+            answered, document = call(described, file, "--program", planned(tmp_path, places), "--apply")
+            assert (answered, code in [finding["code"] for finding in document["findings"]]) == (exit_code, True)
+
+
+def test_nothing_is_sent_where_nobody_says_which_program_runs(tmp_path, listener):
+    described, file = cell_yaml(tmp_path, listener.getsockname()[1]), with_places(tmp_path, PLACES)
+    done = CliRunner().invoke(push, [str(described), str(file), "--apply"])
+    assert done.exit_code == 2
+    assert "--program" in done.stderr
+    with pytest.raises(TimeoutError):
+        listener.accept()

@@ -178,6 +178,14 @@ def test_numbers_of_bars_of_panels_side_by_side() -> None:
         ["pose", "before [um]", "after [um]"], [["P1", number(12350.0), "0.1235"], ["P2", "2", ""]])
 
 
+def test_numbers_of_panels_of_several_quantities_say_which() -> None:
+    """x, y and z of one series below each other; what stands along them is the title of the last panel alone."""
+    panels = [Panel([Points("plain", [3, 4], [1.0, value])], Axis("line" if name == "z" else ""), Axis(f"{name} [um]"))
+              for name, value in (("x", 2.0), ("y", 5.0), ("z", 6.0))]
+    assert chart_numbers(Figure("f", "", panels)) == (
+        ["line", "x, plain [um]", "y, plain [um]", "z, plain [um]"], [["3", "1", "1", "1"], ["4", "2", "5", "6"]])
+
+
 def test_numbers_of_marks_with_intervals() -> None:
     marks = Points("k", np.arange(2), [3.0, 4.0], interval=([1.0, 2.0], [5.0, 6.0]))
     panel = Panel([marks], Axis(categories=["k1", "k2"]), Axis("[N m/rad]", log=True))

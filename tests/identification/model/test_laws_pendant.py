@@ -29,14 +29,14 @@ def cell(folder: Path, *, robot: str = ROBOT, tool: Frame = TOOL, extra: str = "
 
 
 def test_the_right_robot_agrees_to_the_digits_shown(tmp_path: Path) -> None:
-    off = read_cell(cell(tmp_path)).pendant_off
-    assert off is not None
-    assert off < 1e-4
+    proof = read_cell(cell(tmp_path)).pendant
+    assert proof is not None
+    assert proof.off < 1e-4
 
 
 def test_without_poses_nothing_is_proved(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(kit.cell_text(ROBOT, TOOL, None, ""))
-    assert read_cell(tmp_path / "cell.yaml").pendant_off is None
+    assert read_cell(tmp_path / "cell.yaml").pendant is None
 
 
 @pytest.mark.parametrize("robot", ["irb6640-185-2.80", "irb6700-200-2.60", "irb6700-235-2.65"])
@@ -63,4 +63,69 @@ def test_a_tolerance_is_the_user_s(tmp_path: Path) -> None:
     tool = Frame.mm([110.0, -20.0, 255.0])
     with pytest.raises(CompstiffError):
         read_cell(cell(tmp_path, tool=tool))
-    assert read_cell(cell(tmp_path, tool=tool, extra=", tolerance_mm: 6")).pendant_off == pytest.approx(0.005, abs=1e-4)
+    assert read_cell(cell(tmp_path, tool=tool, extra=", tolerance_mm: 6")).pendant.off == pytest.approx(0.005, abs=1e-4)
+
+
+def turned_cell(
+    folder: Path, quaternion: np.ndarray, *, written: np.ndarray | None = None, shown_in: list[int] | None = None
+) -> Path:
+    """A cell whose controller's tool is turned by `quaternion` (w x y z), and is written so or as `written`; the pendant's
+    quaternions to five digits, their components in the order `shown_in`."""
+    tool = Frame.mm([110.0, -20.0, 260.0], quaternion)
+    poses = [kit.tcp_pose(ARMS[ROBOT], np.radians(np.array(q, float)), tool) for q in ANGLES]
+    shown = [np.round(kit.quaternion(pose.r), 5)[shown_in or [0, 1, 2, 3]] for pose in poses]
+    lines = [f"  - {{joints_deg: {q}, tcp_mm: {np.round(1e3 * pose.p, 1).tolist()}, quaternion: {turn.tolist()}}}"
+             for q, pose, turn in zip(ANGLES, poses, shown, strict=True)]
+    file = folder / "cell.yaml"
+    stated = Frame.mm([110.0, -20.0, 260.0], quaternion if written is None else written)
+    file.write_text(kit.cell_text(ROBOT, stated, None, "\n".join(["pendant_poses:", *lines, ""])))
+    return file
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    """A turn of a tool as cells have them: upright, a quarter or half turn, or anything."""
+    tidy = np.array([[1, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 1, 0], [1, 1, 0, 0], [1, 0, 0, 1],
+                     [0, 1, 0, 1]])
+    chosen = tidy[rng.integers(len(tidy))].astype(float) if rng.random() < 0.5 else rng.standard_normal(4)
+    return chosen / np.linalg.norm(chosen)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_tool_that_is_turned_as_the_pendant_shows_is_proved(tmp_path: Path, seed: int) -> None:
+    pendant = read_cell(turned_cell(tmp_path, unit(np.random.default_rng(seed)))).pendant
+    assert pendant is not None
+    assert pendant.turn is not None
+    assert pendant.turn < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_quaternion_in_another_order_is_said_of_the_file_that_has_it(tmp_path: Path, seed: int) -> None:
+    """w is put last in the tool, or in the poses; the right quaternion of the tool is in the hint."""
+    rng = np.random.default_rng(seed)
+    right = rng.standard_normal(4)
+    right *= np.sign(right[0]) / np.linalg.norm(right)
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(turned_cell(tmp_path, right, written=right[[1, 2, 3, 0]]))
+    finding = refused.value.findings[0]
+    assert finding.code == "CS0116"
+    assert "tool.quaternion is in the order x y z w" in finding.hint
+    written = finding.hint.split("[")[1].split("]")[0]
+    np.testing.assert_allclose(np.array(written.split(","), float), right, atol=2e-6)
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(turned_cell(tmp_path, right, shown_in=[1, 2, 3, 0]))
+    assert "these quaternions are in the order x y z w" in refused.value.findings[0].hint
+
+
+def test_another_turn_of_the_tool_is_refused_and_the_right_one_said(tmp_path: Path) -> None:
+    with pytest.raises(CompstiffError) as refused:
+        read_cell(turned_cell(tmp_path, np.array([0.6, 0, 0.8, 0]), written=np.array([1.0, 0, 0, 0])))
+    finding = refused.value.findings[0]
+    assert "turned 106.3 deg away" in finding.message
+    assert "tool.quaternion [0.6, 0, 0.8, 0]" in finding.hint
+
+
+def test_without_a_quaternion_the_turn_is_unproved(tmp_path: Path) -> None:
+    proof = read_cell(cell(tmp_path)).pendant
+    assert proof is not None
+    assert proof.turn is None
+    assert "unproved" in proof.words()

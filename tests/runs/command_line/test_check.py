@@ -150,6 +150,49 @@ def test_targets_out_of_reach_are_counted(folder: Path) -> None:
     assert "CS0114" in kit.codes(run)
 
 
+APT = "UNITS/MM\nRAPID\nGOTO/0,0,60,0,0,1\nFEDRAT/1200,MMPM\n" + "".join(
+    f"GOTO/{x},{y},0\n" for y in (0, 40, 80) for x in (0, 240))
+PLACED = """\
+robot: irb6660-205-1.90
+tool: {position_mm: [120, 0, 250], mass_kg: 50, centre_of_mass_mm: [0, 0, 100]}
+workobject: {position_mm: [1400, 500, 800], quaternion: %s}
+"""
+
+
+@pytest.mark.parametrize(("quaternion", "said", "asked"), [
+    ("[0.965925826, 0, 0, 0.258819045]", "30 deg about z", False),
+    ("[0, 0, 0.258819045, 0.965925826]", "180 deg about (0, 0.26, 0.97)", True),
+    ("[0.92387953, 0, 0.38268343, 0]", "45 deg about y", False), ("[0.38268343, 0, 0, 0.92387953]", "135 deg about z", False)])
+def test_every_turn_is_said_in_degrees(tmp_path: Path, quaternion: str, said: str, asked: bool) -> None:
+    (tmp_path / "cell.yaml").write_text(PLACED % quaternion)
+    run = check(tmp_path)
+    (found,) = (one["found"] for one in run.json["result"]["files"])
+    assert f"workobject turned {said}" in found
+    assert ("CS0117" in kit.codes(run)) == asked
+    assert run.code == 0
+
+
+@pytest.mark.parametrize("form", ["apt", "mod"])
+def test_the_order_that_reaches_the_program_is_named(tmp_path: Path, form: str) -> None:
+    """A robot that faces the world's y axis: with w last it lies on its back, and reaches nothing of the part."""
+    right = "base_frame: {quaternion: [0.70710678, 0, 0, 0.70710678]}"
+    last = "base_frame: {quaternion: [0, 0, 0.70710678, 0.70710678]}"
+    placed = PLACED.replace("[1400, 500, 800]", "[100, 1300, 700]") % [1, 0, 0, 0]
+    (tmp_path / "cell.yaml").write_text(f"{placed}{right}\n")
+    (tmp_path / "part.apt").write_text(APT)
+    if form == "mod":
+        assert kit.run("post", tmp_path / "cell.yaml", tmp_path / "part.apt", "-o", tmp_path / "part.mod").code == 0
+    sound = check(tmp_path, tmp_path / f"part.{form}")
+    assert sound.code == 0
+    assert "x y z w" not in sound.out
+    (tmp_path / "cell.yaml").write_text(f"{placed}{last}\n")
+    run = check(tmp_path, tmp_path / f"part.{form}")
+    said = [one["message"] + one["hint"] for one in run.json["findings"] if Path(one["file"]).name == f"part.{form}"]
+    named = ("with base_frame.quaternion [0.707107, 0, 0, 0.707107], which is cell.yaml's read as x y z w, every target is "
+             "reached")
+    assert sum(named in text for text in said) == 1
+
+
 def test_a_plan_is_no_broken_measurement(folder: Path) -> None:
     sheet = folder / "measurements.csv"
     header, *rows = sheet.read_text().splitlines()

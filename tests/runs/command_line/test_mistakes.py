@@ -209,6 +209,8 @@ LOG = [
     M("two passes in one log", "forces.csv", lines(lambda rows: [*rows, *rows[1:]]), CORRECT, 1, "CS3119"),
     M("two passes along the path", "along.csv", lines(lambda rows: [*rows, *rows[1:]]), ALONG, 0, "CS3007"),
     M("the logger's tool longer by 4 mm", "along.csv", columns(PLACES, lambda p: p + np.array([0, 0, 4])), ALONG, 0, "CS3120"),
+    M("the log of another version, 0.6 mm higher", "along.csv", columns(PLACES, lambda p: p + np.array([0, 0, 0.6])), ALONG, 0,
+      "CS3120"),
     M("a log that runs backwards", "along.csv", lines(lambda rows: [rows[0], *rows[:0:-1]]), ALONG, 3, "CS3086"),
     M("a line at the end of the log", "forces.csv", lambda text: text + "End\n", CORRECT, 1, "CS0201"),
     M("a bias that nobody took off", "forces.csv", columns(FORCES, lambda f: f + np.array([300, -150, 80])), CORRECT, 0,
@@ -443,3 +445,68 @@ def test_a_bias_at_both_ends_of_a_program_with_one_feed_is_said(tmp_path: Path, 
         result = job.run(tmp_path, {"forces.csv": forces}, *words)
         assert result.code == 0, result
         assert {finding["level"] for finding in result.json["findings"] if finding["code"] == "CS3041"} == level
+
+
+@pytest.mark.parametrize(("weights", "tool", "over"), [("120", "", False), ("250", "", True), ("20,190+20", "", True),
+                                                        ("120", ", mass_kg: 100", True), ("100", ", mass_kg: 80", False)])
+def test_weights_over_the_payload_are_not_planned(tmp_path: Path, weights: str, tool: str, over: bool) -> None:
+    """An IRB 6660-205 carries 205 kg."""
+    (tmp_path / "cell.yaml").write_text(f"robot: {ROBOTS[0]}\ntool: {{position_mm: [120, 0, 250]{tool}}}\n")
+    run = kit.run("design", tmp_path / "cell.yaml", "-o", tmp_path / "plan.csv", "--quick", "--measurements", "2",
+                  "--dead-weight", weights)
+    assert ("CS1512" in run.err) is over, run
+    assert run.code == (1 if over else 0)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("command", ["check", "correct"])
+def test_frames_in_metres_are_said(tmp_path: Path, robot: str, command: str) -> None:
+    """The robot's base, and a work object that the program declares: a thousandth of where they are."""
+    shop = workshop(robot)
+    words = ("check", "@cell.yaml", "@part.mod") if command == "check" else call("--force")
+    base = swap("measurement:", "base_frame: {position_mm: [0.5, -0.2, 0.1]}\nmeasurement:")
+    user = rewrite(r"(wPart:=.*?\[\[)([^\]]*)\]", lambda m: m[1] + ",".join(
+        f"{float(x) / 1e3:.6f}" for x in m[2].split(",")) + "]")
+    for file, change in (("cell.yaml", base), ("part.mod", user)):
+        said = shop.run(tmp_path, {file: change(shop.files[file])}, *words)
+        told = [one for one in said.json["findings"] if one["code"] == "CS0118"]
+        assert [Path(one["file"]).name for one in told] == [file], said
+    sound = shop.run(tmp_path, {}, *words)
+    assert "CS0118" not in kit.codes(sound)
+
+
+def test_a_share_in_per_cent_and_a_depth_in_micrometres_are_said(tmp_path: Path) -> None:
+    shop = workshop(ROBOTS[0])
+    cell = shop.files["cell.yaml"].replace("[2, 2, 2]", "[2, 2, 2], force_relative_std: 0.5")
+    assert cell != shop.files["cell.yaml"]
+    said = shop.run(tmp_path, {"cell.yaml": cell}, *IDENTIFY)
+    assert (said.code, kit.codes(said)) == (1, {"CS0102"})
+    deep = shop.run(tmp_path, {}, *call("--depth-of-cut", "1000"))
+    assert deep.code == 2
+    assert "in which unit" in str(deep.json["findings"])
+
+
+def test_a_watched_program_s_warnings_are_shown(tmp_path: Path) -> None:
+    """A log that shows a force in the air: `correct` says so, and `watch` beside the line of its program."""
+    shop = workshop(ROBOTS[0])
+    biased = columns(FORCES, lambda f: f + np.array([300, -150, 80]))(shop.files["forces.csv"])
+    for name in ("cell.yaml", "stiffness.json"):
+        (tmp_path / name).write_text(shop.files[name])
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "part.mod").write_text(shop.files["part.mod"])
+    (tmp_path / "in" / "part.forces.csv").write_text(biased)
+    words = ("watch", tmp_path / "in", tmp_path / "out", "--cell", tmp_path / "cell.yaml", "--stiffness",
+             tmp_path / "stiffness.json", "--once", "--settle", "0")
+    assert "warning CS3087" in kit.run(*words).err
+    assert "CS3087" not in kit.run(*words, "-q", "--force").err
+
+
+def test_a_part_is_not_learned_from_by_the_corrected_program(tmp_path: Path) -> None:
+    shop = workshop(ROBOTS[0])
+    assert shop.run(tmp_path, {}, *CORRECT, "--tare", "0:1").code == 0
+    (tmp_path / "points.csv").write_text("x_mm,y_mm,z_mm,dx_um\n1,2,3,4\n")
+    run = kit.run("learn", tmp_path / "cell.yaml", tmp_path / "out.mod", tmp_path / "points.csv", "--stiffness",
+                  tmp_path / "stiffness.json", "--forces", tmp_path / "forces.csv", "-o", tmp_path / "learned.json")
+    assert run.code == 3
+    assert "CS4204" in run.err
+    assert "--logged-with" in run.err

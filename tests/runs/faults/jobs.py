@@ -119,7 +119,7 @@ COMMANDS = {command.name: command for command in (
     Command("verify", ("verify", "@cell.yaml", "@before.csv", "@after.csv", "--report", ">report.html")),
     Command("learn", ("learn", *JOB[:2], "@learn/points.csv", *JOB[2:], "-o", ">learned.json"), _softer()),
     Command("convert", ("convert", "@log.lvm", "--form", "lvm", "-o", ">log.csv"), {"log.lvm": LVM.replace("3.5", "4.5")}),
-    Command("push", ("push", "@cell.yaml", "@offsets.csv", "--apply", "--log", ">push-log.jsonl", "--receiver",
+    Command("push", ("push", "@cell.yaml", "@offsets.csv", "--apply", "--any-program", "--log", ">push-log.jsonl", "--receiver",
                      ">receiver.mod"), cell=True),
     Command("tare", ("tare", "@sensor.yaml", "@still.csv", "-o", ">tare.yaml")),
 )}

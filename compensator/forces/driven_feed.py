@@ -1,0 +1,52 @@
+"""How fast the robot drove while a log was taken, against the program's feed: with the override at a half the chips are half as
+thick, and the forces are not those that the corrected program will meet."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.forces.log import ForceLog
+from compensator.forces.program_time import moves_in_air
+from compensator.path.robot_path import RobotPath
+from identification.common.findings import Finding
+
+# Said where nine tenths of the cut, by time, were driven slower than this share of the feed, or half of it faster than that
+# one: where a controller cannot hold a feed it is slower for a part of a path, and never faster (engineering judgement).
+SLOW, FAST = 0.75, 1.25
+# So many moves of the cut at least, and so many samples in each: the places of a log scatter by a sample either way.
+FEWEST, SAMPLES = 20, 8
+
+
+def said_of_feed(log: ForceLog, path: RobotPath, forced: NDArray[np.bool_]) -> list[Finding]:
+    """A warning (CS3072) where the pass of a log, by path length and with time, was not driven at the program's feed.
+    forced (N,): targets with force."""
+    if log.key != "path_mm" or log.time is None or log.spread is not None:
+        return []
+    placed = np.isfinite(log.place) & np.isfinite(log.time)
+    length, feed = path.length, path.toolpath.feed
+    cut = np.zeros(len(length), dtype=bool)
+    cut[1:] = forced[1:] & forced[:-1]
+    cut &= ~moves_in_air(path.toolpath) & np.isfinite(length) & (feed > 0)
+    place, time = np.maximum.accumulate(log.place[placed]), log.time[placed]
+    if len(place) < 2 or not cut.any():
+        return []
+    # Where the tool stood still all of the time is the last place's.
+    last = np.append(place[1:] > place[:-1], True)
+    way = np.diff(length, prepend=np.nan)
+    taken = np.diff(np.interp(length, place[last], time[last], left=np.nan, right=np.nan), prepend=np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cut &= (taken > SAMPLES * np.median(np.diff(time))) & (way > 0)
+        share = way / taken / feed
+    if cut.sum() < FEWEST:
+        return []
+    order = np.argsort(share[cut])
+    passed = np.cumsum(taken[cut][order]) / taken[cut].sum()
+    middle, most = share[cut][order][np.searchsorted(passed, (0.5, 0.9))].tolist()
+    if most >= SLOW and middle <= FAST:
+        return []
+    return [Finding(
+        "CS3072", "warning", f"while this log was taken the cuts were driven at {100 * middle:.0f} % of their feed (nine "
+        f"in ten under {100 * most:.0f} %): the force is that of another feed", file=log.source,
+        hint="was the override on, or is it the log of another version? Log the pass as the corrected program will be driven. "
+        "A robot that never holds its feed (--check-feed) will not then either, and the log is right")]

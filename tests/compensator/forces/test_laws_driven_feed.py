@@ -1,0 +1,48 @@
+"""The speed at which a log was driven, against the program's: told by times and places, in peace where it is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.forces.placement import place_forces, read_force_log
+from tests.compensator.forces.test_contract_placement import place, plan
+
+FEED, RATE, COUNT = 100.0, 500.0, 40
+
+
+def driven(folder: Path, speed: np.ndarray, column: str = "path_mm") -> set[str]:
+    """What is said of a log of a straight cut of 390 mm that is driven at `speed` (n,) [mm/s], n equal parts of the way."""
+    ends = np.linspace(0, 10.0 * (COUNT - 1), len(speed) + 1)
+    time = np.append(0.0, np.cumsum(np.diff(ends) / speed))
+    t = np.arange(0, time[-1], 1 / RATE)
+    way = np.interp(t, time, ends)
+    force = np.array([-40.0, 90, 60]) + np.random.default_rng(2).normal(0, 2, (len(t), 3))
+    where = "{:.4f}" if column == "path_mm" else "{:.4f},0,700"
+    rows = [f"{a:.4f},{where.format(b if column == 'path_mm' else 1000 + b)},{x:.3f},{y:.3f},{z:.3f}"
+            for a, b, (x, y, z) in zip(t, way, force, strict=True)]
+    text = f"time_s,{column},fx_n,fy_n,fz_n\n" + "\n".join(rows) + "\n"
+    (folder / "forces.csv").write_text(text)
+    path = plan(folder, count=COUNT)
+    found = place_forces(read_force_log(folder / "forces.csv"), path, path.cell).findings
+    return {finding.message for finding in found if finding.code == "CS3072"}
+
+
+@pytest.mark.parametrize("column", ["path_mm", "x_mm,y_mm,z_mm"])
+@pytest.mark.parametrize(("share", "said"), [(1.0, ""), (0.9, ""), (1.1, ""), (0.5, "at 50 %"), (1.6, "at 160 %")])
+def test_the_override_is_told(tmp_path: Path, column: str, share: float, said: str) -> None:
+    found = driven(tmp_path, np.array([share * FEED]), column)
+    assert [said in message for message in found] == ([True] if said else [])
+
+
+def test_a_robot_that_slows_down_for_corners_is_left_in_peace(tmp_path: Path) -> None:
+    """Two thirds of the way at a third of the feed, the rest at the feed itself."""
+    assert driven(tmp_path, FEED * np.where(np.arange(39) % 3 == 0, 1.0, 0.33)) == set()
+
+
+def test_a_log_without_time_says_nothing(tmp_path: Path) -> None:
+    rows = "\n".join(f"{k},{-40 + k % 3},90,60" for k in range(10 * (COUNT - 1)))
+    forces = place(tmp_path, f"path_mm,fx_n,fy_n,fz_n\n{rows}\n")
+    assert "CS3072" not in {finding.code for finding in forces.findings}
