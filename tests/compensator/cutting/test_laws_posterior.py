@@ -46,10 +46,10 @@ def fitted(rows: ForceRows) -> ForcePosterior:
 
 @pytest.mark.parametrize("memory", [0.0, 0.8])
 def test_the_stated_covariance_is_the_scatter(memory: float) -> None:
-    """On 60 logs: the squares in units of the covariance are those of six normal numbers, with white noise and with noise that
+    """On 30 logs: the squares in units of the covariance are those of six normal numbers, with white noise and with noise that
     remembers; with remembered noise taken as white they would be five times that."""
     squares = []
-    for seed in range(60):
+    for seed in range(30):
         found = fitted(simulated(400 + seed, noise=20.0, memory=memory))
         off = found.mean - TRUE
         squares.append(off @ np.linalg.solve(found.covariance, off) / 6)
