@@ -15,6 +15,7 @@ import contextlib
 import cProfile
 import json
 import multiprocessing
+import os
 import pstats
 import sys
 import tempfile
@@ -28,6 +29,8 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+# As `compstiff` starts (compstiff/__main__.py).
+os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
 
 from compensator.correction import correct as correct_module
 from compensator.correction import files as files_module

@@ -5,29 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from compensator.forces.path_segments import Indices, Segments
 from compensator.path.arc_length import FARTHEST
 from identification.common.arrays import Array
 
-Indices = NDArray[np.intp]
-
 # A logged TCP position farther than this from the whole path ahead is not on it [m].
 OFF_PATH = 5e-3
-# How many samples are matched one by one in the order of time; the rest are projected in between.
-KEYS_PER_TARGET, FEWEST_KEYS = 4, 4000
-# So many samples and segments are taken out of their arrays at once; so many segments are looked at one by one.
-PIECE, FEW = 16_384, 12
+# How many samples are matched one by one in the order of time; the rest are projected in between, so many at once.
+KEYS_PER_TARGET, FEWEST_KEYS, AT_ONCE = 4, 4000, 1 << 18
 # A sample may lie behind the one before by as much: noise [m].
 BACK = 2e-4
-# Squares of distances this close are the same [m^2].
-SAME = 1e-18
-# A projection behind the sample before is taken where it is nearer by as much [m^2].
-BEHIND = 1e-8
 # So many candidates for the start of a log are tried with so many samples.
 CANDIDATES, TRIAL = 8, 400
-# So near [m] a sample is on the path; after so many misses the path is searched farther ahead.
-NEAR, MISSES = 0.1 * OFF_PATH, 5
+# What cannot be better is given up after so many of them, or twice, three times as many.
+FEWEST_TRIED = 20
+# So near [m] a sample is on the path; after so many misses the path is searched farther ahead, first as far as this [m].
+NEAR, MISSES, AHEAD = 0.1 * OFF_PATH, 5, 4e-3
 
 
 def match_forwards(points: Array, s: Array, samples: Array) -> Array:
@@ -37,6 +31,8 @@ def match_forwards(points: Array, s: Array, samples: Array) -> Array:
 
     The log is matched forwards: each sample is looked for a little ahead of the one before it, so that passes which
     cross or lie side by side stay apart; only where nothing is near is the search widened to the whole path ahead.
+    Time grows as M + K log K, whatever the log: a search looks at what lies near the sample alone, and what follows a sample
+    is walked once.
     """
     if len(points) < 2:
         near = np.linalg.norm(samples - points[0], axis=1) < OFF_PATH if len(points) else np.zeros(len(samples), bool)
@@ -44,152 +40,135 @@ def match_forwards(points: Array, s: Array, samples: Array) -> Array:
     samples = np.clip(samples, -FARTHEST, FARTHEST)
     count = min(len(samples), max(KEYS_PER_TARGET * len(points), FEWEST_KEYS))
     keys = np.unique(np.linspace(0, len(samples) - 1, count).round().astype(np.intp))
-    segments = _Segments(points, s)
-    arc, _ = _match(segments, samples[keys], _start(segments, samples, keys))
+    segments = Segments(points, s)
+    arc = _match(segments, samples[keys], _start(segments, samples[keys]))
     good = ~np.isnan(arc)
     if not good.any():
         return np.full(len(samples), np.nan)
-    return _project_between(segments, samples, keys[good], arc[good])
+    return np.concatenate([
+        _project_between(segments, samples[part:part + AT_ONCE], part, keys[good], arc[good])
+        for part in range(0, len(samples), AT_ONCE)])
 
 
-def _start(segments: _Segments, samples: Array, keys: Indices) -> float:
-    """Arc length [m] at which the log begins: of the candidates that the first sample on the path is about as near to as any,
-    the one from which the samples after it match the path best; the earliest of those that are alike."""
-    for key in keys:
-        distance, arc = segments.projections(samples[key])
-        if distance.min() <= OFF_PATH:
+def _start(segments: Segments, samples: Array) -> float:
+    """Arc length [m] at which the log begins: of the candidates that the first sample (k, 3) on the path is about as near to as
+    any, the one from which the samples after it match the path best; the earliest of those that are alike."""
+    for begin in range(len(samples)):
+        distance, arc = segments.projections(samples[begin], segments.within(samples[begin], OFF_PATH))
+        if distance.min(initial=np.inf) <= OFF_PATH:
             break
     else:
         return 0.0
-    begin = int(np.searchsorted(keys, key))
     near = np.flatnonzero(distance <= distance.min() + NEAR)
     groups = np.split(near, np.flatnonzero(np.diff(arc[near]) > 2 * NEAR) + 1)
     nearest = np.array([group[np.argmin(distance[group])] for group in groups])
     candidates = arc[np.sort(nearest[np.argsort(distance[nearest], kind="stable")[:CANDIDATES]])]
     if len(candidates) == 1:
         return float(candidates[0])
-    off = np.array([_rms_distance(segments, samples[keys[begin:begin + TRIAL]], start) for start in candidates])
+    later = samples[begin:begin + TRIAL].tolist()
+    off = np.sqrt([np.mean(np.square(_Walk(segments, start).along(later))) for start in candidates])
     return float(candidates[np.argmax(off <= 1.2 * off.min() + 1e-6)])
 
 
-def _rms_distance(segments: _Segments, samples: Array, start: float) -> float:
-    """How far the samples (k, 3) are off the path, RMS [m], when they are matched from arc length `start` on without a leap."""
-    return float(np.sqrt(np.mean(_match(segments, samples, start, leap=False)[1] ** 2)))
+class _Walk:
+    """Samples matched one after the other from an arc length on without a leap; for each of them `off`, how far it is off
+    the path [m], at most OFF_PATH, `arcs`, where it is matched, NaN where it is not on the path, and `before`, where the walk
+    stood.
 
-
-def _match(segments: _Segments, samples: Array, start: float, *, leap: bool = True) -> tuple[Array, Array]:
-    """Arc length (k,) [m] of samples (k, 3), one after the other from arc length `start` on, NaN where one is not on the path,
-    and how far off it they are (k,) [m], at most OFF_PATH. leap: to a candidate farther ahead, where the log left out some of
-    the path.
-
-    Each depends on the one before and looks at a few segments: plain numbers are quicker here than small arrays, and
-    are made of the arrays piece by piece.
+    Each depends on the one before and looks at a few segments: plain numbers are quicker here than small arrays.
     """
-    arcs, off = np.full(len(samples), np.nan), np.full(len(samples), OFF_PATH)
-    here, first, before, misses, next_search = start, 0, None, 0, MISSES
-    for block in range(0, len(samples), PIECE):
-        for number, point in enumerate(samples[block:block + PIECE].tolist(), block):
-            step = 0.0 if before is None else math.dist(point, before)
+
+    def __init__(self, segments: Segments, start: float) -> None:
+        self.segments, self.here, self.first = segments, start, 0
+        self.last: list[float] | None = None
+        self.misses = 0
+        self.off: list[float] = []
+        self.arcs: list[float] = []
+        self.before: list[float] = []
+
+    def along(self, samples: list[list[float]]) -> list[float]:
+        """Goes on by these samples; how far each walked so far is off the path [m]."""
+        segments, here, first, last, misses = self.segments, self.here, self.first, self.last, self.misses
+        for point in samples:
+            step = 0.0 if last is None else math.dist(point, last)
+            self.before.append(here)
             first = segments.holding(here - BACK, first)
-            reach = here + 3 * step + 1e-4
-            distance, arc, whole = segments.nearest(point, first, here - BACK, reach)
-            if distance <= NEAR:
-                misses, next_search = 0, MISSES
+            distance, arc = segments.nearest(point, first, here - BACK, here + 3 * step + 1e-4, OFF_PATH)
+            misses = 0 if distance <= NEAR else misses + 1
+            if (misses == 0 or misses >= MISSES) and distance <= OFF_PATH:
+                here, last = max(here, arc), point
+                self.arcs.append(here)
             else:
-                misses += 1
-                if misses == next_search and leap:
-                    next_search *= 2
-                    wide, ahead = distance, arc
-                    while wide > NEAR and not whole:
-                        reach = here + 4 * max(reach - here, 1e-3)
-                        wide, ahead, whole = segments.nearest(point, first, here - BACK, reach)
-                    # A corner cut by its zone is off the path, too: what comes after tells.
-                    later = samples[number:number + TRIAL]
-                    if 2 * _rms_distance(segments, later, ahead) < _rms_distance(segments, later, here):
-                        distance, arc, misses, next_search = wide, ahead, 0, MISSES
-            if (distance <= NEAR or misses >= MISSES) and distance <= OFF_PATH:
-                here, before = max(here, arc), point
-                arcs[number] = here
-            off[number] = min(distance, OFF_PATH)
-    return arcs, off
+                self.arcs.append(math.nan)
+            self.off.append(min(distance, OFF_PATH))
+        self.here, self.first, self.last, self.misses = here, first, last, misses
+        return self.off
 
 
-class _Segments:
-    """The segments of a path, PIECE of them at a time as plain numbers."""
+def _match(segments: Segments, samples: Array, start: float) -> Array:
+    """Arc length (k,) [m] of samples (k, 3), one after the other from arc length `start` on, NaN where one is not on the path.
 
-    def __init__(self, points: Array, s: Array) -> None:
-        self.starts, self.vectors, self.s = points[:-1], np.diff(points, axis=0), s
-        self.squares = np.maximum(np.einsum("ij,ij->i", self.vectors, self.vectors), 1e-300)
-        self.base, self.end = 0, 0
-
-    def projections(self, point: Array, first: int = 0, last: int | None = None) -> tuple[Array, Array]:
-        """Distance [m] of a point (3,) to each segment from `first` to before `last`, and the arc length there."""
-        part = slice(first, last)
-        offset = point - self.starts[part]
-        along = np.clip(np.einsum("ij,ij->i", offset, self.vectors[part]) / self.squares[part], 0, 1)
-        lengths = np.diff(self.s[first:None if last is None else last + 1])
-        return np.linalg.norm(offset - along[:, None] * self.vectors[part], axis=1), self.s[:-1][part] + along * lengths
-
-    def _load(self, first: int) -> None:
-        self.base, self.end = first, min(first + PIECE, len(self.starts))
-        part = slice(first, self.end)
-        lengths = np.diff(self.s[first:self.end + 1])
-        self.rows = np.column_stack([self.s[part], lengths, self.starts[part], self.vectors[part], self.squares[part]]).tolist()
-
-    def holding(self, arc: float, first: int) -> int:
-        """The last segment that begins at arc length `arc` or before it, from `first` on."""
-        while True:
-            if not self.base <= first < self.end:
-                self._load(first)
-            last = self.end - 1
-            while first < last and self.rows[first + 1 - self.base][0] <= arc:
-                first += 1
-            if first < last or last == len(self.starts) - 1 or self.s[first + 1] > arc:
-                return first
-            first += 1
-
-    def nearest(self, point: list[float], first: int, least: float, reach: float) -> tuple[float, float, bool]:
-        """Smallest distance [m] to segments from `first` on that begin before `reach`, projections behind `least` counting
-        for a little farther; the arc length there, and whether these are all there are."""
-        x, y, z = point
-        lowest = smallest = math.inf
-        arc = 0.0
-        index = first
-        for index, (start, length, ax, ay, az, vx, vy, vz, square) in enumerate(
-                self.rows[first - self.base:first - self.base + FEW], first):
-            if start >= reach and index > first:
-                return math.sqrt(smallest), arc, False
-            ox, oy, oz = x - ax, y - ay, z - az
-            along = ox * vx + oy * vy + oz * vz
-            # Written out: calls and powers are half of the time here.
-            share = 0.0 if along <= 0.0 else 1.0 if along >= square else along / square
-            ox, oy, oz = ox - share * vx, oy - share * vy, oz - share * vz
-            gap = ox * ox + oy * oy + oz * oz
-            there = start + share * length
-            # Where the path goes back over itself the way back is ahead.
-            cost = gap + BEHIND if there < least else gap
-            if cost < lowest - SAME:
-                lowest, smallest, arc = cost, gap, there
-        last = max(int(np.searchsorted(self.s[:-1], reach, side="left")), first + 1)
-        if last > index + 1:
-            distances, arcs = self.projections(np.array(point), index + 1, last)
-            best = int(np.argmax(distances**2 <= distances.min() ** 2 + SAME))
-            if distances[best] ** 2 < lowest - SAME:
-                smallest, arc = float(distances[best]) ** 2, float(arcs[best])
-        return math.sqrt(smallest), arc, last == len(self.starts)
+    After so many misses a place farther ahead is tried, where the log left out some of the path. A corner cut by its zone is
+    off the path, too: the walk is always TRIAL samples ahead, and what comes after tells.
+    """
+    found = np.empty(len(samples))
+    walk, begin = _Walk(segments, start), 0
+    misses, next_search = 0, MISSES
+    for number in range(len(samples)):
+        if len(walk.off) < min(number + TRIAL, len(samples)) - begin:
+            walked = begin + len(walk.off)
+            walk.along(samples[walked:walked + 2 * TRIAL].tolist())
+        k = number - begin
+        if walk.off[k] <= NEAR:
+            misses, next_search = 0, MISSES
+        else:
+            misses += 1
+            if misses == next_search:
+                next_search *= 2
+                ahead = _ahead(segments, samples[number], walk.before[k], walk.off[k])
+                later = samples[number:number + TRIAL]
+                if ahead is not None and (leap := _better(segments, later, ahead, walk.off[k:k + TRIAL])):
+                    walk, begin, k = leap, number, 0
+                    misses, next_search = 0, MISSES
+        found[number] = walk.arcs[k]
+    return found
 
 
-def _project_between(segments: _Segments, samples: Array, keys: Indices, arc: Array) -> Array:
-    """Arc length (M,) [m] of every sample, projected on the path between those of the key samples before and after it, arc (k,)
-    [m]; NaN off the path."""
-    starts, vectors, squares, s = segments.starts, segments.vectors, segments.squares, segments.s
-    number = np.arange(len(samples))
+def _ahead(segments: Segments, sample: Array, here: float, off: float) -> float | None:
+    """Where the path ahead of arc length `here` [m] is nearer to a sample (3,) than by `off` [m]: nearest within the first
+    reach that comes near it, each four times as long; nearest of all where none comes near; None where none is nearer."""
+    close = segments.within(sample, off, max(int(np.searchsorted(segments.s[:-1], here - BACK, side="right")) - 1, 0))
+    distance, arc = segments.projections(sample, close)
+    nearer = distance < off
+    distance, arc, begin = distance[nearer], arc[nearer], segments.s[close[nearer]]
+    if not len(distance):
+        return None
+    if (near := distance <= NEAR).any():
+        times = math.ceil(math.log(max((begin[near][0] - here) / AHEAD, 1.0), 4.0))
+        distance = np.where(begin <= here + AHEAD * 4.0**times, distance, np.inf)
+    return float(arc[np.argmin(distance)])
+
+
+def _better(segments: Segments, samples: Array, ahead: float, off: list[float]) -> _Walk | None:
+    """The walk by samples (k, 3) from arc length `ahead` [m] on where it keeps to the path at least twice as well as one that
+    is `off` it by as much (k,) [m]; given up as soon as it cannot."""
+    walk, most = _Walk(segments, ahead), float(np.sum(np.square(off))) / 4
+    for part in range(0, len(samples), FEWEST_TRIED):
+        if float(np.sum(np.square(walk.along(samples[part:part + FEWEST_TRIED].tolist())))) >= most:
+            return None
+    return walk
+
+
+def _project_between(segments: Segments, samples: Array, first: int, keys: Indices, arc: Array) -> Array:
+    """Arc length (m,) [m] of samples (m, 3), whose numbers count from `first`, projected on the path between those of the key
+    samples before and after them, arc (k,) [m]; NaN off the path."""
+    starts, vectors, squares, s, lengths = segments.starts, segments.vectors, segments.squares, segments.s, segments.lengths
+    number = first + np.arange(len(samples))
     after = np.clip(np.searchsorted(keys, number, side="left"), 0, len(keys) - 1)
     before = np.maximum(after - 1, 0)
     low, high = arc[before] - 1e-4, arc[after] + 1e-4
     guess = np.interp(number, keys, arc)
     middle = np.clip(np.searchsorted(s, guess, side="right") - 1, 0, len(starts) - 1)
-    lengths = np.diff(s)
     projected = guess
     share = (guess - s[middle]) / np.maximum(lengths[middle], 1e-300)
     best = np.sum((samples - starts[middle] - np.clip(share, 0, 1)[:, None] * vectors[middle]) ** 2, axis=1)

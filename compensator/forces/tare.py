@@ -22,6 +22,8 @@ from identification.model.rotations import Frame
 # Readings whose joints differ by less than this [rad] from the first of their group are one orientation; a group of less than
 # this share of the largest one was logged on the way between two.
 SAME, FEW = 3e-4, 0.1
+# So many rows are looked at for the end of a group, then twice as many each time.
+LOOKED_AT = 64
 # Noise of one sample of a sensor without contact [N], at most.
 RESTLESS = 30.0
 # A payload that is uncertain by more than this [N] (1 sigma) is worth a warning.
@@ -158,7 +160,7 @@ def _still_readings(log: ForceLog, sign: float) -> _StillReadings:
     loads = sign * np.concatenate([log.force, log.moment], axis=1)
     theta, means, scatter = [], [], []
     for number in kept:
-        rows = group == number
+        rows = slice(*np.searchsorted(group, [number, number + 1]))
         means.append(np.average(loads[rows], axis=0, weights=log.weight[rows]))
         theta.append(log.place[rows].mean(axis=0))
         square = np.average((loads[rows, :3] - means[-1][:3]) ** 2, axis=0, weights=log.weight[rows])
@@ -168,12 +170,16 @@ def _still_readings(log: ForceLog, sign: float) -> _StillReadings:
 
 def _groups(theta: Array) -> NDArray[np.intp]:
     """Number (n,) of the group of consecutive rows with equal joint angles each row belongs to."""
-    moved = np.flatnonzero(np.abs(np.diff(theta, axis=0)).max(axis=1) > SAME / 10) + 1
     starts = [0]
-    for row in (*moved, len(theta)):
-        # A slow creep of small steps ends a group too.
-        while len(crept := np.flatnonzero(np.abs(theta[starts[-1]:row] - theta[starts[-1]]).max(axis=1) > SAME)):
-            starts.append(starts[-1] + int(crept[0]))
+    first, width = 0, LOOKED_AT
+    while first < len(theta):
+        # Against the group's first row: a slow creep of small steps ends a group too.
+        far = np.abs(theta[first:first + width] - theta[starts[-1]]).max(axis=1) > SAME
+        if far.any():
+            starts.append(first + int(np.argmax(far)))
+            first, width = starts[-1], LOOKED_AT
+        else:
+            first, width = first + width, 2 * width
     label = np.zeros(len(theta), dtype=np.intp)
     label[starts[1:]] = 1
     return np.cumsum(label)

@@ -65,14 +65,22 @@ def _unsettled(rows: Rows, places: Places, block: NDArray[np.object_]) -> list[F
         return []
     problem = rows.problem[rows.row]
     findings = []
-    for number in np.unique(problem[problem > 0]).tolist():
-        which = np.flatnonzero(problem == number)
+    for number, which in _places_of(problem).items():
+        if not number:
+            continue
         reason = rows.problems[number]
         block[which] = reason.why
         findings.append(places.targets(
             reason.code, "warning", f"the target is left as it is: {reason.why}", which,
             "write it as a robtarget with numbers, or declared with numbers in this file, if it is to be corrected"))
     return sorted(findings, key=lambda finding: finding.target or 0)
+
+
+def _places_of(numbers: Offsets) -> dict[int, Offsets]:
+    """Where each of these numbers (n,) stands, ascending."""
+    order = np.argsort(numbers, kind="stable")
+    alike = np.split(order, np.flatnonzero(np.diff(numbers[order])) + 1) if len(order) else []
+    return {int(numbers[which[0]]): which for which in alike}
 
 
 def _quaternions(tails: Tails, places: Places, off: Array, block: NDArray[np.object_]) -> list[Finding]:
@@ -122,10 +130,11 @@ def _frames(
     places: Places,
 ) -> list[Finding]:
     findings = []
+    places_of = _places_of(np.asarray(used))
     for number, frame in enumerate(frames):
         if not frame.problem and frame.position is not None:
             continue
-        which = np.flatnonzero(used == number)
+        which = places_of.get(number, np.empty(0, dtype=np.intp))
         if frame.problem:
             findings.append(places.targets(unusable, "warning", f"targets with {what} {frame.name} cannot be corrected: "
                                            f"{frame.problem}", which, "declare it with numbers that stay as they are"))
@@ -154,14 +163,14 @@ def _unknown(scan: Scan, tails: Tails, places: Places) -> list[Finding]:
     timed = np.array([tail.timed for tail in scan.tails] or [False])[tails.tail]
     for column, what, show in ((tails.feed, "speed", True), (tails.zone, "zone", False)):
         unknown = np.flatnonzero(np.isnan(column) & ~(timed & show))
-        spelled: dict[str, list[int]] = {}
-        for tail in np.unique(tails.tail[unknown]).tolist():
+        spelled: dict[str, list[Offsets]] = {}
+        for tail, which in _places_of(tails.tail[unknown]).items():
             written = scan.tails[tail]
             expr = (written.velocity or written.speed) if show else (written.radius or written.zone)
-            spelled.setdefault(places.source.text(expr.start, min(expr.end, expr.start + 40)), []).append(tail)
+            spelled.setdefault(places.source.text(expr.start, min(expr.end, expr.start + 40)), []).append(which)
         findings += [
             places.targets("CS2024", "note", f"the {what} {text} is not known from this file",
-                           unknown[np.isin(tails.tail[unknown], alike)].tolist(), "declare it with numbers in this file")
+                           unknown[np.sort(np.concatenate(alike))].tolist(), "declare it with numbers in this file")
             for text, alike in spelled.items()
         ]
     return findings

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from compensator.forces.map_matching import match_forwards
+from compensator.forces.map_matching import _Walk, match_forwards
+from compensator.forces.path_segments import Segments
 from compensator.path.arc_length import arc_length, nearest_target, polyline
 from compensator.toolpath import Move
 
@@ -136,3 +137,98 @@ def test_positions_on_arcs() -> None:
     corners, length = polyline(points, move)
     assert_allclose(np.linalg.norm(corners, axis=1), 0.05, rtol=1e-12)
     assert_allclose(length[-1], 0.05 * angle[-1])
+
+
+def teeth(count: int) -> np.ndarray:
+    """A long program in layers of teeth 5 mm high, 4 mm apart, ten targets an edge (10 * count + 1, 3)."""
+    tooth = np.arange(count + 1)
+    row, column = np.divmod(tooth, 20)
+    high = 8e-3 * row + 5e-3 * (tooth % 2)
+    corners = np.column_stack([4e-3 * np.where(row % 2 == 0, column, 20 - column), high % 0.4, -1e-3 * np.floor(high / 0.4)])
+    return np.column_stack([np.interp(np.arange(0, 10 * count + 1) / 10, tooth, axis) for axis in corners.T])
+
+
+def cut_at_the_corners(points: np.ndarray) -> np.ndarray:
+    """A log that goes round each corner of `teeth` more than a millimetre off, and waits there."""
+    corners = points[::10]
+    before, after = corners[1:-1] + 0.4 * (corners[:-2] - corners[1:-1]), corners[1:-1] + 0.4 * (corners[2:] - corners[1:-1])
+    way = np.concatenate([corners[:1], np.stack([before, after], axis=1).reshape(-1, 3), corners[-1:]])
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    waits = np.repeat((length[1:-2:2] + length[2:-1:2]) / 2, 12)
+    return along(way, np.sort(np.concatenate([np.linspace(0, length[-1], 2 * len(points)), waits])))
+
+
+def test_corners_cut_all_along_the_program_lead_to_no_other_place() -> None:
+    """A third of each edge's length is cut off at every corner: nobody is placed on another tooth."""
+    points = teeth(150)
+    samples = cut_at_the_corners(points)
+    found = follow(points, samples)
+    assert np.isfinite(found).mean() > 0.99
+    there = along(points, np.nan_to_num(found))
+    assert np.max(np.linalg.norm(there - samples, axis=1)[np.isfinite(found)]) < 3e-3
+    assert np.all(np.diff(found[np.isfinite(found)]) < 8e-3)
+
+
+def test_a_tool_beside_its_pass_leaves_it_for_no_other_that_is_not_much_nearer() -> None:
+    """Passes a millimetre apart, each cut the same way; the logged TCP is 0.58 mm off its own pass, 0.42 off the next one."""
+    points = np.array([p for y in 1e-3 * np.arange(3) for p in ([0, y, 0], [1, y, 0], [1, y, 0.05], [0, y + 1e-3, 0.05])])
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    places = np.linspace(0, length[-4], 4000)
+    samples = along(points, places)
+    samples[(samples[:, 0] > 0.02) & (samples[:, 2] == 0), 1] += 5.8e-4
+    found = follow(points, samples)
+    assert np.nanmax(np.abs(found - places)) < 2e-3
+    assert np.isfinite(found).mean() > 0.97
+
+
+def test_a_log_off_the_path_costs_no_more_a_sample_on_a_long_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted: segments that are made plain numbers, projected on or found near, and samples walked."""
+    counted = []
+    load, projections, within, walk = Segments._load, Segments.projections, Segments.within, _Walk.along
+
+    def counting(function, size):
+        def counts(self, *given):
+            answer = function(self, *given)
+            counted.append(size(self, answer, *given))
+            return answer
+        return counts
+
+    monkeypatch.setattr(Segments, "_load", counting(load, lambda segments, _, first: segments.end - first))
+    monkeypatch.setattr(Segments, "projections", counting(projections, lambda segments, answer, *_: len(answer[0])))
+    monkeypatch.setattr(Segments, "within", counting(within, lambda segments, answer, *_: len(answer)))
+    monkeypatch.setattr(_Walk, "along", counting(walk, lambda segments, answer, samples: len(samples)))
+
+    def cost(count: int, spoil) -> float:
+        points = teeth(count)
+        samples = spoil(points)
+        counted.clear()
+        follow(points, samples)
+        return sum(counted) / len(samples)
+
+    def beside(points: np.ndarray) -> np.ndarray:
+        """In turn on the path and a metre beside it."""
+        samples = points.copy()
+        samples[np.arange(len(points)) // 15 % 2 == 1] += [0, 0, 1.0]
+        return samples
+
+    for spoil in (cut_at_the_corners, lambda points: points + np.array([0, 0, 1.0]), beside):
+        assert cost(800, spoil) < 1.5 * cost(100, spoil) + 5
+
+
+def test_what_boxes_find_near_a_point_is_what_lies_near() -> None:
+    """Every segment within a distance is found, whatever part of the path is asked for; few others are."""
+    rng = np.random.default_rng(8)
+    for count in (2, 17, 18, 300, 5000):
+        points = np.cumsum(rng.normal(0, 1e-2, (count, 3)), axis=0)
+        segments = Segments(*polyline(points, np.full(count, LINEAR)))
+        start, vector = points[:-1], np.diff(points, axis=0)
+        for _ in range(20):
+            point = points[rng.integers(count)] + rng.normal(0, 1e-2, 3)
+            first, last = np.sort(rng.integers(0, count, 2))
+            share = np.clip(np.sum((point - start) * vector, axis=1) / np.sum(vector**2, axis=1), 0, 1)
+            off = np.linalg.norm(point - start - share[:, None] * vector, axis=1)
+            near = np.flatnonzero(off <= 2e-2)
+            found = segments.within(point, 2e-2, first, last)
+            assert set(near[(near >= first) & (near < last)]) <= set(found.tolist())
+            assert np.all((found >= first) & (found < last))
+            assert np.all(off[found] <= 2e-2 + np.linalg.norm(vector[found], axis=1))

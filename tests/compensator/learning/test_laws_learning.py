@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import sparse, special, stats
 
-from compensator.learned.learned import JobFrame
+from compensator.learned.learned import CHUNK, DRIFT, SETUP, JobFrame, Learned
 from compensator.learned.remainder import POSTURE, Remainder, spread_out
 from compensator.learning.chance import FALSE_RATE, chance_of_remainder
 from compensator.learning.held_out import held_out
@@ -281,3 +281,24 @@ def test_a_remainder_of_the_wrong_sign_is_seen_on_what_was_left_out(wrong: float
     assert found is not None
     assert found.gain > 0.2 if wrong > 0 else found.gain < -0.5
     assert (found.better < -2) == (wrong < 0)
+
+
+@pytest.mark.parametrize("number", [1, CHUNK + 2])
+def test_of_a_direction_that_nobody_measured_all_is_unseen_at_every_target(number: int) -> None:
+    """The places were measured along x and y, and never along z: there the process is as wide as before anything was
+    measured, at the first target as at the last, and along x and y as wide as what the places leave of it."""
+    amplitude, (position, theta, _) = 20e-6, path(40)
+    chosen = spread_out(position, theta, 0.03, 8)
+    remainder = Remainder(position[chosen], theta[chosen], 0.03, amplitude)
+    weights = np.tile([0.01, 0.01, 1.0], len(chosen)) * amplitude**2
+    covariance = np.diag([*np.full(6 + SETUP + DRIFT, 1e-12), *weights])
+    learned = Learned(np.zeros(6), np.zeros(len(covariance)), covariance,
+                      JobFrame(Frame(np.eye(3), np.zeros(3)), np.zeros(3), 1.0, 1.0), remainder)
+    at = np.arange(number) % len(position)
+    basis = remainder.basis(position[at] + [0, 0, 5e-3], theta[at])
+    left = 1 - np.sum(matern(stretched(position[at] + [0, 0, 5e-3], theta[at], 0.03),
+                             stretched(position[chosen], theta[chosen], 0.03)) @ np.linalg.inv(matern(
+        *(stretched(position[chosen], theta[chosen], 0.03),) * 2)) * matern(
+        stretched(position[at] + [0, 0, 5e-3], theta[at], 0.03), stretched(position[chosen], theta[chosen], 0.03)), axis=1)
+    expected = amplitude**2 * (left[:, None, None] * np.diag([1.0, 1, 0]) + np.diag([0, 0, 1.0]))
+    assert np.allclose(learned._unseen(basis), expected, atol=1e-4 * amplitude**2)

@@ -6,7 +6,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from compensator.upload import session
+from compensator.upload import local_module, session
 from compstiff.cli.upload import upload
 from tests.compensator.upload import kit
 from tests.compensator.upload.emulator import PASSWORD, RobotController
@@ -318,3 +318,16 @@ def test_ctrl_c_while_it_is_under_way_says_what_is_there(controller, cell, tmp_p
     assert list(controller.files) == [kit.new_path(file)]
     log = [json.loads(line) for line in (tmp_path / "upload-log.jsonl").read_text().splitlines()]
     assert [line.get("exit_code") for line in log] == [None, 130, None, 130]
+
+
+def test_a_record_is_read_up_to_the_size_of_a_module(tmp_path, monkeypatch):
+    """JSON may end in spaces: one byte more than the limit, and it is not read."""
+    file = kit.write_module(tmp_path)
+    record = file.with_name(f"{file.name}.json")
+    monkeypatch.setattr(local_module, "MOST_BYTES", 100_000)
+    text = record.read_bytes()
+    for size, there in ((100_000, True), (100_001, False)):
+        record.write_bytes(text.ljust(size))
+        found = local_module.read_module(file, kit.ROBOT)
+        assert (found.record is not None) == there
+        assert [finding.code for finding in found.findings] == ([] if there else ["CS6102"])

@@ -309,3 +309,17 @@ def test_places_are_read_in_metres(tmp_path: Path, header: str, value: str, plac
     (tmp_path / "pass.csv").write_text(f"{header},dx_um\n{value},5\n")
     read = read_readings(tmp_path / "pass.csv", read_cell(write_cell(tmp_path)))
     assert read.place.tolist() == [pytest.approx(place)]
+
+
+def test_equal_values_have_no_correlation_whatever_their_last_digits() -> None:
+    """0.1 as it comes out of two ways of adding: what rounding leaves of it is alternating, or slow, and means nothing."""
+    exactly = mean_along(np.full(64, 0.1))
+    for size in (1.0, 1e6):
+        two = size * np.array([0.1, np.nextafter(0.1, 1)])
+        for rounded in (np.repeat(two, 32), np.tile(two, 32)):
+            mean = mean_along(rounded)
+            assert (mean.blocks, mean.correlation) == (exactly.blocks, exactly.correlation)
+            assert mean.half_width == pytest.approx(0.0, abs=1e-15 * size)
+    assert exactly.blocks == 16
+    # A difference that is small against the values, and far above rounding, is one.
+    assert mean_along(np.repeat([1.0, 1.0 + 1e-9], 32)).correlation != exactly.correlation

@@ -147,9 +147,10 @@ def test_work_objects_on_a_unit_of_which_the_cell_says_nothing(tmp_path: Path, u
     refused(Job(tmp_path, cell=kit.cell_text(extra=units), program=text, forces=FORCE), 3, file="part.mod", says=says)
 
 
-def test_synchronised_robots_are_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("forces", [FORCE, TWO], ids=["the only cut", "one of two cuts"])
+def test_synchronised_robots_are_refused(tmp_path: Path, forces: str) -> None:
     text = kit.module([kit.move(T[0]), kit.move(T[1]).replace(",v50", "\\ID:=20,v50"), kit.move(T[2])])
-    document = refused(Job(tmp_path, program=text, forces=FORCE), 3, file="part.mod", says="MultiMove")
+    document = refused(Job(tmp_path, program=text, forces=forces), 3, file="part.mod", says="MultiMove")
     assert document["findings"][0]["code"] == "CS4505"
 
 

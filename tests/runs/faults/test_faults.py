@@ -17,7 +17,7 @@ from identification.common import files as writing
 from identification.common.files import Content
 from identification.common.findings import CompstiffError, Finding
 from identification.common.locks import folders_locked
-from tests.runs.faults.faults import FAULTS, killed_at_steps
+from tests.runs.faults.faults import FAULTS, killed_at_steps, undisturbed
 from tests.runs.faults.jobs import COMMANDS
 
 # Of each kind of writing one command: several files with a record, one file, a table beside a log, a folder with a journal.
@@ -51,9 +51,9 @@ def test_a_fault_that_is_not_dealt_with_is_seen(tmp_path: Path, monkeypatch: pyt
 
     from compensator.correction import files as of_correction
 
-    killed_at_steps(COMMANDS["correct"], tmp_path / "sound", most=2)
+    undisturbed("correct")
     monkeypatch.setattr(of_correction, "write_whole", in_place)
-    said = killed_at_steps(COMMANDS["correct"], tmp_path / "place")
+    said = killed_at_steps(COMMANDS["correct"], tmp_path / "place", most=6)
     assert any("half written" in each for each in said)
     assert any("without its record" in each for each in said)
     assert FAULTS["input replaced"](COMMANDS["correct"], tmp_path / "place")

@@ -258,3 +258,17 @@ def test_a_watch_takes_a_stock_and_another_one_again(shop: Shop, fitted: dict[st
     assert (record["forces"]["file"], record["stock"]["file"]) == ("b.forces.csv", "b.stock.yaml")
     journal = [json.loads(line) for line in (out / "compstiff-watch.jsonl").read_text().splitlines()]
     assert [len(line["stocks_sha256"]) for line in journal if line["event"] == "done"] == [1, 1, 1]
+
+
+def test_an_uncertain_gain_of_the_sensor_is_in_the_coefficients_and_moves_none(shop: Shop, tmp_path: Path) -> None:
+    """All six are as uncertain together as the gain: g^2 c c^T beside what the rows tell."""
+    kept = {}
+    for gain in (0.0, 0.2):
+        cell = shop.a.cell_with("gain.yaml", f"  gain_std: {gain}\n{CUTTING}")
+        shop.run("cutting", cell, shop.a.program, "--stock", shop.stocks[0], "--stiffness", shop.stiffness, "--forces",
+                 shop.log, "--tare", "0:2", "-o", tmp_path / f"{gain}.json")
+        kept[gain] = json.loads((tmp_path / f"{gain}.json").read_text())
+    mean = np.array(kept[0.0]["mean"])
+    assert kept[0.2]["mean"] == pytest.approx(kept[0.0]["mean"])
+    told, alone = (np.concatenate(kept[gain]["covariance"]) for gain in (0.2, 0.0))
+    assert told - alone == pytest.approx(0.04 * np.outer(mean, mean)[np.tril_indices(6)], rel=1e-6)
