@@ -39,7 +39,8 @@ class ForceLog:
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; None: logged.
+    what is not known of them along a whole stretch; None: logged. on_path: the rows were placed along the path; sent: by where
+    the program sent the tool, so that its offsets are in the place.
     """
 
     source: str
@@ -59,6 +60,8 @@ class ForceLog:
     spread: Array | None = None
     lines_left: float = 0.0
     covariance: Array | None = None
+    on_path: bool = False
+    sent: bool = False
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
