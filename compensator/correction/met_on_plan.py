@@ -1,8 +1,8 @@
 """Which force a tool on the plan meets: a log says where the program sent the tool, and the tool stood beside it.
 
 A sample at the path length s was taken with the tool at s + e_t: e_t is the part along the feed of what the tool stood off the
-A sample at the path length s was taken with the tool at s + e_t: e_t is the part along the feed of what the tool was off the
-path this counts as much as the depth (engagement.py): at an entry and before a corner it grows by some 100 N/mm, and a tool
+plan, its offsets and its deviation. There a tool on the plan will meet that force. Where the force changes along the path this
+counts as much as the depth (engagement.py): at an entry and before a corner it grows by some 100 N/mm, and a tool
 pushed back by 0.1 mm meets all of it so much later.
 
 Logged TCP positions, and those of logged joint angles, have the offsets in them, which are taken off first. A log that names
