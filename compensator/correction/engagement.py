@@ -113,7 +113,9 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
             return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0,
                                  at_depths=at_depths), predicted.prediction
         follows, left_over = _here(predicted, logged.stiffness)
-        left = np.hypot(_left(predicted, np.abs(left_over * per_newton), follows * per_newton), aslant)
+        left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
+        if logged.stiffness.std:        # else stated as exact, everywhere
+            left = np.hypot(left, aslant)
         if not follows.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0), predicted.prediction

@@ -20,7 +20,7 @@ Indices = NDArray[np.intp]
 BLOCK = 32
 
 
-def of_blocks(standard_error: Array, samples: Array, degrees: Array, forced: NDArray[np.bool_]) -> Array:
+def of_blocks(standard_error: Array, samples: Array, degrees: Indices, forced: NDArray[np.bool_]) -> Array:
     """Standard errors (N, 3) of mean forces by the median scatter around them: standard_error (N, 3) by each target's own
     batches, NaN where there are too few, of `degrees` (N,) of freedom; samples (N,)."""
     # The median of chi^2 over its degrees of freedom (Wilson and Hilferty).

@@ -91,7 +91,7 @@ class TargetRows:
     def degrees(self, window: float) -> Indices:
         """The degrees of freedom (N,) of `standard_error`."""
         batches = self.batches(window)
-        return batches - np.where(batches >= STRAIGHT, 2, 1)
+        return np.asarray(batches - np.where(batches >= STRAIGHT, 2, 1))
 
     def _errors(
         self, part: slice, places: slice | Indices, ends: Indices, force: Array, mean: Array, batches: Indices, window: float
