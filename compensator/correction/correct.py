@@ -131,13 +131,13 @@ def correct(planned: Predicted) -> Corrected:
     >>> predicted = compstiff.predict(cell, program, model, "insert.forces.parquet", compstiff.Settings.of(tare=((0, 2),)))
     >>> corrected = compstiff.correct(predicted)
     >>> corrected.as_dict()["corrected"], f"{1e3 * abs(corrected.correction.offset).max():.3f} mm"
-    (3201, '0.326 mm')
+    (3191, '0.326 mm')
     """
     check_rapid(planned.path.cell.robot, "correct writes RAPID", str(planned.program.source or planned.path.cell.source))
     settings, feed_settings = planned.settings.correction, planned.settings.feed
-    logged, met = logged_pass(planned)
-    cornered, of_corners = with_zones(met)
-    del met
+    logged, sent = logged_pass(planned)
+    cornered, of_corners = with_zones(sent)
+    del sent
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.as_sent import as_sent
 from compensator.correction.cut_kind import climb_share
 from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
-from compensator.correction.met_on_plan import as_sent, met_on_plan
 from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
@@ -35,27 +35,21 @@ OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
 
 def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     """As settings and cell say: the cutting stiffness stated, or that of two passes, or that of the material; and the program
-    under the forces to correct for, which are those that a tool on the plan meets where the force follows the cut. Raises what
-    `read_offsets` and `pass_pair` raise, and what the first pass's log raises; Refused (CS3117) where the force falls with the
-    depth."""
+    with the log placed by its targets, whatever offsets it had. Raises what `read_offsets` and `pass_pair` raise, and what the
+    first pass's log raises; Refused (CS3117) where the force falls with the depth."""
     settings = planned.settings.correction
     if planned.forces.unknown is not None:
         return LoggedPass(None, None, on_plan=True), planned
     offsets = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
-    sent = as_sent(planned, offsets)
-    stiffness, findings = known_before(sent, offsets)
-    if settings.first_forces is not None and offsets is not None:
-        first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, planned.settings,
-                             planned.loaded.learned)
-        agreed = compared(first.forces, planned.forces, planned.path)
-        met = met_on_plan(sent, offsets)
-        stiffness, told = of_passes(stiffness, [pass_pair(met_on_plan(first, None), met, offsets)], met)
-        findings = (*findings, *agreed, *told)
-    elif offsets is not None or (stiffness is not None and stiffness.followed):
-        met = met_on_plan(sent, offsets)
-    else:
-        met = sent
-    return LoggedPass(offsets, stiffness, findings), met
+    predicted = as_sent(planned, offsets)
+    prior, findings = known_before(predicted, offsets)
+    if settings.first_forces is None or offsets is None:
+        return LoggedPass(offsets, prior, findings), predicted
+    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, planned.settings,
+                         planned.loaded.learned)
+    agreed = compared(first.forces, predicted.forces, planned.path)
+    stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
+    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told)), predicted
 
 
 def known_before(
