@@ -86,7 +86,7 @@ class TargetRows:
     def batches(self, window: float) -> Indices:
         """The batches (N,) that the rows of each target are taken in, which are means over `window` samples."""
         most = np.clip(self.samples // window, 2, BATCHES).astype(np.intp) if window else np.full(self.count, BATCHES)
-        return np.minimum(self.rows, most)
+        return np.asarray(np.minimum(self.rows, most))
 
     def degrees(self, window: float) -> Indices:
         """The degrees of freedom (N,) of `standard_error`."""
