@@ -35,12 +35,14 @@ class BetweenTargets:
     """left (P,) [m]: how far the loaded tool is off the planned curve between targets, beyond what the log's scatter explains;
     square (P,) [m^2]: what is expected of its square, of which a point may show less than its scatter would make by itself:
     means over many are right; noise (Q,) [m]: 1 sigma of that, of each point; owner (P,): the targets, as given, that these
-    moves go to. assumed: the log names targets, and the force was taken as straight between them."""
+    moves go to, and piece (P,): of the written program, added ones among them. assumed: the log names targets, and the force
+    was taken as straight between them."""
 
     left: Array
     square: Array
     noise: Array
     owner: Indices
+    piece: Indices
     assumed: bool
     findings: tuple[Finding, ...]
 
@@ -75,13 +77,14 @@ def left_between(looked_at: LookedAt, commanded: Frame, logged: LoggedPass) -> B
     rest = loaded_tool(loaded, theta[reached])
     off = _across(rest.position - loaded.goal_position, path, points)
     left = beyond_noise(off, looked_at.noise[points], ENOUGH * fine.settings.correction.tolerance)
-    beside, steps = _steps(looked_at, prediction)
+    first, beside, steps = _steps(looked_at, prediction)
     noise = looked_at.noise[points]
     square = np.concatenate([np.einsum("ni,ni->n", off, off) - noise**2, steps**2])
+    piece = looked_at.number[np.searchsorted(looked_at.at, np.concatenate([points, first + 1]))]
     where, left = np.concatenate([points, beside]), np.concatenate([left, steps])
     owner = grid.owner[where]
-    read_only(left, square, owner, noise)
-    return BetweenTargets(left, square, noise, owner, fine.forces.named, _findings(looked_at, where, left))
+    read_only(left, square, owner, piece, noise)
+    return BetweenTargets(left, square, noise, owner, piece, fine.forces.named, _findings(looked_at, where, left))
 
 
 def _across(off: Array, path: RobotPath, points: Indices) -> Array:
@@ -93,10 +96,10 @@ def _across(off: Array, path: RobotPath, points: Indices) -> Array:
     return np.asarray(off - np.einsum("ni,ni->n", off, along)[:, None] * along)
 
 
-def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]:
-    """Where targets stand as near to each other as they may, and how far off (n,) [m] the tool may be between the two: half of
-    what the deviation jumps there, beyond the scatter. A jump is what neither side leads up to; on a line it is taken over two
-    pieces, for it may lie within one."""
+def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Indices, Array]:
+    """The first of two targets (n,) that stand as near to each other as they may, which of both was added, and how far off (n,)
+    [m] the tool may be between the two: half of what the deviation jumps there, beyond the scatter. A jump is what neither side
+    leads up to; on a line it is taken over two pieces, for it may lie within one."""
     grid, at, count = looked_at.grid, looked_at.at, len(looked_at.grid.owner)
     deviation = np.full((count, 3), np.nan)
     axes = looked_at.fine.path.axes
@@ -113,7 +116,7 @@ def _steps(looked_at: LookedAt, prediction: Prediction) -> tuple[Indices, Array]
     jump = axes.turned_to_base(jump, beside)
     size = 0.5 * np.linalg.norm(_across(jump, looked_at.fine.path, beside), axis=1) - SIGMAS * looked_at.noise[beside]
     known = ~np.isnan(size)
-    return beside[known], np.maximum(size[known], 0.0)
+    return first[known], beside[known], np.maximum(size[known], 0.0)
 
 
 def _commanded(looked_at: LookedAt, target: Frame, points: Indices) -> Frame:

@@ -135,8 +135,9 @@ def correct(planned: Predicted) -> Corrected:
     """
     check_rapid(planned.path.cell.robot, "correct writes RAPID", str(planned.program.source or planned.path.cell.source))
     settings, feed_settings = planned.settings.correction, planned.settings.feed
-    logged = logged_pass(planned)
-    cornered, of_corners = with_zones(planned)
+    logged, sent = logged_pass(planned)
+    cornered, of_corners = with_zones(sent)
+    del sent
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)

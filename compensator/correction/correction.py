@@ -215,8 +215,10 @@ def _at_corners(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tupl
         return offset, []
     axes = path.axes
     before, here, behind = (axes.turned_to_rest(offset[at], targets[at]) for at in (corners - 1, corners, corners + 1))
-    sigma = np.sqrt(np.trace(restraint.prediction.known[corners], axis1=1, axis2=2))
-    fair = fair_to_both(here, sigma, (before, behind))
+    known = restraint.prediction.known
+    sides = [(asked, np.sqrt(np.trace(known[at], axis1=1, axis2=2)))
+             for asked, at in ((before, corners - 1), (behind, corners + 1))]
+    fair = fair_to_both(here, sides)
     result = offset.copy()
     result[corners] = axes.turned_to_base(fair, targets[corners])
     left = np.linalg.norm(np.stack([before, behind]) - fair, axis=2).max(axis=0)

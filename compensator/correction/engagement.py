@@ -105,13 +105,17 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
         per_newton, chosen = _deeper(predicted, offsets, direction, across)
+        aslant = _left(predicted, _where_it_changes(predicted, np.abs(per_newton) * across))
         if logged.stiffness is None:
             left, at_depths = _of_any_depth(predicted, across, per_newton)
+            left = np.hypot(left, aslant)
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0,
                                  at_depths=at_depths), predicted.prediction
         follows, left_over = _here(predicted, logged.stiffness)
         left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
+        if logged.stiffness.std:        # else stated as exact, everywhere
+            left = np.hypot(left, aslant)
         if not follows.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0), predicted.prediction
@@ -142,6 +146,21 @@ def _of_any_depth(
     square = np.sum([weight * at(depth) ** 2 for depth, weight in zip(*depths(settings), strict=True)], axis=0)
     told = DEPTHS_TOLD if settings.depth_of_cut is None and len(square) else ()
     return np.sqrt(square), tuple((depth, rms(at(depth))) for depth in told)
+
+
+def _where_it_changes(predicted: Predicted, aside: Array) -> Array:
+    """By what share of itself the force may grow (N,) besides where it changes along the path, with the tool aside by (N,) [m].
+
+    The edge of the stock stands aslant under the tool there, and a step across it finds another force as a step along it does:
+    how much of either is the edge's direction, which no log tells. The slope along the path is the lesser of both sides: a step
+    is none."""
+    path, force = predicted.path, predicted.forces.wrench[:, :3]
+    step = np.maximum(np.nan_to_num(np.diff(path.length)), 1e-9)
+    slope = np.linalg.norm(np.diff(force, axis=0), axis=1) / step
+    slope[~(predicted.forces.forced[1:] & predicted.forces.forced[:-1])] = np.inf
+    lesser = np.minimum(np.append(slope, np.inf), np.insert(slope, 0, np.inf))
+    size = np.linalg.norm(force, axis=1)
+    return np.where(np.isfinite(lesser), aside * lesser / np.maximum(size, 1e-300), 0.0)
 
 
 def depth_logged(depth: float, aside: Array) -> Array:

@@ -14,8 +14,8 @@ The covariance of a prediction is that of the robot under the force as logged. O
     learned   with --learned: how far what is learned beside the springs is known, and the width of the remainder where no part
               was measured. The springs learned have the motion and the sensor's gain in them: `sensor` and `motion` are nothing
     between   what is left between targets on the moves beside one (between_targets.py); on moves that asked for nothing by how
-              much the deviation bends from target to target, and how much it turns with the path at one, at most evenly
-              distributed up to half the tolerance
+              much the deviation bends from target to target, at most evenly distributed up to half the tolerance, and with
+              no such limit where a move is too short to ask; never less than the step by which it turns with the path
 
 Each is a size, not a direction, and they are added as independent. Left out: chatter, zones, warming.
 """
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.between_targets import BetweenTargets
 from compensator.correction.engagement import CorrectedPass
+from compensator.correction.fine_grid import FULL, spacing_of
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
 from compensator.correction.settings import EXACTLY_ONE
@@ -105,7 +106,7 @@ class ExpectedLeft:
 class Foreseen:
     """What is known of it before anything is written, so that the prediction need not be held any longer: size (M,) [m] of the
     deviation, its variance (M,) [m^2] by cause, cut (M,) [m] and at_depths (engagement.py), and how far the deviation bends
-    between targets (N + added,) [m]."""
+    and turns on the way to each target (N + added,) [m]."""
 
     size: Array
     of_model: Array
@@ -115,6 +116,7 @@ class Foreseen:
     cut: Array
     at_depths: tuple[tuple[float, float], ...]
     bent: Array
+    turned: Array
 
 
 def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -> Foreseen:
@@ -126,7 +128,7 @@ def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
     return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
                     held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), cut.at_depths,
-                    _bent(predicted, prediction))
+                    *_bent_and_turned(predicted, prediction))
 
 
 def expected_left(
@@ -141,36 +143,36 @@ def expected_left(
     return ExpectedLeft(
         np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
         unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
-        _between(predicted, kept, known.bent, between)[predicted.targets], known.at_depths)
+        _between(predicted, kept, known, between)[predicted.targets], known.at_depths)
 
 
-def _between(predicted: Predicted, kept: Indices, bent: Array, between: BetweenTargets | None) -> Array:
-    """What is left beside each target (N + added,) [m], root mean square over the moves to and from it."""
-    count = len(predicted.path.toolpath)
-    # The move as given that each target of the program ends, or lies in.
-    owner = np.minimum(np.searchsorted(kept, np.arange(count)), len(kept) - 1)
-    behind = np.minimum(owner + (kept[owner] == np.arange(count)), len(kept) - 1)
-    nothing = 0.5 * predicted.settings.correction.tolerance / np.sqrt(3.0)
-    of_piece = np.minimum(bent, nothing) ** 2
-    of_move = np.bincount(owner, of_piece, minlength=len(kept)) / np.maximum(np.bincount(owner, minlength=len(kept)), 1)
+def _between(predicted: Predicted, kept: Indices, known: Foreseen, between: BetweenTargets | None) -> Array:
+    """What is left beside each target (N + added,) [m]: root mean square along that of the moves to and from it which leaves
+    more, for whoever stands beside a target may stand on either."""
+    path, settings = predicted.path, predicted.settings.correction
+    spacing = spacing_of(path.toolpath, settings.min_spacing.length, settings.min_spacing.time)
+    # The move as given that each target of the program ends, or lies in, and how long that is.
+    owner = np.minimum(np.searchsorted(kept, np.arange(len(path.toolpath))), len(kept) - 1)
+    step = np.diff(path.length[kept], prepend=np.nan)[owner]
+    nothing = np.where(step >= 2 * FULL * spacing, 0.5 * settings.tolerance / np.sqrt(3.0), np.inf)
+    square = np.minimum(known.bent, nothing) ** 2
     if between is not None and len(between.left):
-        weight = np.bincount(between.owner, minlength=len(kept))
-        squares = np.bincount(between.owner, between.square, minlength=len(kept))
-        of_move = np.where(weight > 0, np.maximum(squares / np.maximum(weight, 1), 0.0), of_move)
-    return np.asarray(np.sqrt(0.5 * (of_move[owner] + of_move[behind])))
+        count = np.bincount(between.piece, minlength=len(square))
+        seen = np.bincount(between.piece, between.square, minlength=len(square))
+        square = np.where(count > 0, np.maximum(seen / np.maximum(count, 1), 0.0), square)
+    square = np.maximum(square, known.turned**2)
+    return np.asarray(np.sqrt(np.maximum(square, np.append(square[1:], 0.0))))
 
 
-def _bent(predicted: Predicted, prediction: Prediction) -> Array:
+def _bent_and_turned(predicted: Predicted, prediction: Prediction) -> tuple[Array, Array]:
     """How far a straight line from the target before to each (N + added,) is off the deviation [m], root mean square along the
     move. Of one that bends by as much as its neighbours say c h^2 / sqrt(120), a parabola of second derivative c, the larger
-    one of both ends, over the length h. And where straight moves turn by an angle a at a target the force turns there, and the
-    deviation d steps by a |d|: a saw-tooth of a |d| / sqrt(12). inf where a neighbour has no deviation: where the force begins
-    and ends."""
+    one of both ends, over the length h. Where a force begins or ends it does so anywhere on the move, and the deviation d steps
+    there: |d| / sqrt(6). And where straight moves turn by an angle a at a target the force turns there, and d steps by a |d|,
+    which means over a revolution of the spindle show as no step: a saw-tooth of a |d| / sqrt(12)."""
     path, count = predicted.path, len(predicted.path.toolpath)
     deviation = np.full((count, 3), np.nan)
     deviation[prediction.targets] = path.axes.turned_to_rest(prediction.position, prediction.targets)
-    if count < 3:
-        return np.full(count, np.inf)
     with np.errstate(invalid="ignore", over="ignore"):
         step = np.maximum(np.diff(path.length), 1e-9)
         way = np.diff(path.rest_from_tcp.position, axis=0)
@@ -182,8 +184,9 @@ def _bent(predicted: Predicted, prediction: Prediction) -> Array:
             turn[1:-1] += np.diff(towards) ** 2
             size += off**2
         bend[1:-1] = np.sqrt(bend[1:-1]) / (0.5 * (step[1:] + step[:-1]))
-        bend[[0, -1]] = np.nan
-        turn = np.sqrt(turn) * np.sqrt(size)
-        bent = np.maximum(bend[:-1], bend[1:]) * step**2 / np.sqrt(120.0)
-        bent = np.hypot(bent, np.maximum(turn[:-1], turn[1:]) / np.sqrt(12.0))
-    return np.asarray(np.nan_to_num(np.concatenate([[np.inf], bent]), nan=np.inf, posinf=np.inf))
+        turn = np.nan_to_num(np.sqrt(turn * size), posinf=0.0)
+        bent = np.fmax(bend[:-1], bend[1:]) * step**2 / np.sqrt(120.0)
+        one_end = np.sqrt(np.fmax(size[:-1], size[1:]) / 6.0)
+    bent = np.where(np.isnan(size[:-1]) | np.isnan(size[1:]), one_end, bent)
+    return (np.insert(np.nan_to_num(bent, posinf=0.0), 0, 0.0),
+            np.insert(np.maximum(turn[:-1], turn[1:]) / np.sqrt(12.0), 0, 0.0))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.as_sent import as_sent
 from compensator.correction.cut_kind import climb_share
 from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
@@ -32,22 +33,23 @@ SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
 
 
-def logged_pass(predicted: Predicted) -> LoggedPass:
-    """As settings and cell say: the cutting stiffness stated, or that of two passes, or that of the material. Raises what
-    `read_offsets` and `pass_pair` raise, and what the first pass's log raises; Refused (CS3117) where the force falls with the
-    depth."""
-    settings = predicted.settings.correction
-    if predicted.forces.unknown is not None:
-        return LoggedPass(None, None, on_plan=True)
-    offsets = read_offsets(settings.logged_with, predicted.path) if settings.logged_with else None
+def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
+    """As settings and cell say: the cutting stiffness stated, or that of two passes, or that of the material; and the program
+    with the log placed by its targets, whatever offsets it had. Raises what `read_offsets` and `pass_pair` raise, and what the
+    first pass's log raises; Refused (CS3117) where the force falls with the depth."""
+    settings = planned.settings.correction
+    if planned.forces.unknown is not None:
+        return LoggedPass(None, None, on_plan=True), planned
+    offsets = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
+    predicted = as_sent(planned, offsets)
     prior, findings = known_before(predicted, offsets)
     if settings.first_forces is None or offsets is None:
-        return LoggedPass(offsets, prior, findings)
-    first = under_forces(predicted.path, predicted.program, predicted.model, settings.first_forces, predicted.settings,
-                         predicted.loaded.learned)
-    agreed = compared(first.forces, predicted.forces, predicted.path)
+        return LoggedPass(offsets, prior, findings), predicted
+    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, planned.settings,
+                         planned.loaded.learned)
+    agreed = compared(first.forces, predicted.forces, planned.path)
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
-    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told))
+    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told)), predicted
 
 
 def known_before(

@@ -168,4 +168,14 @@ def _finer(corrected: Corrected, tolerance: float) -> Array:
 
 
 def _elsewhere(corrected: Corrected, other: LoadedPath | None) -> Array | None:
-    return None if other is None else _again(corrected, _with(corrected.predicted, other))
+    """What is held back, and what is left between targets, grows as the deviation does there."""
+    if other is None:
+        return None
+    predicted = _with(corrected.predicted, other)
+    size, before = (np.linalg.norm(one.prediction.position, axis=1) for one in (predicted, corrected.predicted))
+    grown = np.ones(len(predicted.path.toolpath))
+    grown[predicted.targets] = size / np.maximum(before, 1e-12)
+    between = corrected.between
+    if between is not None:
+        between = replace(between, square=between.square * grown[between.piece] ** 2)
+    return _again(replace(corrected, between=between, residual=corrected.residual * grown[predicted.targets]), predicted)

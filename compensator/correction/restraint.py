@@ -10,8 +10,8 @@ N(d, S), the correction moves the tool by -a d, and |t - a d| > |t| exactly wher
 
 Corners: where the path turns sharply the force turns with it, and one target serves the deviation before it and that behind it.
 What the means over both ask for may make the side worse that yields less. There the offset goes towards what that side asks
-for, until it is no farther off than uncorrected by more than one sigma: both sides can have that, since the step between them
-is never more than what both yield together.
+for, until it is no farther off than uncorrected by more than one sigma of its own: both sides can have that, since the step
+between them is never more than what both yield together.
 
 Steps: each coordinate of an offset becomes the largest function of slope L or less that is nowhere larger, min over s' of
 |o(s')| + L |s - s'|: where o kept the limit it stays what it was, and no point is moved farther than it asks for. Next to air
@@ -20,6 +20,7 @@ moves, which are never moved, and where the sign changes it grows from zero.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import erfc, sqrt
 from statistics import NormalDist
 
@@ -61,10 +62,10 @@ def _along(direction: Array, deviation: Array, covariance: Array) -> tuple[Array
     return size, np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", unit, covariance, unit), 0.0))
 
 
-def fair_to_both(offset: Array, sigma: Array, sides: tuple[Array, Array]) -> Array:
-    """The offsets (C, 3) [m] at sharp corners, moved just so far that neither side, which asks for the offsets sides (C, 3)
-    [m], is left farther off than uncorrected by more than sigma (C,) [m]."""
-    for side in sides:
+def fair_to_both(offset: Array, sides: Sequence[tuple[Array, Array]]) -> Array:
+    """The offsets (C, 3) [m] at sharp corners, moved just so far that neither side is left farther off than uncorrected by more
+    than its own sigma; sides: the offsets (C, 3) [m] that each asks for, and 1 sigma (C,) [m] of them."""
+    for side, sigma in sides:
         off = side - offset
         size = np.linalg.norm(off, axis=1)
         excess = np.maximum(size - np.linalg.norm(side, axis=1) - sigma, 0.0)

@@ -42,7 +42,8 @@ class ForceLog:
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
     what is not known of them along a whole stretch; None: logged. held (M,): rows in which a channel stood still (health.py),
-    which place the log and are no forces.
+    which place the log and are no forces. on_path: the rows were placed along the path; sent: by where the program sent the
+    tool, so that its offsets are in the place.
     """
 
     source: str
@@ -63,6 +64,8 @@ class ForceLog:
     lines_left: float = 0.0
     covariance: Array | None = None
     held: NDArray[np.bool_] | None = None
+    on_path: bool = False
+    sent: bool = False
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

@@ -30,13 +30,15 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     Raises CompstiffError: CS3004 a target beyond the program, CS3005 no target of known position, CS3010 several tools or work
     objects, CS3121 positions come late in a log without time, and what `place_by_time` raises.
     """
+    if log.on_path:
+        return log
     if log.key == "target":
         _check_targets(log, len(path.toolpath))
         return log if path.cell.force_log.form.target == "nearest" else _on_the_way(log, path)
     if log.key == "path_mm":
-        return replace(log, place=_in_time(log, log.place, path))
+        return replace(log, place=_in_time(log, log.place, path), on_path=True)
     if log.key == "time":
-        return place_by_time(log, path)
+        return replace(place_by_time(log, path), on_path=True)
     points, length = polyline(path.world_position, path.toolpath.move)
     if not len(points):
         raise error("CS3005", "the program has no target of known position to place the log on", file=log.source)
@@ -52,7 +54,8 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
         raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
                     hint=f"they do as positions in {frame}: x_mm y_mm z_mm are in the program's work object")
     findings = _beside(log, points, length, position, place)
-    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings))
+    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings), on_path=True,
+                   sent=True)
 
 
 def _reach(points: Array) -> float:
@@ -126,7 +129,8 @@ def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
     start = length[np.maximum(target - 1, 0)]
     note = Finding("CS3040", "note", "the column target names the target that the tool moves to (force_log.target): its "
                    "samples count as taken evenly on the way there", file=log.source)
-    return replace(log, key="path_mm", place=start + share * (length[target] - start), findings=(*log.findings, note))
+    return replace(log, key="path_mm", place=start + share * (length[target] - start), findings=(*log.findings, note),
+                   on_path=True)
 
 
 def _world_positions(log: ForceLog, path: RobotPath) -> Array:

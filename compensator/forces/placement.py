@@ -16,6 +16,7 @@ from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.scatter import of_blocks
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
@@ -47,7 +48,7 @@ SHIFTS /= SHIFTS.std()
 class TargetForces:
     """One wrench a target: wrench (N, 6) [N, N m] on the tool at the TCP, base frame; samples (N,) behind each.
 
-    standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
+    standard_error (N, 3) [N] of the mean force, base frame, by the samples' scatter (scatter.py); NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
     frame: covariance of forces that were predicted, None where they were logged. held (k,): targets all of whose samples stood
@@ -96,7 +97,8 @@ def place_forces(
     rows = TargetRows(len(path.toolpath), target[here], log.weight[here], behind)
     load, before_averaging = log.load[here], log.plain[here]
     mean = of_six(rows.mean(load))
-    standard_error = rows.standard_error(load[:, :3], mean, log.rate * log.revolution if log.rate and log.revolution else 0.0)
+    window = log.rate * log.revolution if log.rate and log.revolution else 0.0
+    standard_error = rows.standard_error(load[:, :3], mean, window)
     zero = zero_of(log, path, cell, before_averaging, rows, _stretches(tare), _outside(log, on), trusted=trust_tare)
     # Whether there is a force is for the samples of a target alone to say: a mean over a revolution reaches over an edge.
     own_mean = mean if log.revolution is None else of_six(rows.mean(before_averaging))
@@ -104,6 +106,7 @@ def place_forces(
         mean, own_mean = _without_offset(mean, zero, rows), _without_offset(own_mean, zero, rows)
     forced = over_scatter(own_mean, standard_error, rows) if zero.noise is None else over_noise(own_mean, rows, zero.noise)
     forced = without_gaps(forced, rows.samples > 0, ~moves_in_air(path.toolpath), own_mean[:, :3])
+    standard_error = of_blocks(standard_error, rows.samples, rows.degrees(window), forced)
     wrench, standard_error = _to_base(mean, standard_error, log, path, cell)
     if log.spread is not None:
         spread = rows.mean(log.spread[on, None])

@@ -60,42 +60,71 @@ class TargetRows:
         means over `window` samples already (0: they are not).
 
         Samples that follow each other are not independent (tooth passing, the sensor's own filter): the scatter is that of up
-        to 8 consecutive batches a target. From STRAIGHT of them on it is that about the straight line through them: a force
-        that grows along a stretch is no error of its mean. Of means over a revolution no batch is shorter than one where there
-        are two, and the scatter is put up by what white noise loses to that mean.
+        to 8 consecutive batches a target. From STRAIGHT of them on it is that about the straight line through them, of fewer
+        that about the slope of the neighbours' means: a force that grows along a stretch is no error of its mean. Of means over
+        a revolution no batch is shorter than one where there are two, and the scatter is put up by what white noise loses to
+        that mean.
         """
-        most = np.clip(self.samples // window, 2, BATCHES).astype(np.intp) if window else np.full(self.count, BATCHES)
+        batches = self.batches(window)
         order = None if (np.diff(self.target) >= 0).all() else np.argsort(self.target, kind="stable")
         ends = np.append(0, np.cumsum(self.rows))
         errors = np.full((self.count, 3), np.nan)
         for part in chunks(self.count, CHUNK):
             of_part = slice(int(ends[part.start]), int(ends[part.stop]))
-            errors[part] = self._errors(part, of_part if order is None else order[of_part], ends, force, mean, most, window)
+            errors[part] = self._errors(part, of_part if order is None else order[of_part], ends, force, mean, batches[part],
+                                        window)
         return errors
 
+    def _slope(self, part: slice, mean: Array) -> Array:
+        """How much the mean force (n, 3) [N] of some targets grows from one to the next, by their neighbours; 0 where one of
+        these has no row."""
+        number = np.arange(self.count)[part]
+        before, behind = np.maximum(number - 1, 0), np.minimum(number + 1, self.count - 1)
+        there = (self.rows[before] > 0) & (self.rows[behind] > 0) & (before < number) & (behind > number)
+        return np.where(there[:, None], 0.5 * (mean[behind] - mean[before]), 0.0)
+
+    def batches(self, window: float) -> Indices:
+        """The batches (N,) that the rows of each target are taken in, which are means over `window` samples."""
+        most = np.clip(self.samples // window, 2, BATCHES).astype(np.intp) if window else np.full(self.count, BATCHES)
+        return np.asarray(np.minimum(self.rows, most))
+
+    def degrees(self, window: float) -> Indices:
+        """The degrees of freedom (N,) of `standard_error`."""
+        batches = self.batches(window)
+        return np.asarray(batches - np.where(batches >= STRAIGHT, 2, 1))
+
     def _errors(
-        self, part: slice, places: slice | Indices, ends: Indices, force: Array, mean: Array, most: Indices, window: float
+        self, part: slice, places: slice | Indices, ends: Indices, force: Array, mean: Array, batches: Indices, window: float
     ) -> Array:
         """`standard_error` (n, 3) of some targets, whose rows stand at these places, target by target; ends (N + 1,): how many
-        rows those before each target have; most (N,): batches at most."""
+        rows those before each target have; batches (n,) of each."""
         target, weight, own = self.target[places], self.weight[places], self.rows[part]
         count = len(own)
-        batches = np.minimum(own, most[part])
         here = target - part.start
         rank = np.arange(ends[part.start], ends[part.stop]) - ends[target]
         batch = here * BATCHES + rank * batches[here] // own[here]
         size = np.bincount(batch, weight, minlength=count * BATCHES).reshape(count, BATCHES)
         rise, enough = _rise(batches), own >= 2
+        beside = _beside(batches)
+        slope = self._slope(part, mean)
         by_scatter = _mean_by_scatter(self.samples[part], batches, window, rise)
         errors = np.full((count, 3), np.nan)
         for axis in range(3):
             total = np.bincount(batch, weight * force[places, axis], minlength=count * BATCHES).reshape(count, BATCHES)
             spread = np.where(size > 0, total / np.maximum(size, 1) - mean[part, axis, None], 0.0)
+            spread -= slope[:, axis, None] * beside
             with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers
                 straight = (spread * rise).sum(axis=1)
                 variance = np.maximum((spread**2).sum(axis=1) - straight**2, 0.0) * by_scatter
             errors[enough, axis] = np.sqrt(variance[enough])
         return errors
+
+
+def _beside(batches: Indices) -> Array:
+    """How far beside the middle of its stretch each batch stands (N, BATCHES), in stretches, of under STRAIGHT of them; 0 of
+    more."""
+    place = (np.arange(BATCHES) - 0.5 * (batches[:, None] - 1)) / np.maximum(batches, 1)[:, None]
+    return np.where((np.arange(BATCHES) < batches[:, None]) & (batches[:, None] < STRAIGHT), place, 0.0)
 
 
 def _rise(batches: Indices) -> Array:

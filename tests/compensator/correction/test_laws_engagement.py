@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
+from compensator.correction.engagement import _where_it_changes
 from tests.runs.command_line import user_files as kit
 from tests.runs.command_line.test_placement import Path3, line
 from tests.runs.command_line.user_files import IRB6660, TOOL, Job, K
+from tests.runs.milling.milling_job import rms
+from tests.virtual_cell.endmill import EndMill
+from tests.virtual_cell.milled_part import PLACES, slot_and_pocket, steps_of
+from tests.virtual_cell.milling import engagement
 
 Passes = tuple[np.ndarray, np.ndarray]
 CUTTING = 400.0         # N/mm of depth
@@ -308,3 +314,32 @@ def test_the_cell_states_the_cut(tmp_path: Path, path: Path3, uncorrected: Passe
     for wrong in ("{std_n_per_mm: 4}", "{contact_mm: 4}", "{material: wood}", "{stiffness_n_per_mm: -1}"):
         job.cell = plain + f"cutting: {wrong}\n"
         assert job.correct("--force").code == 1
+
+
+def test_where_the_force_changes_along_the_path_a_step_across_may_change_it_as_much() -> None:
+    """Before a corner of the virtual cell's part: how much more or less a step across changes its end mill's force there than
+    at the wall, against the share that is stated. A wall, and the step at a corner, ask for nothing."""
+    part, mill = slot_and_pocket(spacing_mm=0.25, allowance_mm=0.4, wall_depth_mm=10.0), EndMill()
+    steps = steps_of(part, 0.25)
+    here = np.flatnonzero(steps.place == PLACES.index("sharp corner"))
+    along = np.column_stack([steps.feed, np.zeros(len(steps.feed))])
+
+    def force(i: int, aside_mm: float) -> np.ndarray:
+        at = steps.between(part.target_mm)[i] + aside_mm * steps.left[i]
+        coverage, depth = engagement(part, steps, mill, i, at)
+        local = mill.mean_force(coverage, depth)
+        return local[0] * along[i] + local[1] * steps.left[i]
+
+    on_plan = np.array([force(i, 0.0) for i in here])
+    grows = np.array([np.linalg.norm(force(i, -0.05) - force(i, 0.05)) / 0.1 for i in here])
+    forces = SimpleNamespace(wrench=np.hstack([on_plan, 0 * on_plan]), forced=np.ones(len(here), dtype=bool))
+    stated = _where_it_changes(SimpleNamespace(path=SimpleNamespace(length=0.25e-3 * np.arange(len(here))), forces=forces),
+                               np.full(len(here), 1e-3))
+    of_one_mm = stated * np.linalg.norm(on_plan, axis=1)
+    corner = int(np.flatnonzero(np.abs(np.diff(steps.feed[here, 0])) > 0.5)[0])
+    before, wall = np.arange(corner - 14, corner), np.r_[:10, corner + 10:len(here)]
+    assert of_one_mm[wall].max() < 1.0
+    assert of_one_mm[corner + 1:corner + 3].max() < 1.0
+    off = grows[before] - np.median(grows[wall])
+    assert np.abs(off).max() > 80
+    assert 0.5 < rms(off) / rms(of_one_mm[before]) < 1.0, "of that order, and rather too wide than too narrow"

@@ -8,31 +8,44 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from compensator.correction.expected_left import _bent
-from tests.runs.milling.milling_job import MillingJob, settings
+from compensator.correction.expected_left import _bent_and_turned
+from tests.runs.milling.milling_job import MillingJob, rms, settings
 from tests.virtual_cell.endmill import EndMill
 from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
 
 
-def bent(position: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """By the planned positions (N, 3) [m] and the deviations (N, 3) [m] there."""
+def between(position: np.ndarray, deviation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How much bends and how much turns, by the planned positions (N, 3) [m] and the deviations (N, 3) [m] at those of them
+    that have one."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
     path = SimpleNamespace(toolpath=position, length=length, rest_from_tcp=SimpleNamespace(position=position),
                            axes=SimpleNamespace(turned_to_rest=lambda vectors, rows: vectors))
-    return _bent(SimpleNamespace(path=path), SimpleNamespace(targets=np.arange(len(position)), position=deviation))
+    there = np.flatnonzero(np.isfinite(deviation[:, 0]))
+    return _bent_and_turned(SimpleNamespace(path=path), SimpleNamespace(targets=there, position=deviation[there]))
 
 
 @pytest.mark.parametrize("spacing", [0.4e-3, 1.1e-3])
 def test_a_smooth_deviation_leaves_what_straight_lines_leave_of_it(spacing: float) -> None:
     place = np.arange(0.0, 40e-3, spacing)
     wave = np.column_stack([80e-6 * np.sin(place / 4e-3), 0 * place, 30e-6 * np.cos(place / 3e-3)])
-    found = bent(np.column_stack([place, 0 * place, 0 * place]), wave)
+    found, turned = between(np.column_stack([place, 0 * place, 0 * place]), wave)
     fine = np.linspace(place[1], place[-2], 20001)
     true = np.column_stack([80e-6 * np.sin(fine / 4e-3), 0 * fine, 30e-6 * np.cos(fine / 3e-3)])
     line = np.column_stack([np.interp(fine, place, axis) for axis in wave.T])
     left = np.sqrt(np.mean(np.sum((true - line) ** 2, axis=1)))
     assert np.sqrt(np.mean(found[2:-2] ** 2)) == pytest.approx(left, rel=0.15)
-    assert np.isinf(found[[0, 1, -1]]).all(), "where the force begins and ends nothing is said"
+    assert not found[0], "no move goes to the first target"
+    assert not turned.any()
+
+
+def test_a_force_that_begins_anywhere_on_a_move() -> None:
+    """80 um from somewhere on the move on, drawn; the written line goes from none to all."""
+    place = np.arange(10) * 0.4e-3
+    deviation = np.where(np.arange(10)[:, None] < 4, np.nan, 80e-6 * np.array([0.0, 1.0, 0.0]))
+    found, _ = between(np.column_stack([place, 0 * place, 0 * place]), deviation)
+    begin, share = np.random.default_rng(5).random(4000)[:, None], np.linspace(0, 1, 201)
+    assert found[4] == pytest.approx(80e-6 * rms(share - (share > begin)), rel=0.03)
+    assert found[5:] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None:
@@ -42,7 +55,7 @@ def test_a_force_that_turns_with_each_straight_move_leaves_a_saw_tooth() -> None
     middle = angle[:-1] + np.pi / 60
     push = 100e-6 * np.column_stack([np.cos(middle), np.sin(middle), 0 * middle])
     at_target = 0.5 * (push[:-1] + push[1:])
-    found = bent(ring[1:-1], at_target)
+    _, found = between(ring[1:-1], at_target)
     share = np.linspace(0, 1, 201)[:, None]
     left = [np.sqrt(np.mean(np.sum((push[k] - (1 - share) * at_target[k - 1] - share * at_target[k]) ** 2, axis=1)))
             for k in range(1, 59)]
