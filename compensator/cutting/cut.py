@@ -45,18 +45,30 @@ class Cut:
     def per_step(self) -> Array:
         """A (S, 3, 6): the mean force of a step [N], base frame, is A K; coefficients K in N/m^2 and N/m. Zero where it is not
         known."""
-        return self._in_base(self.engagement.weights)
-
-    def per_step_aside(self) -> list[Array]:
-        """The same with the tool aside, as `cut_of` was asked, along x, y and z of the work object; none where it was not."""
-        return [] if self.engagement.moved is None else [self._in_base(moved) for moved in self.engagement.moved]
-
-    def _in_base(self, weight: Array) -> Array:
-        chip = np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
-        scaled = weight.copy()
-        scaled[:, :, SHEAR] *= chip[:, None, None]
+        scaled = self.engagement.weights.copy()
+        scaled[:, :, SHEAR] *= self._chip[:, None, None]
         scaled[self.engagement.unknown] = 0.0
-        return np.asarray(np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled))
+        return np.asarray(np.einsum("sij,sjk->sik", self._base_from_object, scaled))
+
+    def change(self, coefficients: Array) -> Array:
+        """What the mean forces of the steps (S, 3, 3) [N], base frame, change by where the tool stands aside, as `cut_of` was
+        asked: columns are x, y and z of the work object. Coefficients (6,)."""
+        engagement = self.engagement
+        assert engagement.moved is not None
+        own = np.broadcast_to(coefficients, (len(self.track), 6)).copy()
+        own[:, SHEAR] *= self._chip[:, None]
+        own[engagement.unknown] = 0.0
+        here = np.einsum("sij,sj->si", engagement.weights, own)
+        moved = np.stack([np.einsum("sij,sj->si", weights, own) - here for weights in engagement.moved], axis=2)
+        return np.asarray(self._base_from_object @ moved)
+
+    @property
+    def _chip(self) -> Array:
+        return np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
+
+    @property
+    def _base_from_object(self) -> Array:
+        return np.asarray(self.path.base_from_object.rotation[self.track.target])
 
     @cached_property
     def time(self) -> Array:
@@ -137,7 +149,7 @@ class Cut:
 
 def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None, step: float = 0.0) -> Cut:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
-    where the tool stood off the plan; step [m]: also with all of it aside by so much (`per_step_aside`).
+    where the tool stood off the plan; step [m]: also with all of it aside by so much (`change`).
 
     Raises CompstiffError: what `cutter_of` raises, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies
     away from the program, and what `read_stock` raises.

@@ -39,7 +39,8 @@ class ForceLog:
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; None: logged.
+    what is not known of them along a whole stretch; follows (M, 3, 3) [N/m], base frame: what they change by where the tool
+    stands off its plan. None: logged.
     """
 
     source: str
@@ -59,6 +60,7 @@ class ForceLog:
     spread: Array | None = None
     lines_left: float = 0.0
     covariance: Array | None = None
+    follows: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -70,12 +72,13 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        time, spread, covariance = (None if rows is None else rows[:0].copy()
-                                    for rows in (self.time, self.spread, self.covariance))
+        time, spread, covariance, follows = (None if rows is None else rows[:0].copy()
+                                             for rows in (self.time, self.spread, self.covariance, self.follows))
         return replace(
             self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
             line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
-            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance)
+            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance,
+            follows=follows)
 
 
 def read_force_log(

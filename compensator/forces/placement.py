@@ -46,7 +46,8 @@ class TargetForces:
     standard_error (N, 3) [N] of the mean force, base frame, from the scatter of the samples; NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
-    frame: covariance of forces that were predicted, None where they were logged.
+    frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
+    its plan. None where they were logged.
     """
 
     wrench: Array
@@ -57,6 +58,7 @@ class TargetForces:
     findings: tuple[Finding, ...]
     log: ForceLog
     unknown: Array | None = None
+    follows: Array | None = None
 
     @property
     def named(self) -> bool:
@@ -103,7 +105,8 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
+                          zero.bias, (), log.without_rows() if log.key == "target" else log,
+                          *(_of_targets(values, on, rows, forced) for values in (log.covariance, log.follows)))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
@@ -111,11 +114,11 @@ def place_forces(
     return replace(forces, findings=(*log.findings, *findings))
 
 
-def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
-    """Covariance (N, 3, 3) [N^2] of predicted forces at the targets; None where they were logged."""
-    if log.covariance is None:
+def _of_targets(values: Array | None, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
+    """What the rows (M, 3, 3) of predicted forces have, as means (N, 3, 3) of the targets; None where they were logged."""
+    if values is None:
         return None
-    mean = rows.mean(log.covariance[on].reshape(-1, 9)).reshape(-1, 3, 3)
+    mean = rows.mean(values[on].reshape(-1, 9)).reshape(-1, 3, 3)
     return np.where(forced[:, None, None], mean, 0.0)
 
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.settings import Settings
 from compensator.cutting.stock_file import read_npz
 from tests.compensator.cutting.solids import binary, box_faces, stock_of
 from tests.runs.command_line import user_files as kit
@@ -94,6 +96,37 @@ def test_another_program_is_corrected_without_a_log(shop: Shop, fitted: dict[str
     assert record["stock"]["file"] == "b.npz"
     # The table is known to 40 %, the log to a few per cent: what is stated shows it.
     assert stated["table"] > 3 * stated["log"]
+
+
+def test_the_program_as_it_is_yields_and_cuts_less(tmp_path: Path) -> None:
+    """On an arm twice as soft, by true coefficients and springs, no run-out: forces of a tool on its plan, which a
+    correction needs, would push it a tenth too far; what is stated is where the virtual cell's first pass stands."""
+    job = MillingJob(tmp_path, SEED, part=slot_and_pocket(spacing_mm=1.5, allowance_mm=0.8, wall_depth_mm=6.0),
+                     cutter=EndMill(runout_mm=(0.0, 0.0, 0.0)))
+    job.case.plant.compliance *= 2
+    stiffness = job.springs("k.json", job.case.stiffness / 2)
+    true = [*job.cutter.shear_n_mm2, *job.cutter.edge_n_mm]
+    (tmp_path / "true.json").write_text(json.dumps({
+        "format": "compstiff-cutting", "version": 1, "coefficients": ["Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"], "mean": true,
+        "covariance": [[0.0] * row + [1e-6] for row in range(6)], "model_error": 0.03,
+        "cutter": {"diameter_mm": 16, "teeth": 3, "corner_radius_mm": 0}}))
+    found = predict_files(Inputs(job.cell_with("cut.yaml", CUTTING), job.program, stiffness, None), Settings.of(
+        predict_force=tmp_path / "true.json", stock=stock_file(job.part, tmp_path / "b.npz"))).prediction
+    # A target's truth is the mean over the half moves beside it, where all of that cuts.
+    steps, count = job.first.steps, len(job.part.target_mm)
+    own = np.where(steps.share < 0.5, steps.segment - 1, steps.segment)
+    share = np.column_stack([np.bincount(own, values, minlength=count) for values in (job.first.cutting, *job.first.off_um.T)])
+    share /= np.maximum(np.bincount(own, minlength=count), 1)[:, None]
+    some = np.flatnonzero(share[found.targets, 0] == 1)
+    truth = milling.BASE_FROM_OBJECT.apply(share[found.targets[some], 1:])
+    told, on_plan = (1e6 * values[some] for values in (found.at_rest, found.position))
+    size = rms(truth)
+    assert len(some) > 150
+    assert size > 200
+    assert rms(on_plan) > 1.07 * size
+    assert rms(told) == pytest.approx(size, rel=0.03)
+    assert rms(told - truth) < min(0.1 * size, 0.6 * rms(on_plan - truth))
+    assert found.at_rest_std.mean() < found.std.mean()
 
 
 @pytest.mark.parametrize(("changed", "code", "words"), [
