@@ -168,8 +168,8 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
     planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece)
     made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
-    engagement = mill_through(made, track, cutter, step)
-    return Cut(path, cutter, 60 / speed, blank, track, engagement, made)
+    engagement, left = mill_through(made, track, cutter, step)
+    return Cut(path, cutter, 60 / speed, blank, track, engagement, left)
 
 
 def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:

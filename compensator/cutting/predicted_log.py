@@ -11,7 +11,7 @@ import numpy as np
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.stock_file import read_stock
-from compensator.forces.log import ForceLog
+from compensator.forces.log import ForceLog, PredictedForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
@@ -57,13 +57,14 @@ def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path
     number = np.arange(len(own)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number + 0.5) / pieces[own] - 0.5
     place = cut.track.place[own] + share * cut.track.length[own]
-    force, rows = force[own], len(own)
+    rows = len(own)
+    nothing = np.broadcast_to(0.0, (rows, 3))
+    force = force[own]
     findings = (*cut.findings(), *_outside(cut, coefficients))
     return ForceLog(
-        str(coefficients.source), force, np.zeros((rows, 3)), False, "path_mm", place, np.arange(1, rows + 1),
-        np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None,
-        np.concatenate([force, np.zeros((rows, 3))], axis=1), np.zeros(rows, dtype=bool), findings,
-        covariance=covariance[own], follows=follows[own]), cut
+        str(coefficients.source), force, nothing, False, "path_mm", place, np.arange(1, rows + 1),
+        np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
+        np.zeros(rows, dtype=bool), findings, predicted=PredictedForces(own, covariance, follows)), cut
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

@@ -11,7 +11,7 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -82,9 +82,9 @@ class _Material:
     kind: NDArray[np.intp]
 
 
-def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> Engagement:
-    """Takes the way of the cutter out of the stock, IN PLACE, and says how it engaged; aside [m]: also with the tool moved by
-    so much along x, y and up, each by itself."""
+def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
+    """How the cutter engages on its way through a stock, and what it leaves; aside [m]: also with the tool moved by so much
+    along x, y and up, each by itself."""
     count = len(track)
     arrays = {"weights": np.zeros((count, 3, 6)), "low": np.full(count, np.nan), "high": np.full(count, np.nan),
               "depth": np.zeros(count), "width": np.zeros(count)}
@@ -92,7 +92,7 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
         arrays["moved"] = np.zeros((3, count, 3, 6))
     near = _near(stock, track, cutter)
     grid = stock.inside
-    kind = np.cumsum([0, *(not np.array_equal(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
+    kind = np.cumsum([0, *(not _alike(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
     material = _Material(stock, np.full(grid.shape, np.float32(1.0)), aside, kind)
     with progress("milling through the stock", count) as bar:
         for first in range(0, count, BATCH):
@@ -100,14 +100,19 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
             if len(rows):
                 _one_batch(material, track, cutter, rows, arrays)
             bar.add(min(BATCH, count - first))
-    np.minimum(grid, material.swept, out=grid)
+    left = replace(stock, inside=np.minimum(grid, material.swept, out=material.swept))
     in_a_box = np.zeros(count, dtype=bool)
     for low, high in stock.unknown:
         reach = np.array([cutter.radius, cutter.radius, 0.0])
         in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
     cuts = arrays["depth"] > 0
     unknown = (cuts & (track.joint | ~track.upright | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box
-    return Engagement(unknown=unknown, **arrays)
+    return Engagement(unknown=unknown, **arrays), left
+
+
+def _alike(one: Grid, other: Grid) -> bool:
+    """Whether two layers have the same outline; those of a box are one array."""
+    return one.__array_interface__["data"] == other.__array_interface__["data"] or np.array_equal(one, other)
 
 
 def _plunges(track: Track) -> Flags:

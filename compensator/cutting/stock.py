@@ -16,7 +16,8 @@ from identification.common.arrays import Array
 from identification.common.findings import error
 
 Grid = NDArray[np.float32]
-# Bytes that the layers of one stock may take: a part of 1 m x 1 m at 0.5 mm in 128 layers.
+# Bytes that the layers of one stock may take: a part of 1 m x 1 m at 0.5 mm in 128 layers. What a cutter leaves takes as much
+# again, but for a box, whose layers are one.
 MOST_BYTES = 2.1e9
 # Levels nearer to each other than this [m] are one. More levels than this: the layers are even.
 SAME_LEVEL, MOST_LEVELS, MOST_LAYERS = 2e-6, 64, 400
@@ -67,7 +68,7 @@ def box_stock(low: Array, high: Array, height: Array, cell: float) -> Stock:
     outside = np.hypot(np.maximum(np.maximum(low[0] - x, x - high[0]), 0.0)[None, :],
                        np.maximum(np.maximum(low[1] - y, y - high[1]), 0.0)[:, None])
     one = np.where(outside > 0, -outside, inside).astype(np.float32)
-    return Stock(origin, cell, height, np.repeat(one[None], len(height) - 1, axis=0), np.zeros((0, 2, 3)))
+    return Stock(origin, cell, height, np.broadcast_to(one, (len(height) - 1, *one.shape)), np.zeros((0, 2, 3)))
 
 
 def check_size(layers: int, ny: int, nx: int) -> None:
@@ -101,4 +102,4 @@ def relayered(stock: Stock, height: Array) -> Stock:
     middle = 0.5 * (height[1:] + height[:-1])
     which = np.clip(np.searchsorted(stock.height, middle, side="right") - 1, 0, len(stock.inside) - 1)
     check_size(len(which), *stock.inside.shape[1:])
-    return Stock(stock.origin, stock.cell, height, stock.inside[which].copy(), stock.unknown, stock.position_std)
+    return Stock(stock.origin, stock.cell, height, stock.inside[which], stock.unknown, stock.position_std)

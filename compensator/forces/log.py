@@ -29,6 +29,20 @@ SLOWEST_RPM = 100.0
 
 
 @dataclass(frozen=True, eq=False)
+class PredictedForces:
+    """Of forces that were worked out in S steps of a path, base frame. step (M,): that of each row of the log; covariance
+    (S, 3, 3) [N^2]: what is not known of them along a whole stretch; follows (S, 3, 3) [N/m]: what they change by where the
+    tool stands off its plan."""
+
+    step: Indices
+    covariance: Array
+    follows: Array
+
+    def __post_init__(self) -> None:
+        read_only(self.step, self.covariance, self.follows)
+
+
+@dataclass(frozen=True, eq=False)
 class ForceLog:
     """A logged pass, M rows in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
 
@@ -38,9 +52,7 @@ class ForceLog:
     None: it is not. plain (M, 3 or 6): `load` before that, which tells a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
-    keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; follows (M, 3, 3) [N/m], base frame: what they change by where the tool
-    stands off its plan. None: logged.
+    keeps of them, one over T seconds 1/T times that. predicted: what is known of forces that were worked out, None: logged.
     """
 
     source: str
@@ -59,8 +71,7 @@ class ForceLog:
     findings: tuple[Finding, ...] = ()
     spread: Array | None = None
     lines_left: float = 0.0
-    covariance: Array | None = None
-    follows: Array | None = None
+    predicted: PredictedForces | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))
@@ -72,13 +83,11 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        time, spread, covariance, follows = (None if rows is None else rows[:0].copy()
-                                             for rows in (self.time, self.spread, self.covariance, self.follows))
+        time, spread = (None if rows is None else rows[:0].copy() for rows in (self.time, self.spread))
         return replace(
             self, force=self.force[:0].copy(), moment=self.moment[:0].copy(), place=self.place[:0].copy(),
             line=self.line[:0].copy(), weight=self.weight[:0].copy(), plain=self.plain[:0].copy(),
-            saturated=self.saturated[:0].copy(), time=time, spread=spread, covariance=covariance,
-            follows=follows)
+            saturated=self.saturated[:0].copy(), time=time, spread=spread, predicted=None)
 
 
 def read_force_log(

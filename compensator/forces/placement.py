@@ -106,7 +106,7 @@ def place_forces(
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
-                          *(_of_targets(values, on, rows, forced) for values in (log.covariance, log.follows)))
+                          *_of_predicted(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind,
@@ -114,12 +114,20 @@ def place_forces(
     return replace(forces, findings=(*log.findings, *findings))
 
 
-def _of_targets(values: Array | None, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
-    """What the rows (M, 3, 3) of predicted forces have, as means (N, 3, 3) of the targets; None where they were logged."""
-    if values is None:
-        return None
-    mean = rows.mean(values[on].reshape(-1, 9)).reshape(-1, 3, 3)
-    return np.where(forced[:, None, None], mean, 0.0)
+def _of_predicted(
+    log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]
+) -> tuple[Array | None, Array | None]:
+    """Covariance (N, 3, 3) [N^2] of predicted forces at the targets, and what they follow (N, 3, 3) [N/m]; None where they were
+    logged."""
+    if log.predicted is None:
+        return None, None
+    step, samples = log.predicted.step[on], np.maximum(rows.samples, 1)
+
+    def means(values: Array) -> Array:
+        columns = [np.where(forced, rows.sum(column[step]) / samples, 0.0) for column in values.reshape(-1, 9).T]
+        return np.stack(columns, axis=1).reshape(-1, 3, 3)
+
+    return means(log.predicted.covariance), means(log.predicted.follows)
 
 
 def _stretches(tare: Range | Sequence[Range] | None) -> list[Range]:

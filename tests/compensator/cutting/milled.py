@@ -49,7 +49,7 @@ def force_of(track: Track, engaged: Engagement, coefficients: np.ndarray = TRUE)
 
 def milled(stock: Stock, corner_mm: np.ndarray, chip_mm: float = 0.1, cutter: Cutter = FLAT, step_mm: float = 0.5
            ) -> tuple[Track, Engagement, np.ndarray]:
-    """Track, engagement and force (S, 3) [N] of a way through a stock, which is cut."""
+    """Track, engagement and force (S, 3) [N] of a way through a stock."""
     track = track_along(corner_mm, chip_mm, step_mm)
-    engaged = mill_through(stock, track, cutter)
+    engaged, _ = mill_through(stock, track, cutter)
     return track, engaged, force_of(track, engaged)
