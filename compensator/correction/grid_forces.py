@@ -139,5 +139,5 @@ def among_others(planned: TargetForces, kept: Indices, some: TargetForces, numbe
         return values
 
     return replace(some, wrench=both("wrench"), samples=both("samples"), standard_error=both("standard_error"),
-                   forced=both("forced"),
-                   **{name: both(name) for name in ("unknown", "follows") if getattr(some, name) is not None})
+                   forced=both("forced"), unknown=None if some.unknown is None else both("unknown"),
+                   follows=None if some.follows is None else both("follows"))

@@ -138,8 +138,9 @@ class Cut:
             where = ", ".join(str(toolpath.line[target]) for target in lost[:NAMED])
             found.append(self.path.finding(
                 int(lost[0]), "CS4708", "warning", f"the force of {counted(len(lost), 'target')} that may cut is not known and "
-                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that is tilted "
-                "by over 1 degree, no feed, or a box that the stock file calls unknown",
+                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that leans by "
+                "over 1 degree (a ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls "
+                "unknown",
                 "they stay where they are; log a pass to correct them too"))
         if not self.cuts.any():
             found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,
@@ -163,10 +164,11 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
-    track = track_of(path, cutter.teeth, 60 / speed, piece, off)
+    ball = cutter.radius if cutter.ball else 0.0
+    track = track_of(path, cutter.teeth, 60 / speed, piece, off, ball)
     _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
-    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece)
+    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece, ball=ball)
     made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
     engagement, left = mill_through(made, track, cutter, step)
     return Cut(path, cutter, 60 / speed, blank, track, engagement, left)

@@ -21,6 +21,8 @@ Grid = NDArray[np.float32]
 MOST_BYTES = 2.1e9
 # Levels nearer to each other than this [m] are one. More levels than this: the layers are even.
 SAME_LEVEL, MOST_LEVELS, MOST_LAYERS = 2e-6, 64, 400
+# Pieces of a quarter of a rounding, the most that fit.
+ROUNDING = (24, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +85,21 @@ def layers_for(low: float, high: float, tips: Array, corner: float, thickness: f
     """Heights (L + 1,) [m] between low and high that suit a program whose tip comes to the heights `tips` (n,) [m].
 
     At its levels where they are few, else even, of `thickness` [m] or as many as may be; the rounding of a cutter of corner
-    radius `corner` is cut in eight.
+    radius `corner` is cut in 24 where that fits, so that the edge of a thin cut lies where it should, else in eight.
     """
     levels = np.unique(np.round(tips[(tips > low) & (tips < high)] / SAME_LEVEL)) * SAME_LEVEL
     if len(levels) > MOST_LEVELS:
         count = int(min(np.ceil((high - low) / thickness), MOST_LAYERS))
         return np.linspace(low, high, count + 1)
-    above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, 9))) if corner else np.zeros(1)
-    edges = np.sort(np.concatenate([[low, high], (levels[:, None] + above).ravel()]))
-    edges = edges[(edges >= low) & (edges <= high)]
-    kept = edges[np.insert(np.diff(edges) > SAME_LEVEL, 0, True)]
-    kept[-1] = high
-    return kept if len(kept) <= MOST_LAYERS else np.linspace(low, high, MOST_LAYERS + 1)
+    for pieces in ROUNDING:
+        above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, pieces + 1))) if corner else np.zeros(1)
+        edges = np.sort(np.concatenate([[low, high], (levels[:, None] + above).ravel()]))
+        edges = edges[(edges >= low) & (edges <= high)]
+        kept = edges[np.insert(np.diff(edges) > SAME_LEVEL, 0, True)]
+        kept[-1] = high
+        if len(kept) <= MOST_LAYERS:
+            return kept
+    return np.linspace(low, high, MOST_LAYERS + 1)
 
 
 def relayered(stock: Stock, height: Array) -> Stock:
