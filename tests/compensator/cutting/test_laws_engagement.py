@@ -120,7 +120,8 @@ def test_what_is_not_known_is_said(kind: str) -> None:
         corner = np.array([[0.0, 0.0, 5.0], [0.0, 0.0, -4.0]])
     track = track_along(corner)
     count = len(track)
-    changed = {"joint": {"joint": np.ones(count, dtype=bool)}, "tilted": {"axis": np.tile([0.0, 0.03, 1.0], (count, 1))},
+    changed = {"joint": {"joint": np.ones(count, dtype=bool)},
+               "tilted": {"axis": np.tile([0.0, np.sin(0.03), np.cos(0.03)], (count, 1))},
                "no feed": {"chip": np.full(count, np.nan)}}.get(kind, {})
     if kind == "box":
         stock = replace(stock, unknown=1e-3 * np.array([[[-10.0, -10, -10], [10.0, 10, 10]]]))
