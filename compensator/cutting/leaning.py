@@ -30,6 +30,11 @@ def leans(axis: Array) -> Flags:
     return np.asarray(axis[:, 2] < np.cos(MOST_TILT))
 
 
+def leans_too_far(axis: Array) -> Flags:
+    """Those (K,) of which nothing is worked out, balls too."""
+    return np.asarray(axis[:, 2] < np.cos(MOST_LEAN))
+
+
 def above_the_ball(angle: Array, at: Array, radius: float, feed: Array, axis: Array) -> Flags:
     """Points (K, P) of the rims at heights `at` (K,) [m] above the tip, at angles (P,) from the feed (K, 2), that are no points
     of the ball: there the shank begins."""

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from compensator.cutting.chips import integrals, weights
 from compensator.cutting.cutter import Cutter
-from compensator.cutting.leaning import MOST_LEAN, above_the_ball, across_shank, leaning_weights, leans, shank_rim
+from compensator.cutting.leaning import (
+    MOST_LEAN,
+    above_the_ball,
+    across_shank,
+    leaning_weights,
+    leans,
+    leans_too_far,
+    shank_rim,
+)
 from compensator.cutting.stock import Grid, Stock
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
@@ -123,7 +131,8 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
               "depth": np.zeros(count), "width": np.zeros(count)}
     if aside:
         arrays["moved"] = np.zeros((3, count, 3, 6))
-    arrays["beyond"] = np.zeros(count, dtype=bool)
+    if cutter.ball:
+        arrays["beyond"] = np.zeros(count, dtype=bool)
     near = _near(stock, track, cutter)
     grid = stock.inside
     kind = np.cumsum([0, *(not _alike(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
@@ -140,8 +149,9 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
         reach = np.array([cutter.radius, cutter.radius, 0.0])
         in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
     cuts = arrays["depth"] > 0
-    too_far = track.axis[:, 2] < np.cos(MOST_LEAN) if cutter.ball else leans(track.axis)
-    unknown = (cuts & (track.joint | too_far | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box | arrays.pop("beyond")
+    # Where a ball leans so far that nothing is worked out, its shank may cut wherever there is stock.
+    beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
+    unknown = (cuts & (track.joint | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box | beyond
     return Engagement(unknown=unknown, **arrays), left
 
 
@@ -181,7 +191,7 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
     feed = np.where(flat[:, None], way / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
     left = np.column_stack([-feed[:, 1], feed[:, 0]])
     axes = _Axes(feed, left, np.nan_to_num(track.chip[rows]), track.axis[rows],
-                 leans(track.axis[rows]) if cutter.ball else np.zeros(len(rows), dtype=bool))
+                 leans(track.axis[rows]) & ~leans_too_far(track.axis[rows]) & cutter.ball)
     tip = middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
     within = np.flatnonzero(stock.height[1:] > tip.min())

@@ -62,13 +62,13 @@ def track_of(
     if len(np.unique(toolpath.workobject[known])) > 1 or not same:
         raise error("CS4702", "the engagement needs one work object that stands still, and this program has more, or moves it",
                     file=toolpath.source, hint="one program a work object, and external axes held while it cuts")
-    up = in_object.rotation[known, :, 2] * np.sign(in_object.rotation[known, 2:, 2])
+    up = in_object.rotation[known, :, 2] * np.where(in_object.rotation[known, 2:, 2] < 0, -1.0, 1.0)
     upright = np.array([0.0, 0.0, 1.0])
 
     def axis_at(places: Array) -> Array:
         """The tool's axis (n, 3) at path lengths (n,)."""
         found = np.column_stack([np.interp(places, path.length[known], component) for component in up.T])
-        return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1), 1e-12)[:, None])
 
     span = np.diff(length)
     if ball:

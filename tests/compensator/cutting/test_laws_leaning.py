@@ -78,11 +78,12 @@ def test_a_hair_off_the_vertical_is_upright() -> None:
 
 
 @pytest.mark.parametrize(("lead", "tip", "known"), [(20, -1.0, True), (20, -7.0, False), (-20, -4.0, True), (-20, -7.0, True),
-                                                    (65, -0.5, False)])
+                                                    (65, -0.5, False), (90, -0.5, False)])
 def test_above_its_ball_nothing_is_known(lead: float, tip: float, known: bool) -> None:
     """Leaning forward by 20 degrees the shank meets the front of a slot from R (1 - sin 20) = 5.26 mm on; leaning back it is
     the ball that does. Over 60 degrees it is not looked at."""
-    engaged, _, place = milled(tilted(lead, 0.0), [[-80.0, 0.0, tip], [40.0, 0.0, tip]], block(LOW, HIGH, levels(tip)))
+    axis = (1.0, 0.0, 0.0) if lead == 90 else tilted(lead, 0.0)
+    engaged, _, place = milled(axis, [[-80.0, 0.0, tip], [40.0, 0.0, tip]], block(LOW, HIGH, levels(tip)))
     within = (np.abs(place[:, 0]) < 30) & engaged.cuts
     assert within.sum() > 50
     assert engaged.unknown[within].all() != known
