@@ -10,12 +10,10 @@ from compensator.correction.settings import Settings
 from compensator.cutting.coefficients import check_same, read_coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.disagreement import disagreement
+from compensator.cutting.predicted_log import STEP
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.stock_file import read_stock
 from identification.common.findings import Finding
-
-# The stock is moved by this [m] to see what that changes; more where its place is known worse.
-STEP = 0.1e-3
 
 
 def beside_stock(loaded: LoadedPath, prediction: Prediction, settings: Settings) -> list[Finding]:

@@ -63,7 +63,7 @@ class Budget:
     def as_dict(self) -> dict[str, Any]:
         """JSON values, micrometres."""
         left, two = self.corrected.left, self.two_sigma
-        uncorrected = np.linalg.norm(self.corrected.predicted.prediction.position, axis=1)
+        uncorrected = np.linalg.norm(self.corrected.predicted.prediction.at_rest, axis=1)
         square = max(float(np.mean(left.std**2)) if len(two) else 0.0, 1e-300)
         return {
             "tolerance_um": 1e6 * self.tolerance,

@@ -74,7 +74,7 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
     corrected = budget.corrected if budget is not None else job if isinstance(job, Corrected) else None
     if corrected is None:
         assert isinstance(job, Predicted)
-        keys += _worst(job, np.linalg.norm(job.prediction.position, axis=1), "largest at")
+        keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
                 Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left

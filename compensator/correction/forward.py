@@ -54,6 +54,12 @@ def loaded_blocks(loaded: LoadedPath, theta: Array, *, weight: bool = False) -> 
     if alone or not len(loaded.targets):
         yield from blocks
         return
+    if not loaded.model.effects:
+        wrench = np.nan_to_num(loaded.wrench)
+        for block in blocks:
+            rows = loaded.model.load_state(rest[block.places], wrench[block.places], block.flange_from_tcp)
+            yield replace(block, tool=displaced(block.tool, loaded.model.added(rows) + (rows.of_weight if weight else 0.0)))
+        return
     plain = list(blocks)                # effects remember: they are worked out over the whole program
     rows = load_state_of(loaded, rest)
     added = (loaded.model.added(rows) + (rows.of_weight if weight else 0.0))[loaded.targets]

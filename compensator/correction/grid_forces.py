@@ -121,8 +121,9 @@ def averaged(planned: TargetForces, placed: TargetForces, grid: Grid, place: Arr
     own = grid.owner[at[alone]]
     wrench[alone], standard_error[alone] = planned.wrench[own], planned.standard_error[own]
     count[alone], forced[alone] = planned.samples[own], planned.forced[own]
-    unknown = None if placed.unknown is None else placed.unknown[at]
-    return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced, unknown=unknown)
+    unknown, follows = (None if values is None else values[at] for values in (placed.unknown, placed.follows))
+    return replace(placed, wrench=wrench, standard_error=standard_error, samples=count, forced=forced, unknown=unknown,
+                   follows=follows)
 
 
 def among_others(planned: TargetForces, kept: Indices, some: TargetForces, number: Indices) -> TargetForces:
@@ -138,4 +139,5 @@ def among_others(planned: TargetForces, kept: Indices, some: TargetForces, numbe
         return values
 
     return replace(some, wrench=both("wrench"), samples=both("samples"), standard_error=both("standard_error"),
-                   forced=both("forced"), unknown=None if some.unknown is None else both("unknown"))
+                   forced=both("forced"), unknown=None if some.unknown is None else both("unknown"),
+                   follows=None if some.follows is None else both("follows"))

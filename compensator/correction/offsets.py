@@ -99,7 +99,8 @@ def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) ->
     every, prediction = np.arange(len(toolpath)), predicted.prediction
     columns = [_Columns("x_mm y_mm z_mm", toolpath.position, 6, 1e3, every, every), *more,
                *(_Columns(names, values, 4, 1e6, targets, np.arange(len(targets)), unknown)
-                 for names, values in (("dx_um dy_um dz_um", prediction.position), ("sx_um sy_um sz_um", prediction.std)))]
+                 for names, values in (("dx_um dy_um dz_um", prediction.at_rest),
+                                       ("sx_um sy_um sz_um", prediction.at_rest_std)))]
     notes = _notes(predicted, left)
     for start in range(0, max(len(toolpath), 1), CHUNK):
         rows = slice(start, min(start + CHUNK, len(toolpath)))

@@ -85,8 +85,8 @@ class Predicted:
 
     def as_dict(self) -> dict[str, Any]:
         """The figures of the prediction, JSON values."""
-        size = np.linalg.norm(self.prediction.position, axis=1)
-        std = np.sqrt(np.trace(self.prediction.covariance, axis1=1, axis2=2))
+        size = np.linalg.norm(self.prediction.at_rest, axis=1)
+        std = np.sqrt(np.trace(self.prediction.at_rest_covariance, axis1=1, axis2=2))
         return {
             "targets": len(self.path.toolpath),
             "with_force": int(self.forces.forced.sum()),

@@ -1,4 +1,9 @@
-"""Predicted deviation of the uncorrected targets under their force, with its covariance."""
+"""Predicted deviation of the uncorrected targets under their force, with its covariance.
+
+Forces that were predicted are those of a tool on its plan, F0, and so is the deviation d0 = C F0 under them, which a correction
+has to take away. The program as it is has another: its tool yields, stands less deep and meets less, F0 + J d, where J is what
+the engagement says that the force changes by aside. It comes to rest at d = (1 - C J)^-1 d0.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +27,8 @@ Indices = NDArray[np.intp]
 POSITION = slice(0, 3)
 # No cut is as light, and no robot as stiff [m].
 HARDLY = 2e-6
+# A cut makes no more of a deviation than so many times what it is on the plan.
+MOST_DRAWN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +41,8 @@ class Prediction:
     that a measured part taught; of_learned (M,) [m^2]: its part of the covariance's trace; of_scatter (M,)
     [m^2]: that of the mean force's scatter, of_force (M,) [m^2]: that of a force that was predicted; unseen (M, 3, 3) [m^2]:
     the part of covariance of what no measured part shows there, None: nothing was learned.
+    at_rest (M, 3) [m], at_rest_covariance (M, 3, 3) [m^2]: where the tool of the program as it is comes to rest. Of logged
+    forces, which are those of that pass, they are position and covariance.
     """
 
     targets: Indices
@@ -46,6 +55,8 @@ class Prediction:
     of_scatter: Array
     unseen: Array | None
     of_force: Array
+    at_rest: Array
+    at_rest_covariance: Array
 
     @property
     def known(self) -> Array:
@@ -56,6 +67,11 @@ class Prediction:
     def std(self) -> Array:
         """1 sigma of each component (M, 3) [m]."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    @property
+    def at_rest_std(self) -> Array:
+        """The same of `at_rest`."""
+        return np.sqrt(np.diagonal(self.at_rest_covariance, axis1=1, axis2=2))
 
 
 def predict_path(loaded: LoadedPath) -> Prediction:
@@ -70,7 +86,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
     of_effects = model.of_effects(load_state_of(loaded, theta)).of(targets) if model.effects and count else None
     position, covariance = np.empty((count, 3)), np.empty((count, 3, 3))
     learned, of_learned, unseen = np.broadcast_to(0.0, (count, 3)), np.broadcast_to(0.0, count), None
-    unknown = loaded.forces.unknown
+    unknown, follows = loaded.forces.unknown, loaded.forces.follows
+    yields = None if follows is None else np.empty((count, 3, 3))
     of_scatter, of_force = np.zeros(count), np.broadcast_to(0.0, count) if unknown is None else np.zeros(count)
     for block in loaded_blocks(loaded, theta, weight=True):
         tool, places = block.flange_from_tcp, block.places
@@ -87,6 +104,8 @@ def predict_path(loaded: LoadedPath) -> Prediction:
                     of_forces = carried.T @ unknown[targets[few]] @ carried.T
                     spread += of_forces.T
                     of_force[few] = np.trace(of_forces, axis1=1, axis2=2)
+                if yields is not None and follows is not None:
+                    yields[few] = _yields(carried.T, follows[targets[few]])
                 if scatter.any():
                     scattered = symmetric(carried, scatter.T[:, None] * carried)
                     spread += scattered
@@ -110,9 +129,22 @@ def predict_path(loaded: LoadedPath) -> Prediction:
             "CS4125", "warning", f"the largest predicted deviation is {1e6 * largest:.2g} um, with forces of up to "
             f"{np.linalg.norm(wrench[:, :3], axis=1).max():.3g} N", file=loaded.path.toolpath.source,
             hint="are the forces in newtons, and is it the stiffness file of this robot?")]
-    read_only(position, covariance, notes, of_scatter, of_force)
+    at_rest, at_rest_covariance = position, covariance
+    if yields is not None:
+        at_rest = np.einsum("nij,nj->ni", yields, position)
+        at_rest_covariance = yields @ covariance @ yields.swapaxes(1, 2)
+    read_only(position, covariance, notes, of_scatter, of_force, at_rest, at_rest_covariance)
     return Prediction(targets, position, covariance, notes, (*_unknown_gravity(model), *outside, *findings), learned,
-                      of_learned, of_scatter, unseen, of_force)
+                      of_learned, of_scatter, unseen, of_force, at_rest, at_rest_covariance)
+
+
+def _yields(compliance: Array, follows: Array) -> Array:
+    """(1 - C J)^-1 (n, 3, 3) of compliances C [m/N] and what the force follows, J [N/m]; 1 where that would go far beyond the
+    place that J was found at: a cut that draws the tool in."""
+    inverse = np.linalg.inv(np.eye(3) - compliance @ follows)
+    far = ~(np.linalg.norm(inverse, ord=2, axis=(1, 2)) <= MOST_DRAWN)
+    inverse[far] = np.eye(3)
+    return np.asarray(inverse)
 
 
 def deviation_slopes(loaded: LoadedPath) -> Array:

@@ -103,12 +103,12 @@ def _space(job: Predicted | Corrected, budget: Budget | None) -> View:
     assert isinstance(predicted, Predicted)
     path, targets, prediction = predicted.path, predicted.targets, predicted.prediction
     count = len(path.toolpath)
-    size = np.linalg.norm(prediction.position, axis=1)
+    size = np.linalg.norm(prediction.at_rest, axis=1)
     shown = [Quantity("deviation", "Deviation", "um", spread(1e6 * size, targets, count),
                       "Predicted deviation of the tool without correction, its size."),
-             *components(predicted, prediction.position),
+             *components(predicted, prediction.at_rest),
              Quantity("sigma", "Uncertainty", "um", spread(
-                 2e6 * np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2)), targets, count),
+                 2e6 * np.sqrt(np.trace(prediction.at_rest_covariance, axis1=1, axis2=2)), targets, count),
                  "How uncertain the predicted deviation is: 2 sigma of its size.")]
     if corrected is not None:
         offset = 1e3 * np.linalg.norm(corrected.correction.offset, axis=1)
@@ -141,7 +141,7 @@ def _along(predicted: Predicted, corrected: Corrected | None) -> Figure:
     length = 1e3 * predicted.path.length
     series = []
     for axis, colour in enumerate(AXIS_COLOURS):
-        value, sigma = 1e6 * predicted.prediction.position[:, axis], 1e6 * predicted.prediction.std[:, axis]
+        value, sigma = 1e6 * predicted.prediction.at_rest[:, axis], 1e6 * predicted.prediction.at_rest_std[:, axis]
         series.append(Line(f"d{AXES[axis]}", length, spread(value, targets, count), colour))
         series += [Line("", length, spread(value + sign * sigma, targets, count), colour, 0.6, dashed=True, legend=False)
                    for sign in (-2, 2)]

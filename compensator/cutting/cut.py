@@ -45,18 +45,30 @@ class Cut:
     def per_step(self) -> Array:
         """A (S, 3, 6): the mean force of a step [N], base frame, is A K; coefficients K in N/m^2 and N/m. Zero where it is not
         known."""
-        return self._in_base(self.engagement.weights)
-
-    def per_step_aside(self) -> list[Array]:
-        """The same with the tool aside, as `cut_of` was asked, along x, y and z of the work object; none where it was not."""
-        return [] if self.engagement.moved is None else [self._in_base(moved) for moved in self.engagement.moved]
-
-    def _in_base(self, weight: Array) -> Array:
-        chip = np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
-        scaled = weight.copy()
-        scaled[:, :, SHEAR] *= chip[:, None, None]
+        scaled = self.engagement.weights.copy()
+        scaled[:, :, SHEAR] *= self._chip[:, None, None]
         scaled[self.engagement.unknown] = 0.0
-        return np.asarray(np.einsum("sij,sjk->sik", self.path.base_from_object.rotation[self.track.target], scaled))
+        return np.asarray(np.einsum("sij,sjk->sik", self._base_from_object, scaled))
+
+    def change(self, coefficients: Array) -> Array:
+        """What the mean forces of the steps (S, 3, 3) [N], base frame, change by where the tool stands aside, as `cut_of` was
+        asked: columns are x, y and z of the work object. Coefficients (6,)."""
+        engagement = self.engagement
+        assert engagement.moved is not None
+        own = np.broadcast_to(coefficients, (len(self.track), 6)).copy()
+        own[:, SHEAR] *= self._chip[:, None]
+        own[engagement.unknown] = 0.0
+        here = np.einsum("sij,sj->si", engagement.weights, own)
+        moved = np.stack([np.einsum("sij,sj->si", weights, own) - here for weights in engagement.moved], axis=2)
+        return np.asarray(self._base_from_object @ moved)
+
+    @property
+    def _chip(self) -> Array:
+        return np.where(np.isfinite(self.track.chip), self.track.chip, 0.0)
+
+    @property
+    def _base_from_object(self) -> Array:
+        return np.asarray(self.path.base_from_object.rotation[self.track.target])
 
     @cached_property
     def time(self) -> Array:
@@ -126,8 +138,9 @@ class Cut:
             where = ", ".join(str(toolpath.line[target]) for target in lost[:NAMED])
             found.append(self.path.finding(
                 int(lost[0]), "CS4708", "warning", f"the force of {counted(len(lost), 'target')} that may cut is not known and "
-                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that is tilted "
-                "by over 1 degree, no feed, or a box that the stock file calls unknown",
+                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that leans by "
+                "over 1 degree (a ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls "
+                "unknown",
                 "they stay where they are; log a pass to correct them too"))
         if not self.cuts.any():
             found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,
@@ -137,7 +150,7 @@ class Cut:
 
 def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside: Array | None = None, step: float = 0.0) -> Cut:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
-    where the tool stood off the plan; step [m]: also with all of it aside by so much (`per_step_aside`).
+    where the tool stood off the plan; step [m]: also with all of it aside by so much (`change`).
 
     Raises CompstiffError: what `cutter_of` raises, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies
     away from the program, and what `read_stock` raises.
@@ -151,13 +164,14 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     blank = stock if isinstance(stock, Blank) else read_stock(stock)
     off = None if aside is None else path.base_from_object.inverse().turn(aside)
     piece = min(LONGEST, SHARE * cutter.radius)
-    track = track_of(path, cutter.teeth, 60 / speed, piece, off)
+    ball = cutter.radius if cutter.ball else 0.0
+    track = track_of(path, cutter.teeth, 60 / speed, piece, off, ball)
     _check_near(blank, track, cutter)
     # Layers by the plan: what the tool yields moves it by less than a layer, and in that.
-    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece)
+    planned = track if off is None else track_of(path, cutter.teeth, 60 / speed, piece, ball=ball)
     made = blank.stock(_levels(planned, blank.bounds, cutter.radius + MOST_ASIDE), cutter.corner)
-    engagement = mill_through(made, track, cutter, step)
-    return Cut(path, cutter, 60 / speed, blank, track, engagement, made)
+    engagement, left = mill_through(made, track, cutter, step)
+    return Cut(path, cutter, 60 / speed, blank, track, engagement, left)
 
 
 def _check_near(blank: Blank, track: Track, cutter: Cutter) -> None:

@@ -26,6 +26,11 @@ class Cutter:
     corner: float = 0.0
     flute: float = np.inf
 
+    @property
+    def ball(self) -> bool:
+        """Whether all of it under the flank is one ball."""
+        return self.corner > self.radius - SAME
+
     def radius_at(self, height: Array) -> Array:
         """Radius [m] at heights [m] above the tip; negative below it and above the edges."""
         down = np.maximum(self.corner - np.maximum(height, 0.0), 0.0)

@@ -60,12 +60,14 @@ class Disagreement:
 
     def _told(self, cause: str) -> str:
         if cause != self.causes[0]:
-            return {"wear": "the edges are worn, or sharper", "chip": "the spindle or the feed had another speed",
+            return {"wear": "the edges are worn, or sharper, or the teeth run out",
+                    "chip": "the spindle or the feed had another speed",
                     "strength": "material, tool or the sensor's gain is another", "stock": "the stock stands aside",
                     "other": "something that is not among the causes known"}[cause]
         share = self.size[0]
         if cause == "wear":
-            return (f"the edge's forces are {100 * share:+.0f} %, as of {'worn edges' if share > 0 else 'sharper edges'}")
+            return (f"the edge's forces are {100 * share:+.0f} %, as of "
+                    f"{'worn edges' if share > 0 else 'sharper edges, or of teeth that run out so that some miss the chip'}")
         if cause == "chip":
             return (f"the chips are {100 * share:+.0f} % thick, as with a spindle at {100 / max(1 + share, 0.05):.0f} % of its "
                     f"speed, or a feed of {100 * (1 + share):.0f} %")

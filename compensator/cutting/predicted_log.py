@@ -11,7 +11,7 @@ import numpy as np
 from compensator.cutting.coefficients import Coefficients, check_same
 from compensator.cutting.cut import Cut, cut_of
 from compensator.cutting.stock_file import read_stock
-from compensator.forces.log import ForceLog
+from compensator.forces.log import ForceLog, PredictedForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding
 from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
@@ -19,6 +19,8 @@ from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
 # Rows of the log stand for no more of the path than this where there is a cut [m], so that every place between targets has
 # some; and what they weigh in a mean is their length in such [m].
 A_ROW, A_SAMPLE = 0.1e-3, 0.01e-3
+# The tool is moved by so much [m] to see what that changes; more where the place of the stock is known worse.
+STEP = 0.1e-3
 # The feed a tooth may be outside of that of the log by this factor before it is said.
 OUTSIDE = 1.3
 
@@ -31,35 +33,38 @@ def in_base(cell: Cell) -> Cell:
 
 def predicted_log(path: RobotPath, coefficients: Coefficients, stock: str | Path, rpm: float | None) -> tuple[ForceLog, Cut]:
     """Of a program whose tool stands on its plan, which is where a corrected one stands. Rows are steps along the path, forces
-    in the base frame; covariance of each: the coefficients', the model's error, and where the stock stands.
+    in the base frame; covariance of each: the coefficients', the model's error, and where the stock stands; follows: what it
+    changes by where the tool stands off its plan.
 
     Raises CompstiffError: CS4721 another cutter or material, and what `cut_of` raises.
     """
     blank = read_stock(stock)
-    cut = cut_of(path, blank, rpm, step=blank.position_std)
+    step = max(STEP, blank.position_std)
+    cut = cut_of(path, blank, rpm, step=step)
     check_same(coefficients, cut.cutter, path.cell.cutting.material, str(path.cell.source))
     force = cut.per_step @ coefficients.mean
     covariance = np.einsum("sij,jk,slk->sil", cut.per_step, coefficients.covariance, cut.per_step)
     size = np.linalg.norm(force, axis=1)
     covariance += (coefficients.model_error * size)[:, None, None] ** 2 * np.eye(3) / 3
-    for weight in cut.per_step_aside():
-        change = weight @ coefficients.mean - force
-        covariance += np.einsum("si,sj->sij", change, change)
+    follows = cut.change(coefficients.mean) / step
+    covariance += blank.position_std**2 * follows @ follows.swapaxes(1, 2)
+    follows = follows @ path.base_from_object.rotation[cut.track.target].swapaxes(1, 2)
     # A target with a step of unknown force has none, and stays as it is.
     lost = cut.unknown[cut.track.target]
-    force[lost], covariance[lost] = 0.0, 0.0
+    force[lost], covariance[lost], follows[lost] = 0.0, 0.0, 0.0
     pieces = np.where(cut.engagement.cuts, np.maximum(np.ceil(cut.track.length / A_ROW), 1), 1).astype(np.intp)
-    step = np.repeat(np.arange(len(force)), pieces)
-    number = np.arange(len(step)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    share = (number + 0.5) / pieces[step] - 0.5
-    place = cut.track.place[step] + share * cut.track.length[step]
-    force, covariance, rows = force[step], covariance[step], len(step)
+    own = np.repeat(np.arange(len(force)), pieces)
+    number = np.arange(len(own)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (number + 0.5) / pieces[own] - 0.5
+    place = cut.track.place[own] + share * cut.track.length[own]
+    rows = len(own)
+    nothing = np.broadcast_to(0.0, (rows, 3))
+    force = force[own]
     findings = (*cut.findings(), *_outside(cut, coefficients))
     return ForceLog(
-        str(coefficients.source), force, np.zeros((rows, 3)), False, "path_mm", place, np.arange(1, rows + 1),
-        np.maximum(np.round(cut.track.length[step] / pieces[step] / A_SAMPLE), 1.0), None, None, None,
-        np.concatenate([force, np.zeros((rows, 3))], axis=1), np.zeros(rows, dtype=bool), findings,
-        covariance=covariance), cut
+        str(coefficients.source), force, nothing, False, "path_mm", place, np.arange(1, rows + 1),
+        np.maximum(np.round(cut.track.length[own] / pieces[own] / A_SAMPLE), 1.0), None, None, None, force,
+        np.zeros(rows, dtype=bool), findings, predicted=PredictedForces(own, covariance, follows)), cut
 
 
 def _outside(cut: Cut, coefficients: Coefficients) -> list[Finding]:

@@ -11,7 +11,7 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +19,15 @@ from numpy.typing import NDArray
 
 from compensator.cutting.chips import integrals, weights
 from compensator.cutting.cutter import Cutter
+from compensator.cutting.leaning import (
+    MOST_LEAN,
+    above_the_ball,
+    across_shank,
+    leaning_weights,
+    leans,
+    leans_too_far,
+    shank_rim,
+)
 from compensator.cutting.stock import Grid, Stock
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
@@ -63,12 +72,44 @@ class Engagement:
 
 @dataclass(frozen=True, eq=False)
 class _Slice:
-    """What of a cutter stands in one layer, at K steps: thick, radius, edge (K,) [m], sine (K,) as `weights` wants them."""
+    """What of a cutter stands in one layer, at K steps: foot (above the tip), thick, radius, edge (K,) [m], sine (K,) as
+    `weights` wants them."""
 
+    foot: Array
     thick: Array
     radius: Array
     sine: Array
     edge: Array
+
+    def at(self, some: NDArray[np.intp]) -> _Slice:
+        """At some of the steps."""
+        return _Slice(self.foot[some], self.thick[some], self.radius[some], self.sine[some], self.edge[some])
+
+
+@dataclass(frozen=True, eq=False)
+class _Axes:
+    """Of K steps: feed and its left (K, 2), level; chip (K,) [m]: feed a tooth; the tool's axis (K, 3), and whether it leans
+    (K,) and is that of a ball."""
+
+    feed: Array
+    left: Array
+    chip: Array
+    axis: Array
+    leans: Flags
+
+    def at(self, some: NDArray[np.intp]) -> _Axes:
+        """At some of the steps."""
+        return _Axes(self.feed[some], self.left[some], self.chip[some], self.axis[some], self.leans[some])
+
+
+@dataclass(frozen=True, eq=False)
+class _Arcs:
+    """Where K steps cut in a layer: step (M,), from begin to stop (M,) [rad]; integral (K, 5) over all of a step."""
+
+    step: NDArray[np.intp]
+    begin: Array
+    stop: Array
+    integral: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +123,19 @@ class _Material:
     kind: NDArray[np.intp]
 
 
-def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> Engagement:
-    """Takes the way of the cutter out of the stock, IN PLACE, and says how it engaged; aside [m]: also with the tool moved by
-    so much along x, y and up, each by itself."""
+def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
+    """How the cutter engages on its way through a stock, and what it leaves; aside [m]: also with the tool moved by so much
+    along x, y and up, each by itself."""
     count = len(track)
     arrays = {"weights": np.zeros((count, 3, 6)), "low": np.full(count, np.nan), "high": np.full(count, np.nan),
               "depth": np.zeros(count), "width": np.zeros(count)}
     if aside:
         arrays["moved"] = np.zeros((3, count, 3, 6))
+    if cutter.ball:
+        arrays["beyond"] = np.zeros(count, dtype=bool)
     near = _near(stock, track, cutter)
     grid = stock.inside
-    kind = np.cumsum([0, *(not np.array_equal(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
+    kind = np.cumsum([0, *(not _alike(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
     material = _Material(stock, np.full(grid.shape, np.float32(1.0)), aside, kind)
     with progress("milling through the stock", count) as bar:
         for first in range(0, count, BATCH):
@@ -100,14 +143,21 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
             if len(rows):
                 _one_batch(material, track, cutter, rows, arrays)
             bar.add(min(BATCH, count - first))
-    np.minimum(grid, material.swept, out=grid)
+    left = replace(stock, inside=np.minimum(grid, material.swept, out=material.swept))
     in_a_box = np.zeros(count, dtype=bool)
     for low, high in stock.unknown:
         reach = np.array([cutter.radius, cutter.radius, 0.0])
         in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
     cuts = arrays["depth"] > 0
-    unknown = (cuts & (track.joint | ~track.upright | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box
-    return Engagement(unknown=unknown, **arrays)
+    # Where a ball leans so far that nothing is worked out, its shank may cut wherever there is stock.
+    beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
+    unknown = (cuts & (track.joint | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box | beyond
+    return Engagement(unknown=unknown, **arrays), left
+
+
+def _alike(one: Grid, other: Grid) -> bool:
+    """Whether two layers have the same outline; those of a box are one array."""
+    return one.__array_interface__["data"] == other.__array_interface__["data"] or np.array_equal(one, other)
 
 
 def _plunges(track: Track) -> Flags:
@@ -119,8 +169,12 @@ def _plunges(track: Track) -> Flags:
 def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
     """Steps (S,) on which the cutter may reach the stock."""
     _, ny, nx = stock.inside.shape
-    low = stock.origin - cutter.radius
-    high = stock.origin + stock.cell * np.array([nx - 1, ny - 1]) + cutter.radius
+    # The shank of a tool that leans reaches further, as far up as there is stock.
+    upright = np.clip(track.axis[:, 2:], np.cos(MOST_LEAN), 1.0)
+    above = np.maximum(stock.height[-1] - np.minimum(track.start, track.end)[:, 2:], 0.0)
+    reach = cutter.radius / upright + above * np.sqrt(1 - upright**2) / upright
+    low = stock.origin - reach
+    high = stock.origin + stock.cell * np.array([nx - 1, ny - 1]) + reach
     flat_low, flat_high = (pick(track.start, track.end)[:, :2] for pick in (np.minimum, np.maximum))
     return np.asarray((flat_high >= low).all(axis=1) & (flat_low <= high).all(axis=1)
                       & (np.minimum(track.start, track.end)[:, 2] < stock.height[-1]))
@@ -136,6 +190,8 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
     flat = size > 1e-9
     feed = np.where(flat[:, None], way / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
     left = np.column_stack([-feed[:, 1], feed[:, 0]])
+    axes = _Axes(feed, left, np.nan_to_num(track.chip[rows]), track.axis[rows],
+                 leans(track.axis[rows]) & ~leans_too_far(track.axis[rows]) & cutter.ball)
     tip = middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
     within = np.flatnonzero(stock.height[1:] > tip.min())
@@ -159,16 +215,37 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
                 np.cos(ANGLE)[None, :, None] * feed[:, None, :] + np.sin(ANGLE)[None, :, None] * left[:, None, :]))
             own = _beside_own_way(rim, start, end, gone)
             rim_of[key] = (rim, own)
+        if axes.leans.any():
+            own = np.where(above_the_ball(ANGLE, at, cutter.radius, feed, axes.axis) & axes.leans[:, None], -1.0, own)
+            met = _shank_cuts(material, int(layer), cutter, middle, start, end, at, axes) & looking
+            into["beyond"][rows[met]] = True
         blank = _sampled(stock, stock.inside[layer], rim)
         gone_over = (_sampled(stock, material.swept[layer], rim), own)
         foot = np.maximum(bottom, tip) - tip
-        piece = _Slice(thick, radius, sine, cutter.edge_length(foot, foot + thick))
+        piece = _Slice(foot, thick, radius, sine, cutter.edge_length(foot, foot + thick))
         inside = np.where(looking[:, None], blank, -1.0)
-        turned = _add((inside, *gone_over), piece, feed, left, cutter.teeth, rows, into)
+        turned = _add((inside, *gone_over), piece, axes, cutter, rows, into)
         if material.aside:
-            _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, (feed, left), cutter.teeth,
-                       rows, into["moved"])
-    _go_over(material, cutter, start, end, layer_middle, within)
+            _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, axes, cutter, rows,
+                       into["moved"])
+    _go_over(material, cutter, start, end, axes, layer_middle, within)
+
+
+def _shank_cuts(material: _Material, layer: int, cutter: Cutter, middle: Array, start: Array, end: Array, at: Array, axes: _Axes
+                ) -> Flags:
+    """Steps (K,) at which what stands above the ball of a leaning tool meets material in a layer, at (K,) [m] above the tip."""
+    stock, high = material.stock, at - cutter.radius
+    rim = shank_rim(ANGLE, high, cutter.radius, axes.feed, axes.axis)
+    points = middle[:, None, :2] + np.nan_to_num(rim)
+    aside = np.maximum(high, 0.0)[:, None] * axes.axis[:, :2] / axes.axis[:, 2:]
+    own = np.ones(points.shape[:2])
+    for before in np.flatnonzero(axes.leans[:-1] & (at[:-1] > cutter.radius)):
+        some, first, last = (across_shank(xy, axes.axis[before]) for xy in (
+            points[before + 1:], start[before, :2] + aside[before], end[before, :2] + aside[before]))
+        np.minimum(own[before + 1:], _distance(some, first, last) - cutter.radius, out=own[before + 1:])
+    for grid in (stock.inside[layer], material.swept[layer]):
+        own = np.minimum(own, _sampled(stock, grid, points))
+    return np.asarray(axes.leans & ((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
 
 
 def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
@@ -208,10 +285,10 @@ def _sampled(stock: Stock, grid: Grid, points: Array) -> Array:
     return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
 
 
-def _arcs(distances: tuple[Array, ...]) -> tuple[NDArray[np.intp], Array, Array, Array]:
-    """Which steps (M,) cut, from where to where (M,) [rad], and the integrals (K, 5) over all of a step. distances, each (K, P)
-    [m]: how far the half circle is within what the blank, and what each of the ways before, leaves; cut is where it is within
-    all. Each passes zero by itself: the least of two has a bend where they meet, and no straight line ends it rightly."""
+def _arcs(distances: tuple[Array, ...]) -> _Arcs:
+    """Which steps cut, from where to where. distances, each (K, P) [m]: how far the half circle is within what the blank, and
+    what each of the ways before, leaves; cut is where it is within all. Each passes zero by itself: the least of two has a bend
+    where they meet, and no straight line ends it rightly."""
     first, last = (np.stack(distances)[:, :, some] - FILM for some in (slice(None, -1), slice(1, None)))
     step, piece = np.nonzero(((first > 0) | (last > 0)).all(axis=0))
     a, b = first[:, step, piece], last[:, step, piece]
@@ -223,31 +300,38 @@ def _arcs(distances: tuple[Array, ...]) -> tuple[NDArray[np.intp], Array, Array,
     step, begin, stop = step[some], begin[some], stop[some]
     integral = integrals(begin, stop)
     summed = np.column_stack([np.bincount(step, column, minlength=len(distances[0])).astype(float) for column in integral.T])
-    return step, begin, stop, summed
+    return _Arcs(step, begin, stop, summed)
 
 
-def _turned(summed: Array, piece_of: _Slice, feed: Array, left: Array, teeth: int) -> Array:
-    """Weights (K, 3, 6) in the work object of integrals (K, 5); local axes are feed, left, up."""
-    local = weights(summed, piece_of.thick, piece_of.sine, piece_of.edge, teeth)
+def _turned(arcs: _Arcs, piece_of: _Slice, axes: _Axes, cutter: Cutter) -> Array:
+    """Weights (K, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
+    local = weights(arcs.integral, piece_of.thick, piece_of.sine, piece_of.edge, cutter.teeth)
     turned = local.copy()
-    turned[:, :2] = np.einsum("kai,kac->kic", np.stack([feed, left], axis=1), local[:, :2])
+    turned[:, :2] = np.einsum("kai,kac->kic", np.stack([axes.feed, axes.left], axis=1), local[:, :2])
+    if axes.leans.any():
+        some = np.flatnonzero(axes.leans[arcs.step])
+        step = arcs.step[some]
+        each = leaning_weights(arcs.begin[some], arcs.stop[some], piece_of.foot[step], piece_of.thick[step], cutter,
+                               axes.feed[step], axes.axis[step], axes.chip[step])
+        turned[axes.leans] = 0.0
+        np.add.at(turned, step, each)
     return turned
 
 
-def _add(inside: tuple[Array, ...], piece_of: _Slice, feed: Array, left: Array, teeth: int, rows: NDArray[np.intp],
+def _add(inside: tuple[Array, ...], piece_of: _Slice, axes: _Axes, cutter: Cutter, rows: NDArray[np.intp],
          into: dict[str, Array]) -> Array | None:
     """Adds one layer's cut to the steps, and returns its weights; None where nothing is cut."""
-    step, begin, stop, summed = _arcs(inside)
-    if not len(step):
+    arcs = _arcs(inside)
+    if not len(arcs.step):
         return None
-    thick = piece_of.thick
-    turned = _turned(summed, piece_of, feed, left, teeth)
+    thick, summed = piece_of.thick, arcs.integral
+    turned = _turned(arcs, piece_of, axes, cutter)
     into["weights"][rows] += turned
     cut = np.flatnonzero(summed[:, 4] > 0)
     at = rows[cut]
     lowest, highest = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    np.minimum.at(lowest, step, begin)
-    np.maximum.at(highest, step, stop)
+    np.minimum.at(lowest, arcs.step, arcs.begin)
+    np.maximum.at(highest, arcs.step, arcs.stop)
     into["low"][at] = np.fmin(into["low"][at], lowest[cut])
     into["high"][at] = np.fmax(into["high"][at], highest[cut])
     depth = into["depth"][at] + thick[cut]
@@ -258,17 +342,15 @@ def _add(inside: tuple[Array, ...], piece_of: _Slice, feed: Array, left: Array, 
 
 
 def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Array, gone_over: tuple[Array, ...], rim: Array,
-               tip: Array, piece_of: _Slice, looking: Flags, axes: tuple[Array, Array], teeth: int, rows: NDArray[np.intp],
-               moved: Array) -> None:
+               tip: Array, piece_of: _Slice, looking: Flags, axes: _Axes, cutter: Cutter, rows: NDArray[np.intp], moved: Array
+               ) -> None:
     """Adds the cut of one layer with the tool aside along x, y and up, to moved (3, S, 3, 6). turned: its weights where it is
     on its way; blank and each of gone_over (K, P) [m]: the distances there."""
     stock, aside, count = material.stock, material.aside, len(rows)
 
     def cut(some: NDArray[np.intp], other: Array) -> Array:
         """Weights (len(some), 3, 6) of steps where the blank is `other`."""
-        _, _, _, summed = _arcs((other, *(one[some] for one in gone_over)))
-        part = _Slice(piece_of.thick[some], piece_of.radius[some], piece_of.sine[some], piece_of.edge[some])
-        return _turned(summed, part, axes[0][some], axes[1][some], teeth)
+        return _turned(_arcs((other, *(one[some] for one in gone_over))), piece_of.at(some), axes.at(some), cutter)
 
     as_it_is = np.zeros((count, 3, 6)) if turned is None else turned
     # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
@@ -304,40 +386,59 @@ def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Arr
             moved[2, rows[some]] += share[some, None, None] * cut(some, _sampled(stock, grid, rim[some]))
 
 
-def _go_over(material: _Material, cutter: Cutter, start: Array, end: Array, layer_middle: Array,
+def _go_over(material: _Material, cutter: Cutter, start: Array, end: Array, axes: _Axes, layer_middle: Array,
              within: NDArray[np.intp]) -> None:
     """The way of the steps is gone over in the layers `within`."""
-    stock, (_, ny, nx) = material.stock, material.swept.shape
-    for first, last in _straight_runs(start, end):
+    for first, last in _straight_runs(start, end, axes.axis):
         low, high = np.minimum(start[first], end[last]), np.maximum(start[first], end[last])
         tip = 0.5 * (low[2] + high[2])
         height = layer_middle[within] - tip
         radius = cutter.radius_at(height)
-        layers = within[radius > 0]
-        if not len(layers):
-            continue
-        # Beyond the cutter too: the edge's distance is wanted on both sides of it.
-        reach = cutter.radius + 2 * stock.cell
-        i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) // stock.cell,
-                                                   (high[0] + reach - stock.origin[0]) // stock.cell + 2))
-        j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) // stock.cell,
-                                                   (high[1] + reach - stock.origin[1]) // stock.cell + 2))
-        if i0 >= i1 or j0 >= j1:
-            continue
-        x = stock.origin[0] + stock.cell * np.arange(i0, i1)
-        y = stock.origin[1] + stock.cell * np.arange(j0, j1)
-        away = _distance(np.stack(np.meshgrid(x, y), axis=-1), start[first, :2], end[last, :2])
-        for layer, own in zip(layers, radius[radius > 0], strict=True):
-            box = material.swept[layer, j0:j1, i0:i1]
-            np.minimum(box, (away - own).astype(np.float32), out=box)
+        reached = radius > 0
+        # Above its ball a tool that leans stands aside, an ellipse about its axis.
+        above = reached & (height > cutter.radius) if axes.leans[first] else np.zeros(len(within), dtype=bool)
+        level = reached & ~above
+        _take(material, within[level], radius[level], start[first, :2], end[last, :2])
+        for layer, own, up in zip(within[above], radius[above], height[above] - cutter.radius, strict=True):
+            aside = up * axes.axis[first, :2] / axes.axis[first, 2]
+            _take(material, np.array([layer]), np.array([own]), start[first, :2] + aside, end[last, :2] + aside,
+                  axes.axis[first])
 
 
-def _straight_runs(start: Array, end: Array) -> list[tuple[int, int]]:
-    """First and last step of each run in one direction at one height: its way is that of one long step."""
+def _take(material: _Material, layers: NDArray[np.intp], radius: Array, first: Array, last: Array, axis: Array | None = None
+          ) -> None:
+    """Circles of radius (n,) [m], or the ellipses of a shank with an axis (3,), go over the layers (n,) from first to last
+    (2,)."""
+    stock, (_, ny, nx) = material.stock, material.swept.shape
+    if not len(layers):
+        return
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    # Beyond the cutter too: the edge's distance is wanted on both sides of it.
+    reach = radius.max() / (1.0 if axis is None else axis[2]) + 2 * stock.cell
+    i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) // stock.cell,
+                                               (high[0] + reach - stock.origin[0]) // stock.cell + 2))
+    j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) // stock.cell,
+                                               (high[1] + reach - stock.origin[1]) // stock.cell + 2))
+    if i0 >= i1 or j0 >= j1:
+        return
+    x = stock.origin[0] + stock.cell * np.arange(i0, i1)
+    y = stock.origin[1] + stock.cell * np.arange(j0, j1)
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    if axis is not None:
+        points, first, last = (across_shank(xy, axis) for xy in (points, first, last))
+    away = _distance(points, first, last)
+    for layer, own in zip(layers, radius, strict=True):
+        box = material.swept[layer, j0:j1, i0:i1]
+        np.minimum(box, (away - own).astype(np.float32), out=box)
+
+
+def _straight_runs(start: Array, end: Array, axis: Array) -> list[tuple[int, int]]:
+    """First and last step of each run in one direction at one height, with one axis (K, 3): its way is one long step's."""
     way = end - start
     size = np.linalg.norm(way, axis=1)
     unit = way / np.maximum(size, 1e-12)[:, None]
     bends = (np.linalg.norm(np.diff(unit, axis=0), axis=1) > 1e-7) | (np.abs(np.diff(way[:, 2])) > 1e-9) | (
-        np.abs(way[1:, 2]) > 1e-9) | (np.abs(start[1:] - end[:-1]).max(axis=1, initial=0.0) > 1e-9)
+        np.abs(way[1:, 2]) > 1e-9) | (np.abs(start[1:] - end[:-1]).max(axis=1, initial=0.0) > 1e-9) | (
+        np.abs(np.diff(axis, axis=0)).max(axis=1, initial=0.0) > 1e-9)
     edges = [0, *(1 + np.flatnonzero(bends)), len(start)]
     return [(int(a), int(b) - 1) for a, b in pairwise(edges)]

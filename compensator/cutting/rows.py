@@ -28,10 +28,8 @@ def logged_rows(
     chosen = np.flatnonzero(used)
     rows = ForceRows(weight[chosen], forces.wrench[chosen, :3], np.nan_to_num(forces.standard_error[chosen]),
                      np.zeros((len(chosen), 3, 0)), path.length[chosen])
-    moved = [cut.mean(one)[chosen] for one in cut.per_step_aside()]
-    if not moved or len(chosen) < FEWEST:
+    if cut.engagement.moved is None or len(chosen) < FEWEST:
         return rows, used
     known = np.linalg.lstsq(rows.weight.reshape(-1, 6), rows.force.reshape(-1), rcond=None)[0] if coefficients is None else (
         coefficients)
-    change = np.stack(moved, axis=3) - rows.weight[:, :, :, None]
-    return replace(rows, aside=np.einsum("nikj,k->nij", change, np.asarray(known))), used
+    return replace(rows, aside=cut.mean(cut.change(np.asarray(known)))[chosen]), used

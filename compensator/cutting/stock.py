@@ -16,10 +16,13 @@ from identification.common.arrays import Array
 from identification.common.findings import error
 
 Grid = NDArray[np.float32]
-# Bytes that the layers of one stock may take: a part of 1 m x 1 m at 0.5 mm in 128 layers.
+# Bytes that the layers of one stock may take: a part of 1 m x 1 m at 0.5 mm in 128 layers. What a cutter leaves takes as much
+# again, but for a box, whose layers are one.
 MOST_BYTES = 2.1e9
 # Levels nearer to each other than this [m] are one. More levels than this: the layers are even.
 SAME_LEVEL, MOST_LEVELS, MOST_LAYERS = 2e-6, 64, 400
+# Pieces of a quarter of a rounding, the most that fit.
+ROUNDING = (24, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ def box_stock(low: Array, high: Array, height: Array, cell: float) -> Stock:
     outside = np.hypot(np.maximum(np.maximum(low[0] - x, x - high[0]), 0.0)[None, :],
                        np.maximum(np.maximum(low[1] - y, y - high[1]), 0.0)[:, None])
     one = np.where(outside > 0, -outside, inside).astype(np.float32)
-    return Stock(origin, cell, height, np.repeat(one[None], len(height) - 1, axis=0), np.zeros((0, 2, 3)))
+    return Stock(origin, cell, height, np.broadcast_to(one, (len(height) - 1, *one.shape)), np.zeros((0, 2, 3)))
 
 
 def check_size(layers: int, ny: int, nx: int) -> None:
@@ -82,18 +85,21 @@ def layers_for(low: float, high: float, tips: Array, corner: float, thickness: f
     """Heights (L + 1,) [m] between low and high that suit a program whose tip comes to the heights `tips` (n,) [m].
 
     At its levels where they are few, else even, of `thickness` [m] or as many as may be; the rounding of a cutter of corner
-    radius `corner` is cut in eight.
+    radius `corner` is cut in 24 where that fits, so that the edge of a thin cut lies where it should, else in eight.
     """
     levels = np.unique(np.round(tips[(tips > low) & (tips < high)] / SAME_LEVEL)) * SAME_LEVEL
     if len(levels) > MOST_LEVELS:
         count = int(min(np.ceil((high - low) / thickness), MOST_LAYERS))
         return np.linspace(low, high, count + 1)
-    above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, 9))) if corner else np.zeros(1)
-    edges = np.sort(np.concatenate([[low, high], (levels[:, None] + above).ravel()]))
-    edges = edges[(edges >= low) & (edges <= high)]
-    kept = edges[np.insert(np.diff(edges) > SAME_LEVEL, 0, True)]
-    kept[-1] = high
-    return kept if len(kept) <= MOST_LAYERS else np.linspace(low, high, MOST_LAYERS + 1)
+    for pieces in ROUNDING:
+        above = corner * (1 - np.cos(np.linspace(0, np.pi / 2, pieces + 1))) if corner else np.zeros(1)
+        edges = np.sort(np.concatenate([[low, high], (levels[:, None] + above).ravel()]))
+        edges = edges[(edges >= low) & (edges <= high)]
+        kept = edges[np.insert(np.diff(edges) > SAME_LEVEL, 0, True)]
+        kept[-1] = high
+        if len(kept) <= MOST_LAYERS:
+            return kept
+    return np.linspace(low, high, MOST_LAYERS + 1)
 
 
 def relayered(stock: Stock, height: Array) -> Stock:
@@ -101,4 +107,4 @@ def relayered(stock: Stock, height: Array) -> Stock:
     middle = 0.5 * (height[1:] + height[:-1])
     which = np.clip(np.searchsorted(stock.height, middle, side="right") - 1, 0, len(stock.inside) - 1)
     check_size(len(which), *stock.inside.shape[1:])
-    return Stock(stock.origin, stock.cell, height, stock.inside[which].copy(), stock.unknown, stock.position_std)
+    return Stock(stock.origin, stock.cell, height, stock.inside[which], stock.unknown, stock.position_std)

@@ -1,4 +1,8 @@
-"""Track: a program's path in short steps, as the cutter goes through the stock."""
+"""Track: a program's path in short steps, as the cutter goes through the stock.
+
+A ball is a ball whichever way its axis leans: in the stock it goes the way of an upright one with the same middle, whose tip
+stands a radius under that. So the track of a ball is that of this tip, and what leans with the axis is its force.
+"""
 
 from __future__ import annotations
 
@@ -14,43 +18,39 @@ from identification.common.arrays import Array, read_only
 from identification.common.findings import error
 
 Indices = NDArray[np.intp]
-# The axis of the tool may be so far off the vertical of the work object [rad]: by more, a flat cutter of 16 mm would stand 0.14
-# mm lower on one side.
-MOST_TILT = np.radians(1.0)
 # Lengths along the path in the work object and in the world are one where nothing moves [m].
 SAME_LENGTH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """S steps: start and end (S, 3) [m] of the tip, work object; place (S,) [m] of the middle along the path; target (S,) that
-    the middle belongs to, move (S,) whose way it is on; chip (S,) [m]: feed a tooth; joint (S,): a joint move, whose way is not
-    known; upright (S,): the tool's axis is that of the stock."""
+    """S steps: start and end (S, 3) [m] of the tip, of a ball of the point a radius under its middle, work object; place (S,)
+    [m] of the middle along the path, length (S,) [m] of the path's piece; target (S,) that the middle belongs to, move (S,)
+    whose way it is on; chip (S,) [m]: feed a tooth; joint (S,): a joint move, whose way is not known; axis (S, 3): unit vector
+    of the tool towards its spindle, which is above."""
 
     start: Array
     end: Array
     place: Array
+    length: Array
     target: Indices
     move: Indices
     chip: Array
     joint: NDArray[np.bool_]
-    upright: NDArray[np.bool_]
+    axis: Array
 
     def __post_init__(self) -> None:
-        read_only(self.start, self.end, self.place, self.target, self.move, self.chip, self.joint, self.upright)
+        read_only(self.start, self.end, self.place, self.length, self.target, self.move, self.chip, self.joint, self.axis)
 
     def __len__(self) -> int:
         return len(self.place)
 
-    @property
-    def length(self) -> Array:
-        """Of the steps (S,) [m]."""
-        return np.asarray(np.linalg.norm(self.end - self.start, axis=1))
 
-
-def track_of(path: RobotPath, teeth: int, revolution: float, step: float, aside: Array | None = None) -> Track:
+def track_of(
+    path: RobotPath, teeth: int, revolution: float, step: float, aside: Array | None = None, ball: float = 0.0
+) -> Track:
     """The path of the tip in steps of at most `step` [m]; revolution [s] of the spindle; aside (N, 3) [m], work object: where
-    the tool stood off the path at the targets, None: on it.
+    the tool stood off the path at the targets, None: on it; ball [m]: radius of a cutter that is one, 0: it is not.
 
     Raises CompstiffError (CS4702) for a program whose work object is not one that stands still.
     """
@@ -62,9 +62,21 @@ def track_of(path: RobotPath, teeth: int, revolution: float, step: float, aside:
     if len(np.unique(toolpath.workobject[known])) > 1 or not same:
         raise error("CS4702", "the engagement needs one work object that stands still, and this program has more, or moves it",
                     file=toolpath.source, hint="one program a work object, and external axes held while it cuts")
+    up = in_object.rotation[known, :, 2] * np.where(in_object.rotation[known, 2:, 2] < 0, -1.0, 1.0)
+    upright = np.array([0.0, 0.0, 1.0])
+
+    def axis_at(places: Array) -> Array:
+        """The tool's axis (n, 3) at path lengths (n,)."""
+        found = np.column_stack([np.interp(places, path.length[known], component) for component in up.T])
+        return np.asarray(found / np.maximum(np.linalg.norm(found, axis=1), 1e-12)[:, None])
+
+    span = np.diff(length)
+    if ball:
+        points = points + ball * (axis_at(length) - upright)
+    # The feed is that of the TCP; the middle of a ball that turns goes another.
+    faster = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.where(span > 0, span, 1.0) if ball else np.ones(len(span))
     if aside is not None:
         points = points + np.column_stack([np.interp(length, path.length[known], axis[known]) for axis in aside.T])
-    span = np.diff(length)
     pieces = np.maximum(np.ceil(span / step - 1e-9), 1).astype(np.intp)
     owner = np.repeat(np.arange(len(span)), pieces)
     first = np.arange(len(owner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
@@ -75,8 +87,8 @@ def track_of(path: RobotPath, teeth: int, revolution: float, step: float, aside:
     kept = span[owner] > 0
     target = nearest_target(path.length, place)
     move = known[np.clip(np.searchsorted(path.length[known], place, side="left"), 0, len(known) - 1)]
-    chip = toolpath.feed[move] * revolution / teeth
+    done = (high - low) * span[owner]
+    chip = toolpath.feed[move] * faster[owner] * revolution / teeth
     joint = np.isin(toolpath.move[move], (Move.JOINT, Move.ABSOLUTE))
-    upright = np.abs(in_object.rotation[:, 2, 2]) >= np.cos(MOST_TILT)
-    return Track(start[kept], end[kept], place[kept], target[kept], move[kept], chip[kept], joint[kept],
-                 (upright[move] & upright[target])[kept])
+    return Track(start[kept], end[kept], place[kept], done[kept], target[kept], move[kept], chip[kept], joint[kept],
+                 axis_at(place[kept]))

@@ -31,6 +31,20 @@ SLOWEST_RPM = 100.0
 
 
 @dataclass(frozen=True, eq=False)
+class PredictedForces:
+    """Of forces that were worked out in S steps of a path, base frame. step (M,): that of each row of the log; covariance
+    (S, 3, 3) [N^2]: what is not known of them along a whole stretch; follows (S, 3, 3) [N/m]: what they change by where the
+    tool stands off its plan."""
+
+    step: Indices
+    covariance: Array
+    follows: Array
+
+    def __post_init__(self) -> None:
+        read_only(self.step, self.covariance, self.follows)
+
+
+@dataclass(frozen=True, eq=False)
 class ForceLog:
     """A logged pass, M rows in time order, as logged: forces (M, 3) [N] and moments (M, 3) [N m] in the log's frame.
 
@@ -40,10 +54,9 @@ class ForceLog:
     None: it is not. plain (M, 3 or 6): `load` before that, which tells a cut's edge to the sample.
     saturated (M,): a sample at the end of the sensor's range is in the row. spread (M,) [m]: 1 sigma of a path length that was
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
-    keeps of them, one over T seconds 1/T times that. covariance (M, 3, 3) [N^2], base frame: of forces that were predicted,
-    what is not known of them along a whole stretch; None: logged. held (M,): rows in which a channel stood still (health.py),
-    which place the log and are no forces. on_path: the rows were placed along the path; sent: by where the program sent the
-    tool, so that its offsets are in the place.
+    keeps of them, one over T seconds 1/T times that. predicted: what is known of forces that were worked out, None: logged.
+    held (M,): rows in which a channel stood still (health.py), which place the log and are no forces. on_path: the rows were
+    placed along the path; sent: by where the program sent the tool, so that its offsets are in the place.
     """
 
     source: str
@@ -62,7 +75,7 @@ class ForceLog:
     findings: tuple[Finding, ...] = ()
     spread: Array | None = None
     lines_left: float = 0.0
-    covariance: Array | None = None
+    predicted: PredictedForces | None = None
     held: NDArray[np.bool_] | None = None
     on_path: bool = False
     sent: bool = False
@@ -77,12 +90,14 @@ class ForceLog:
 
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
-        return self.rows(slice(0, 0))
+        return replace(self.rows(slice(0, 0)), predicted=None)
 
     def rows(self, which: NDArray[np.bool_] | slice) -> ForceLog:
         """Some of its rows, by which (M,)."""
         some: dict[str, Any] = {
             name: field[which].copy() for name, field in vars(self).items() if isinstance(field, np.ndarray)}
+        if self.predicted is not None:
+            some["predicted"] = replace(self.predicted, step=self.predicted.step[which].copy())
         return replace(self, **some)
 
 

@@ -51,8 +51,9 @@ class TargetForces:
     standard_error (N, 3) [N] of the mean force, base frame, by the samples' scatter (scatter.py); NaN under two samples.
     forced (N,): the force is told apart from zero. tare (6,): the bias that was subtracted, log frame, None: none is known.
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
-    frame: covariance of forces that were predicted, None where they were logged. held (k,): targets all of whose samples stood
-    still (health.py), of which no force is known.
+    frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
+    its plan. None where they were logged. held (k,): targets all of whose samples stood still (health.py), of which no force
+    is known.
     """
 
     wrench: Array
@@ -63,6 +64,7 @@ class TargetForces:
     findings: tuple[Finding, ...]
     log: ForceLog
     unknown: Array | None = None
+    follows: Array | None = None
     held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
 
     @property
@@ -112,11 +114,12 @@ def place_forces(
         spread = rows.mean(log.spread[on, None])
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
-                          zero.bias, (), log.without_rows() if log.key == "target" else log, _unknown(log, on, rows, forced))
+                          zero.bias, (), log.without_rows() if log.key == "target" else log,
+                          *_of_predicted(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
-                 *(said_of_feed(log, path, forced) if log.covariance is None else ()),
-                 *(_direction(log, path, cell, forced, wrench, mean) if log.covariance is None else ())]
+                 *(said_of_feed(log, path, forced) if log.predicted is None else ()),
+                 *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
     return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))
 
@@ -154,12 +157,20 @@ def _direction(
                              sign_stated="sign" in cell.force_log.form.model_fields_set)
 
 
-def _unknown(log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]) -> Array | None:
-    """Covariance (N, 3, 3) [N^2] of predicted forces at the targets; None where they were logged."""
-    if log.covariance is None:
-        return None
-    mean = rows.mean(log.covariance[on].reshape(-1, 9)).reshape(-1, 3, 3)
-    return np.where(forced[:, None, None], mean, 0.0)
+def _of_predicted(
+    log: ForceLog, on: NDArray[np.bool_], rows: TargetRows, forced: NDArray[np.bool_]
+) -> tuple[Array | None, Array | None]:
+    """Covariance (N, 3, 3) [N^2] of predicted forces at the targets, and what they follow (N, 3, 3) [N/m]; None where they were
+    logged."""
+    if log.predicted is None:
+        return None, None
+    step, samples = log.predicted.step[on], np.maximum(rows.samples, 1)
+
+    def means(values: Array) -> Array:
+        columns = [np.where(forced, rows.sum(column[step]) / samples, 0.0) for column in values.reshape(-1, 9).T]
+        return np.stack(columns, axis=1).reshape(-1, 3, 3)
+
+    return means(log.predicted.covariance), means(log.predicted.follows)
 
 
 def _stretches(tare: Range | Sequence[Range] | None) -> list[Range]:

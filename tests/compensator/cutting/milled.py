@@ -27,9 +27,11 @@ def track_along(corner_mm: np.ndarray, chip_mm: float = 0.1, step_mm: float = 0.
     start = corner[leg] + number[:, None] * way
     done = np.concatenate([[0.0], np.cumsum(size)])[leg] + (number + 0.5) * size[leg] / pieces[leg]
     count = len(leg)
-    arrays = {"start": start, "end": start + way, "place": done, "target": leg, "move": leg,
+    arrays = {"start": start, "end": start + way, "place": done, "length": np.linalg.norm(way, axis=1), "target": leg,
+              "move": leg,
               "chip": np.full(count, 1e-3 * chip_mm),
-              "joint": np.zeros(count, dtype=bool), "upright": np.ones(count, dtype=bool)}
+              "joint": np.zeros(count, dtype=bool),
+              "axis": np.broadcast_to([0.0, 0.0, 1.0], (count, 3))}
     return Track(**(arrays | changed))
 
 
@@ -49,7 +51,7 @@ def force_of(track: Track, engaged: Engagement, coefficients: np.ndarray = TRUE)
 
 def milled(stock: Stock, corner_mm: np.ndarray, chip_mm: float = 0.1, cutter: Cutter = FLAT, step_mm: float = 0.5
            ) -> tuple[Track, Engagement, np.ndarray]:
-    """Track, engagement and force (S, 3) [N] of a way through a stock, which is cut."""
+    """Track, engagement and force (S, 3) [N] of a way through a stock."""
     track = track_along(corner_mm, chip_mm, step_mm)
-    engaged = mill_through(stock, track, cutter)
+    engaged, _ = mill_through(stock, track, cutter)
     return track, engaged, force_of(track, engaged)

@@ -12,9 +12,10 @@ import pytest
 from compensator.cutting.coefficients import Coefficients, check_same, read_coefficients
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.materials import coefficients_of
+from compensator.cutting.removal import mill_through
 from compensator.cutting.stock_file import read_npz, read_stock, stock_npz
 from identification.common.findings import CompstiffError
-from tests.compensator.cutting.milled import FLAT, block, milled
+from tests.compensator.cutting.milled import FLAT, block, milled, track_along
 
 BOX = "box: {from_mm: [0, 0, -20], to_mm: [50, 40, 0]}\n"
 
@@ -50,7 +51,7 @@ def test_what_is_no_stock_is_refused(tmp_path: Path, text: str, code: str) -> No
 
 def test_what_a_program_left_comes_back(tmp_path: Path) -> None:
     stock = block((-60.0, -40.0, -20.0), (60.0, 40.0, 0.0), (-4.0,), 0.5)
-    milled(stock, np.array([[-80.0, 0.0, -4.0], [80.0, 0.0, -4.0]]))
+    _, stock = mill_through(stock, track_along(np.array([[-80.0, 0.0, -4.0], [80.0, 0.0, -4.0]])), FLAT)
     file = tmp_path / "left.npz"
     file.write_bytes(stock_npz(replace(stock, position_std=0.3e-3)))
     back = read_npz(file)

@@ -30,7 +30,7 @@ def test_the_change_is_that_of_a_sum_over_the_edge(y: float) -> None:
     """Entry, plateau and exit of a shoulder and of a slot, the tool moved by 0.1 mm along x, y and up: to 4 % of the largest
     change on the plateau, and to 3 % of the force at entry and exit, which change within a step."""
     track = track_along(np.array([[-80.0, y, -4.0], [80.0, y, -4.0]]))
-    engaged = mill_through(block(LOW, HIGH, (-4.0,)), track, FLAT, 1e-3 * STEP)
+    engaged, _ = mill_through(block(LOW, HIGH, (-4.0,)), track, FLAT, 1e-3 * STEP)
     assert engaged.moved is not None
     some = np.arange(20, len(track), 29)
     middle = 0.5e3 * (track.start + track.end)[some]
@@ -56,7 +56,7 @@ def test_a_pass_under_another_does_not_feel_where_the_top_stands() -> None:
     legs = [[-80.0, 30.0, -2.0], [80.0, 30.0, -2.0], [80.0, 30.0, 10.0], [-80.0, 30.0, 10.0], [-80.0, 30.0, -5.0],
             [80.0, 30.0, -5.0]]
     track = track_along(np.array(legs))
-    engaged = mill_through(block(LOW, HIGH, (-2.0, -5.0)), track, FLAT, 1e-3 * STEP)
+    engaged, _ = mill_through(block(LOW, HIGH, (-2.0, -5.0)), track, FLAT, 1e-3 * STEP)
     assert engaged.moved is not None
     tip = 1e3 * track.start[:, 2]
     change = forces(engaged.moved[2]) - forces(engaged.weights)
@@ -73,11 +73,11 @@ def test_a_leaning_blank_moved_is_milled_anew(tmp_path: Path, shift: tuple[float
     faces, tips = prism(outline, -20.0, 0.0, shift), np.array([-4e-3])
     file = stock_of(tmp_path, binary(faces))
     track = track_along(np.array([[-15.0, 42.0, -4.0], [50.0, 44.0, -4.0], [75.0, 20.0, -4.0]]))
-    engaged = mill_through(read_stock(file).stock(tips, 0.0), track, FLAT, 1e-3 * STEP)
+    engaged, _ = mill_through(read_stock(file).stock(tips, 0.0), track, FLAT, 1e-3 * STEP)
     assert engaged.moved is not None
     for axis in range(3):
         (tmp_path / "blank.stl").write_bytes(binary(faces - STEP * np.eye(3)[axis]))
-        anew = forces(mill_through(read_stock(file).stock(tips, 0.0), track, FLAT).weights) - forces(engaged.weights)
+        anew = forces(mill_through(read_stock(file).stock(tips, 0.0), track, FLAT)[0].weights) - forces(engaged.weights)
         own = forces(engaged.moved[axis]) - forces(engaged.weights)
         assert np.abs(anew).max() > 1
         assert np.median(np.abs(own - anew)) < 0.002 * np.abs(anew).max()
@@ -86,7 +86,7 @@ def test_a_leaning_blank_moved_is_milled_anew(tmp_path: Path, shift: tuple[float
 
 def test_without_a_step_nothing_is_worked_out() -> None:
     track = track_along(np.array([[-80.0, 46.0, -4.0], [80.0, 46.0, -4.0]]))
-    plain = mill_through(block(LOW, HIGH, (-4.0,)), track, FLAT)
+    plain, _ = mill_through(block(LOW, HIGH, (-4.0,)), track, FLAT)
     assert plain.moved is None
-    again = mill_through(replace(block(LOW, HIGH, (-4.0,))), track, FLAT, 1e-3 * STEP)
+    again, _ = mill_through(replace(block(LOW, HIGH, (-4.0,))), track, FLAT, 1e-3 * STEP)
     assert np.array_equal(again.weights, plain.weights)

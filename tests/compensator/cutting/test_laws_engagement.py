@@ -77,9 +77,10 @@ def test_a_spring_pass_cuts_nothing() -> None:
     stock = block(LOW, HIGH, (-4.0,))
     for corner in ([[-80.0, 45.0, -4.0], [80.0, 45.0, -4.0]], [[80.0, 45.0, -4.0], [-80.0, 45.0, -4.0]],
                    [[-80.0, 45.0, -4.0], [80.0, 45.0, -4.0]]):
-        _, engaged, force = milled(stock, np.array(corner))
+        track = track_along(np.array(corner))
+        engaged, stock = mill_through(stock, track, FLAT)
     assert not engaged.cuts.any()
-    assert not force.any()
+    assert not force_of(track, engaged).any()
 
 
 @pytest.mark.parametrize("cutter", [FLAT, Cutter(8e-3, 3, 2e-3), Cutter(8e-3, 3, 8e-3)], ids=["flat", "bull", "ball"])
@@ -89,9 +90,10 @@ def test_what_is_taken_away_is_what_the_chips_are(cutter: Cutter) -> None:
     stock = block(LOW, HIGH, (-5.0, *[level for level in levels if level < 0]))
     before = stock.volume
     corner = np.array([[-80.0, -10.0, -5.0], [20.0, -10.0, -5.0], [40.0, 15.0, -5.0], [-80.0, 20.0, -5.0]])
-    track, engaged, _ = milled(stock, corner, cutter=cutter)
-    assert stock.volume < before
-    assert float(engaged.width * engaged.depth @ track.length) == pytest.approx(before - stock.volume, rel=0.01)
+    track = track_along(corner)
+    engaged, left = mill_through(stock, track, cutter)
+    assert left.volume < before == stock.volume
+    assert float(engaged.width * engaged.depth @ track.length) == pytest.approx(before - left.volume, rel=0.01)
 
 
 def test_up_and_down_milling_are_told_apart() -> None:
@@ -118,11 +120,12 @@ def test_what_is_not_known_is_said(kind: str) -> None:
         corner = np.array([[0.0, 0.0, 5.0], [0.0, 0.0, -4.0]])
     track = track_along(corner)
     count = len(track)
-    changed = {"joint": {"joint": np.ones(count, dtype=bool)}, "tilted": {"upright": np.zeros(count, dtype=bool)},
+    changed = {"joint": {"joint": np.ones(count, dtype=bool)},
+               "tilted": {"axis": np.tile([0.0, np.sin(0.03), np.cos(0.03)], (count, 1))},
                "no feed": {"chip": np.full(count, np.nan)}}.get(kind, {})
     if kind == "box":
         stock = replace(stock, unknown=1e-3 * np.array([[[-10.0, -10, -10], [10.0, 10, 10]]]))
-    engaged = mill_through(stock, replace(track, **changed), FLAT)
+    engaged, _ = mill_through(stock, replace(track, **changed), FLAT)
     if kind == "box":
         where = np.abs(1e3 * track.start[:, 0]) < 17
         assert engaged.unknown[where].all()

@@ -11,14 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.settings import Settings
+from compensator.cutting.cut import cut_of
 from compensator.cutting.stock_file import read_npz
+from compensator.path.robot_path import robot_path
+from compensator.posting.read_toolpath import read_toolpath
+from identification.model.cell import read_cell
 from tests.compensator.cutting.solids import binary, box_faces, stock_of
 from tests.runs.command_line import user_files as kit
 from tests.runs.milling.first_part_job import CUTTING, stock_file
 from tests.runs.milling.milling_job import MillingJob, rms
 from tests.virtual_cell import milling
 from tests.virtual_cell.endmill import EndMill
+from tests.virtual_cell.leaning_ball import LeaningBall, mean_force, tilted
 from tests.virtual_cell.milled_part import slot_and_pocket
 
 SEED = 6
@@ -96,9 +104,40 @@ def test_another_program_is_corrected_without_a_log(shop: Shop, fitted: dict[str
     assert stated["table"] > 3 * stated["log"]
 
 
+def test_the_program_as_it_is_yields_and_cuts_less(tmp_path: Path) -> None:
+    """On an arm twice as soft, by true coefficients and springs, no run-out: forces of a tool on its plan, which a
+    correction needs, would push it a tenth too far; what is stated is where the virtual cell's first pass stands."""
+    job = MillingJob(tmp_path, SEED, part=slot_and_pocket(spacing_mm=1.5, allowance_mm=0.8, wall_depth_mm=6.0),
+                     cutter=EndMill(runout_mm=(0.0, 0.0, 0.0)))
+    job.case.plant.compliance *= 2
+    stiffness = job.springs("k.json", job.case.stiffness / 2)
+    true = [*job.cutter.shear_n_mm2, *job.cutter.edge_n_mm]
+    (tmp_path / "true.json").write_text(json.dumps({
+        "format": "compstiff-cutting", "version": 1, "coefficients": ["Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"], "mean": true,
+        "covariance": [[0.0] * row + [1e-6] for row in range(6)], "model_error": 0.03,
+        "cutter": {"diameter_mm": 16, "teeth": 3, "corner_radius_mm": 0}}))
+    found = predict_files(Inputs(job.cell_with("cut.yaml", CUTTING), job.program, stiffness, None), Settings.of(
+        predict_force=tmp_path / "true.json", stock=stock_file(job.part, tmp_path / "b.npz"))).prediction
+    # A target's truth is the mean over the half moves beside it, where all of that cuts.
+    steps, count = job.first.steps, len(job.part.target_mm)
+    own = np.where(steps.share < 0.5, steps.segment - 1, steps.segment)
+    share = np.column_stack([np.bincount(own, values, minlength=count) for values in (job.first.cutting, *job.first.off_um.T)])
+    share /= np.maximum(np.bincount(own, minlength=count), 1)[:, None]
+    some = np.flatnonzero(share[found.targets, 0] == 1)
+    truth = milling.BASE_FROM_OBJECT.apply(share[found.targets[some], 1:])
+    told, on_plan = (1e6 * values[some] for values in (found.at_rest, found.position))
+    size = rms(truth)
+    assert len(some) > 150
+    assert size > 200
+    assert rms(on_plan) > 1.07 * size
+    assert rms(told) == pytest.approx(size, rel=0.03)
+    assert rms(told - truth) < min(0.1 * size, 0.6 * rms(on_plan - truth))
+    assert found.at_rest_std.mean() < found.std.mean()
+
+
 @pytest.mark.parametrize(("changed", "code", "words"), [
     ({}, "CS4740", "they agree"), ({"edge_n_mm": (55.4, 53.2, 0.7)}, "CS4741", "worn edges"),
-    ({"feed_mm_s": 25.2}, "CS4741 CS4742", "feed of"),
+    ({"feed_mm_s": 25.2}, "CS4741 CS4742", "feed of"), ({"runout_mm": (0.024, 0.0, 0.0)}, "CS4740 CS4741 CS4742", "run out"),
     ({"shear_n_mm2": (1073.8, 236.3, 310.8), "edge_n_mm": (38.8, 37.2, 1.0)}, "CS4741", "another material")])
 def test_a_log_beside_the_stock(shop: Shop, fitted: dict[str, Any], tmp_path: Path, changed: dict[str, Any], code: str,
                                 words: str) -> None:
@@ -209,6 +248,37 @@ def in_folder(shop: Shop, folder: Path) -> Path:
             shutil.copy(stock, folder / f"{name}.blank.npz")
             (folder / f"{name}.stock.yaml").write_text(f"left_by: {name}.blank.npz\n")
     return folder
+
+
+def test_a_ball_that_leans_is_predicted_from_its_program(shop: Shop, tmp_path: Path) -> None:
+    """A program whose tool leans by 15 degrees, written by the tool's tip: on the plateau the force is that of the engine edge
+    by edge, turned into the base frame; a bull-nose that leans is refused and listed."""
+    axis, radius, chip = np.array(tilted(8.0, -13.0)), 8.0, 36.0 / 150 / 3
+    lean, _ = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])
+    quaternion = np.roll((lean * milling.OBJECT_FROM_FLANGE).as_quat(canonical=True), 1)
+    middle = np.column_stack([np.linspace(-75, 75, 31), np.full(31, 5.0), np.full(31, radius - 0.8)])
+    text = shop.b.program.read_text().splitlines()
+    first = next(k for k, line in enumerate(text) if "MoveL" in line)
+    tail = text[first].split("]", 2)[2].replace("vAir", "vCut")
+    moves = [f"    MoveL [[{x:.5f},{y:.5f},{z:.5f}],[{','.join(f'{q:.9f}' for q in quaternion)}]{tail}"
+             for x, y, z in middle - radius * axis]
+    program, stock = tmp_path / "leaning.mod", tmp_path / "stock.yaml"
+    program.write_text("\n".join([*text[:first], *moves, "  ENDPROC", "ENDMODULE"]) + "\n")
+    stock.write_text("box: {from_mm: [-60, -40, -20], to_mm: [60, 40, 0]}\nposition_std_mm: 0.05\n")
+    for corner, known in ((8, True), (3, False)):
+        words = CUTTING.replace("teeth: 3", f"teeth: 3, corner_radius_mm: {corner}")
+        cell = read_cell(shop.a.cell_with(f"corner{corner}.yaml", words))
+        cut = cut_of(robot_path(read_toolpath(program, cell).toolpath, cell), stock, None)
+        within = np.abs(1e3 * cut.track.start[:, 0]) < 40
+        assert cut.unknown[1:-1].any() != known
+        if known:
+            truth = mean_force(LeaningBall(tuple(axis)), np.array([0.0, 5.0, radius - 0.8]), np.array([chip, 0.0, 0.0]),
+                               ((-60.0, -40.0, -20.0), (60.0, 40.0, 0.0)))
+            true = np.array([*(1e6 * np.array(EndMill().shear_n_mm2)), *(1e3 * np.array(EndMill().edge_n_mm))])
+            force = np.median((cut.per_step @ true)[within], axis=0)
+            assert force == pytest.approx(milling.BASE_FROM_OBJECT.apply(truth), abs=0.05 * np.linalg.norm(truth))
+        else:
+            assert [finding for finding in cut.findings() if finding.code == "CS4708"]
 
 
 def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
