@@ -98,15 +98,19 @@ def _fits(plain: Posterior, guesses: tuple[_Guess, ...]) -> list[Candidate]:
 
 
 def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
-    """Of those with a size the likeliest near none, with the usual parts of the noise: the others may be there for want of a
-    cause."""
+    """Of those with a size the likeliest near none, each mistake once, with the usual parts of the noise: the others may be
+    there for want of a cause."""
     if not sized:
         return []
     usual = plain
     if any(plain.at_map.noise.active[part] for part in OPTIONAL):
         usual = posterior(plain.data, plain.terms, plain, usual_noise=True)
     support = [_support_near_none(usual, guess) for guess in sized]
-    return [sized[k] for k in np.argsort(support)[::-1][:MOST_WITH_SIZE] if support[k] > HOPELESS]
+    best: dict[str, _Guess] = {}
+    for k in np.argsort(support)[::-1]:
+        if support[k] > HOPELESS:
+            best.setdefault(sized[k].mistake.key, sized[k])
+    return list(best.values())[:MOST_WITH_SIZE]
 
 
 def _portion(plain: Posterior) -> Posterior:

@@ -45,23 +45,32 @@ class Size(Effect):
         return Term(self, joint, start, typical, np.zeros(len(typical)))
 
 
-def _three(unit: str, typical: float, bound: float, source: str) -> tuple[Parameter, ...]:
-    return tuple(Parameter(axis, unit, typical, -bound, bound, source=source, bounds_source=source) for axis in "xyz")
+def _along(axes: str, unit: str, typical: float, bound: float, source: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(axis, unit, typical, -bound, bound, source=source, bounds_source=source) for axis in axes)
 
 
 class ToolOffset(Size):
-    """The TCP lies beside the one of cell.yaml, flange frame [m]: load and sensors meet the tool there."""
+    """The TCP lies beside the one of cell.yaml, flange frame [m]: load and sensors meet the tool there. axes: the coordinates
+    that are off, all of one that was taught badly, one of a tool of another length or a number mistyped."""
 
     name = "tcp"
     smallest = 0.005
     units = "mm"
-    parameters = _three("m", 0.02, 0.5, "engineering judgement: a tool changed or measured to its face is 10 to 50 mm off; "
-                        "half a metre is a tool's length")
     sentence = "the TCP lies elsewhere"
     settles = "teach the TCP again (four-point method) and compare it with tool.position_mm"
 
+    def __init__(self, axes: str = "xyz") -> None:
+        self.axes = axes
+        self.parameters = _along(axes, "m", 0.02, 0.5, "engineering judgement: a tool changed or measured to its face is 10 to "
+                                 "50 mm off; half a metre is a tool's length")
+
+    def _offset(self, values: Array) -> Array:
+        offset = np.zeros(3)
+        offset[["xyz".index(axis) for axis in self.axes]] = values
+        return offset
+
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        arm = np.einsum("nij,j->ni", rows.flange, values)
+        arm = np.einsum("nij,j->ni", rows.flange, self._offset(values))
         jacobian = rows.jacobian.copy()
         # The TCP's motion at the other point, and the torques of the same force there.
         jacobian[:, :3] += np.cross(jacobian[:, 3:], arm[:, :, None], axis=1)
@@ -73,11 +82,13 @@ class ToolOffset(Size):
 
     def mistake(self, data: LoadTest, joint: int | None, values: Array, std: Array) -> Mistake:
         frame = data.cell.flange_from_tcp
-        there = Frame(frame.rotation, frame.position + values)
-        off, at = ("(" + ", ".join(f"{x:.1f}" for x in 1e3 * point) + ") mm" for point in (values, there.position))
+        there = Frame(frame.rotation, frame.position + self._offset(values))
+        at = ", ".join(f"{x:.1f}" for x in 1e3 * there.position)
+        sizes = [f"{1e3 * value:+.1f} +- {1e3 * two_sigma(spread):.1f} mm along {axis}"
+                 for axis, value, spread in zip(self.axes, values, std, strict=True)]
         return Mistake(
-            "tcp", f"the TCP of {{rows}} seems to lie {off} beside the one in cell.yaml (+- 2 sigma: "
-            f"{', '.join(f'{x:.1f}' for x in 1e3 * two_sigma(std))}), at {at} in the flange frame", self.settles, "cell",
+            "tcp", f"the TCP of {{rows}} seems to lie beside the one in cell.yaml, {', '.join(sizes)}: at ({at}) mm in the "
+            "flange frame", self.settles, "cell",
             lambda other: replace(other, cell=replace(other.cell, flange_from_tcp=there)))
 
 
@@ -118,8 +129,8 @@ class ReferenceLoad(Size):
     name = "reference_load"
     smallest = 10.0
     units = "N"
-    parameters = _three("N", 50.0, 2000.0, "engineering judgement: a cylinder's preload or a hanging tool is 20 to 200 N; 2 kN "
-                        "moves the robot by eye")
+    parameters = _along("xyz", "N", 50.0, 2000.0, "engineering judgement: a cylinder's preload or a hanging tool is 20 to 200 "
+                        "N; 2 kN moves the robot by eye")
     sentence = "the reference was taken under a load"
     settles = "take all load off, zero force and sensors there, and repeat one row"
 
@@ -142,4 +153,4 @@ class ReferenceLoad(Size):
             lambda other: {"wrench": other.rows.wrench - force})
 
 
-SIZES: tuple[Size, ...] = (ToolOffset(), JointZero(), ReferenceLoad())
+SIZES: tuple[Size, ...] = (ToolOffset(), ToolOffset("x"), ToolOffset("y"), ToolOffset("z"), JointZero(), ReferenceLoad())

@@ -63,16 +63,17 @@ def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, se
     assert np.all(np.abs(off[known]) < 0.08), off
 
 
-@pytest.mark.parametrize(("robot", "seed", "verdict"), [
-    ("irb4400-60", 5600001, "mistake"), ("irb6640-235-2.55", 5600006, "ambiguous")])
-def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int, verdict: str) -> None:
-    """20 mm of TCP, little more than the noise, which visits share: named, or beside the spindle that looks like it. A load
-    under which nothing was zeroed had crowded it out of the quick look."""
+@pytest.mark.parametrize(("robot", "seed"), [("irb4400-60", 5600001), ("irb6640-235-2.55", 5600006)])
+def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: int) -> None:
+    """20 mm of one coordinate, little more than the noise, which visits share. A load under which nothing was zeroed had
+    crowded it out of the quick look, and three free coordinates had been held against the one number of a spindle."""
     spoiled, _ = MISTAKES["TCP 20 mm"](right(seed, robot), np.random.default_rng([seed, 3]))
     found = diagnosed(tmp_path, *spoiled.write(tmp_path))
-    assert found["verdict"] == verdict
-    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["tcp"]
-    assert found["mistakes"][0]["parameters"]["z"]["estimate"] == pytest.approx(20, abs=10)
+    assert found["verdict"] == "mistake"
+    (mistake,) = found["mistakes"]
+    assert (mistake["mistake"], list(mistake["parameters"])) == ("tcp", ["z"])
+    size = mistake["parameters"]["z"]
+    assert abs(size["estimate"] - 20) < 3 * size["std"] < 12
 
 
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
