@@ -75,12 +75,13 @@ class TargetRows:
                                         window)
         return errors
 
-    def _slope(self, part: slice, mean: Array) -> Array:
+    def _slope(self, part: slice, mean: Array, window: float) -> Array:
         """How much the mean force (n, 3) [N] of some targets grows from one to the next, by their neighbours; 0 where one of
-        these has no row."""
+        these has no row, or where means over `window` samples are longer than the stretch and are the neighbours' too."""
         number = np.arange(self.count)[part]
         before, behind = np.maximum(number - 1, 0), np.minimum(number + 1, self.count - 1)
         there = (self.rows[before] > 0) & (self.rows[behind] > 0) & (before < number) & (behind > number)
+        there &= self.samples[part] >= window
         return np.where(there[:, None], 0.5 * (mean[behind] - mean[before]), 0.0)
 
     def batches(self, window: float) -> Indices:
@@ -106,7 +107,7 @@ class TargetRows:
         size = np.bincount(batch, weight, minlength=count * BATCHES).reshape(count, BATCHES)
         rise, enough = _rise(batches), own >= 2
         beside = _beside(batches)
-        slope = self._slope(part, mean)
+        slope = self._slope(part, mean, window)
         by_scatter = _mean_by_scatter(self.samples[part], batches, window, rise)
         errors = np.full((count, 3), np.nan)
         for axis in range(3):

@@ -43,7 +43,7 @@ def test_the_demo_s_cell_states_its_spindle_and_its_cut(demo: tuple[Path, kit.Ru
     expected = re.search(r"expected to be left on the part, 2 sigma: ([\d.]+) um RMS.*cut ([\d.]+),", said)
     assert expected
     assert float(expected.group(1)) < 20
-    assert float(expected.group(2)) < 6
+    assert float(expected.group(2)) < 8
 
 
 def test_the_readme_shows_what_the_demo_prints(demo: tuple[Path, kit.Run]) -> None:

@@ -12,12 +12,12 @@ from tests.virtual_cell.cell import Hidden, simulate
 SAMPLES = Path(__file__).parents[3] / "samples"
 
 
-def turned(folder: Path) -> Path:
+def turned(folder: Path, degrees: float = 8) -> Path:
     """The sample's measurements with another zero of joint 2."""
     rows = [line for line in csv.reader((SAMPLES / "measurements.csv").read_text().splitlines()) if not line[0].startswith("#")]
     place = rows[0].index("q2_deg")
     for row in rows[1:]:
-        row[place] = str(float(row[place]) + 8)
+        row[place] = str(float(row[place]) + degrees)
     file = folder / "turned.csv"
     file.write_text("\n".join(",".join(row) for row in rows) + "\n")
     return file
@@ -46,6 +46,15 @@ def test_a_rejected_file_is_refused_unless_told(tmp_path: Path) -> None:
     record = json.loads((tmp_path / "part.mod.json").read_text())
     assert record["settings"]["accept_rejected"] is True
     assert any(finding["code"] == "CS1023" for finding in record["findings"])
+
+
+def test_a_small_mistake_that_passes_for_set_ups_is_said(tmp_path: Path) -> None:
+    """Four degrees: the noise takes it for forces that were set up anew at each visit, and nothing is left to see."""
+    identified = compstiff("identify", SAMPLES / "cell.yaml", turned(tmp_path, 4), "-o", tmp_path / "stiffness.json")
+    assert identified.returncode == 0, identified.stderr
+    assert "CS1041" in identified.stderr
+    assert "the zero of joint 2 seems to be off" in identified.stderr
+    assert json.loads((tmp_path / "stiffness.json").read_text())["fit"]["model_check"]["rejected"] is True
 
 
 def test_an_unknown_cause_is_not_followed_by_a_correction(tmp_path: Path) -> None:
