@@ -33,6 +33,7 @@ from scipy.optimize import least_squares
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.pool import pool, pool_options
+from identification.common.findings import CompstiffError
 from identification.fit.fit import fit_stiffness
 from identification.measurements import Measurements
 from identification.model.cell import Cell, read_cell
@@ -136,13 +137,18 @@ class Case:
     conflict: bool
 
 
-def one(arguments: tuple[str, str, int, str, bool]) -> Case:
+def one(arguments: tuple[str, str, int, str, bool]) -> Case | None:
+    """None where the fit is refused."""
     design, noise, seed, folder, with_baselines = arguments
     cell = read_cell(Path(folder) / f"{noise}.yaml")
     rng = np.random.default_rng([seed, list(DESIGNS).index(design), list(STATED).index(noise)])
     truth = cell.prior.stiffness * np.exp(cell.prior.log_std * rng.standard_normal(6))
     rows = simulate(cell, design, draw_sizes(noise, rng), truth, rng)
-    fit = fit_stiffness(cell, rows)
+    try:
+        fit = fit_stiffness(cell, rows)
+    except CompstiffError as refused:
+        print(f"seed {seed}: {refused}", file=sys.stderr)
+        return None
     model, draws = fit.model, fit.posterior.draws
     x = -np.log(truth)
 
@@ -183,9 +189,10 @@ def least_squares_in_k(cell: Cell, rows: Measurements, truth: np.ndarray) -> np.
     return np.abs(found.x * cell.prior.stiffness - truth) <= 1.96 * np.sqrt(np.diag(covariance)) * cell.prior.stiffness
 
 
-def report(design: str, noise: str, cases: list[Case]) -> None:
+def report(design: str, noise: str, tried: list[Case | None]) -> None:
     """One line; * marks a figure outside its 99 % binomial band (of a mean: the band of one joint), `out` counts the figures of
-    single joints outside theirs."""
+    single joints outside theirs; of data sets that were refused there is no figure."""
+    cases = [case for case in tried if case is not None]
     count = len(cases)
 
     def mark(share: float, level: float) -> str:
@@ -213,6 +220,7 @@ def report(design: str, noise: str, cases: list[Case]) -> None:
     line += f"{100 * predicted:>8.1f}{mark(predicted, 0.95)}"
     baselines = np.mean([case.baselines for case in cases], axis=(0, 2))
     line += f"{100 * baselines[0]:>8.1f}{100 * baselines[1]:>7.1f}{100 * np.mean([case.conflict for case in cases]):>7.1f}"
+    line += f"{len(tried) - count:>9d}"
     print(line, flush=True)
 
 
@@ -230,7 +238,7 @@ def main() -> None:
     print(f"{count} data sets a line, seeds from {first}; * outside the 99 % binomial band; in brackets the lowest and highest "
           f"joint; 99 % band of one rank distance {band:.3f}\n"
           f"{'design':<9}{'noise':<11}{'50 %':>6}{'':10}{'80 %':>6}{'':10}{'95 %':>6}{'':10}{'ellipsoid 50 80 95':>21}"
-          f"{'out':>6}{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}")
+          f"{'out':>6}{'rank k':>8}{'ell.':>7}{'task':>7}{'predict':>9}{'l. sq.':>8}{'paper':>7}{'confl.':>7}{'refused':>9}")
     with tempfile.TemporaryDirectory() as folder, pool(wanted) as workers:
         write_cells(Path(folder))
         for design in wanted.designs:

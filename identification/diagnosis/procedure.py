@@ -322,7 +322,7 @@ def doubt_of(detection: Detection, alarm: float, odds: tuple[float, float]) -> s
     least, most = odds
     if max(NAMING, detection.resolution) < detection.p_value <= alarm and least < CERTAINLY:
         return CHANCE_IN_WORDS.format(detection.p_value)
-    return NO_LIKELIER if detection.p_value <= alarm and most < 0 else ""
+    return NO_LIKELIER if most < 0 else ""
 
 
 def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:

@@ -113,8 +113,9 @@ class Case:
         p = self.plan
         head = [*(f"q{i}_deg" for i in range(1, 7)), *(f"f{axis}_n" for axis in "xyz"), *(f"d{axis}_um" for axis in "xyz"),
                 "time_s", "dwell_s", "pose"]
-        rows = np.column_stack([np.degrees(self.world.table_q), p.load, self.reading, p.time, p.dwell])
-        return "\n".join([",".join(head), *(",".join([*(f"{x + 0.0:.8g}" for x in row), f"V{visit + 1}"])
+        read = np.where(p.read, self.reading, np.nan)
+        rows = np.column_stack([np.degrees(self.world.table_q), p.load, read, p.time, p.dwell])
+        return "\n".join([",".join(head), *(",".join([*("" if np.isnan(x) else f"{x + 0.0:.8g}" for x in row), f"V{visit + 1}"])
                                             for row, visit in zip(rows, p.visit, strict=True))]) + "\n"
 
 

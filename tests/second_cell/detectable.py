@@ -35,7 +35,9 @@ def signal(case: Case) -> float:
         covariance = np.kron(np.ones((len(mine), len(mine))), noise.seating**2 * np.eye(3))
         for k, row in enumerate(mine):
             covariance[3 * k:3 * k + 3, 3 * k:3 * k + 3] += own[row]
-        whitened.append(np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([c[mine].ravel() for c in columns])))
+        kept = plan.read[mine].ravel()
+        whitened.append(np.linalg.solve(np.linalg.cholesky(covariance[np.ix_(kept, kept)]),
+                                        np.column_stack([c[mine].ravel()[kept] for c in columns])))
     shown, springs = np.concatenate(whitened)[:, 0], np.concatenate(whitened)[:, 1:]
     left = shown - springs @ np.linalg.lstsq(springs, shown, rcond=None)[0]
     return float(np.linalg.norm(left))

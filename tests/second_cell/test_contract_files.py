@@ -59,8 +59,8 @@ def test_the_files_are_read_without_a_word(plan: str, stratum: str, tmp_path: Pa
         cell_file, table = case.write(tmp_path)
         cell = read_cell(cell_file)
         rows = read_measurements(table, cell.robot)
-        assert not rows.findings
-        np.testing.assert_allclose(rows.deflection, 1e-6 * case.reading, atol=1e-11)
+        assert [finding.code for finding in rows.findings] == ["CS1007"] * (not case.plan.read.all())
+        np.testing.assert_allclose(rows.deflection, np.where(case.plan.read, 1e-6 * case.reading, np.nan), atol=1e-11)
         assert len(np.unique(rows.visit)) == case.plan.visits
 
 
@@ -75,6 +75,23 @@ def test_poses_are_the_robots(name: str) -> None:
     tcp = robot(name).tcp(poses, tool)
     assert tcp[:, 2].min() > 0.2
     assert np.hypot(*tcp[:, :2].T).min() > 0.8
+
+
+def test_what_a_shop_might_do_is_each_of_its_kinds() -> None:
+    """Of 60 drawn: one load a pose and several, unlike directions and none but down, one, two and three gauges, all as said."""
+    model, tool = robot(ROBOTS[0]), np.array([0.1, 0, 0.2])
+    drawn_plans = [PLANS["shop"](model, tool, np.random.default_rng(seed)) for seed in range(60)]
+    for plan in drawn_plans:
+        rows = len(plan.q) // plan.visits
+        assert 5 <= plan.visits <= 16
+        assert 1 <= rows <= 8
+        assert 99 < np.linalg.norm(plan.load, axis=1).max() < 451
+        assert plan.read.any(axis=1).all()
+        assert np.all((plan.load * plan.read).any(axis=1) | ~plan.load.any(axis=1) | (plan.read.sum(axis=1) > 1))
+    assert {len(plan.q) > plan.visits for plan in drawn_plans} == {True, False}
+    assert {int(plan.read[0].sum()) for plan in drawn_plans} == {1, 2, 3}
+    down = [not plan.load[:, :2].any() for plan in drawn_plans]
+    assert 1 <= sum(down) <= 15
 
 
 def test_a_seed_is_a_case() -> None:

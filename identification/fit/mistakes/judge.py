@@ -211,11 +211,13 @@ def _explained(plain: Posterior, candidate: Candidate) -> float:
 
 
 def _chi2(fitted: Posterior, mended: Posterior, components: VarianceComponents) -> float:
-    """Chi-squared of a fit's residual in the rows of the mended one, with its noise."""
-    noise = mended.at_map.noise
+    """Chi-squared of a fit's residual in the rows of the mended one, with its noise; where a mistake moves readings to another
+    column, with the noise of the column that they stand in."""
     data = mended.data if fitted is mended else fitted.data
-    residual = np.nan_to_num(fitted.residual_of(data))
     own = np.isin(data.rows.row, mended.data.rows.row)
+    moved = not np.array_equal(np.isnan(data.rows.deflection[own]), np.isnan(mended.data.rows.deflection))
+    noise = (fitted if moved else mended).at_map.noise
+    residual = np.nan_to_num(fitted.residual_of(data))
     whitened = np.einsum("nij,nj->ni", noise.whitening, residual[own])[:, :, None]
     return float(noise.weights(components).inner(whitened, whitened)[0, 0])
 

@@ -152,6 +152,23 @@ class _Guess:
     start: Array | None = None
 
 
+def _of_alike(guesses: list[_Guess]) -> _Guess:
+    """Of guesses that leave the same rows the first usual one; what else it may be, to these rows, goes with its sentence."""
+    usual = [guess for guess in guesses if guess.mistake.usual] or guesses[:1]
+    chosen, quantities, others = usual[0], {usual[0].mistake.key.split("_")[0]}, []
+    for guess in usual[1:]:
+        quantity = guess.mistake.key.split("_")[0]
+        same = guess.rows is chosen.rows or (guess.rows is not None and chosen.rows is not None
+                                             and np.array_equal(guess.rows, chosen.rows))
+        if same and quantity not in quantities:
+            quantities.add(quantity)
+            others.append(guess.mistake.sentence)
+    if not others:
+        return chosen
+    sentence = f"{chosen.mistake.sentence}, or, which is the same to these rows, {', or '.join(others)}"
+    return replace(chosen, mistake=replace(chosen.mistake, sentence=sentence))
+
+
 class _Look:
     """The quick look at all mistakes of these rows."""
 
@@ -180,10 +197,23 @@ class _Look:
         scores, springs = log_scores(plain.total(), self._log_std)
         found, none = self._of_columns(plain), float(scores[0])
         best = max((guess.score for guess in found), default=-np.inf)
-        kept = sorted((guess for guess in found if guess.score >= max(best - BEHIND, none + WORTH)),
-                      key=lambda guess: -guess.score)
+        kept = self._unlike(sorted((guess for guess in found if guess.score >= max(best - BEHIND, none + WORTH)),
+                                   key=lambda guess: -round(guess.score, 6)))
         sized = [guess for guess in self._of_sizes(springs[0]) if guess.score >= none + WORTH_WITH_SIZE]
         return [*kept[:MOST_FITTED], *sized]
+
+    def _unlike(self, guesses: list[_Guess]) -> list[_Guess]:
+        """One of those that leave the same rows: where a column is empty or zero in all of them, mistakes with it and without it
+        are the same. So are, to the springs, a force and all that was read under it of the other sign."""
+        alike: dict[tuple[bytes, str, bool], list[_Guess]] = {}
+        for guess in guesses:
+            rows = guess.mistake.mended(self.data, guess.rows).rows
+            first = np.argmax(rows.wrench != 0, axis=1)[:, None]
+            sign = np.sign(np.take_along_axis(rows.wrench, first, axis=1))
+            left = np.nan_to_num(np.column_stack([sign * rows.wrench, sign * rows.deflection, rows.theta]), nan=np.inf) + 0.0
+            key = left.tobytes(), guess.mistake.key if guess.mistake.of == "cell" else "", guess.split
+            alike.setdefault(key, []).append(guess)
+        return [_of_alike(group) for group in alike.values()]
 
     def _of_columns(self, plain: Sums) -> list[_Guess]:
         """Those without a size: in all rows, before or from a visit on; and two sets of springs."""

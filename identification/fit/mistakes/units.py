@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.arrays import rms
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.mistake import Mistake, table_mistake
 from identification.fit.posterior import Posterior
@@ -15,8 +16,8 @@ from identification.model.effects_in_force import SPRINGS
 Array = NDArray[np.float64]
 # A joint is told by the data where its ln k is known to this.
 TOLD = 0.3
-# By how much ln k of a robot scatters about the prior's medians, joint by joint (engineering judgement: data of several arms of
-# one size lie within a factor 1.6 of each other).
+# By how much ln k of a robot scatters about the prior's medians, joint by joint, where cell.yaml states no `relative_std`
+# (engineering judgement: data of several arms of one size lie within a factor 1.6 of each other).
 SCATTER = 0.5
 # A common factor is worth a word from here on, if it is so many standard deviations of a mean of the joints told.
 COMMON, SIGMAS = 3.0, 3.5
@@ -40,11 +41,19 @@ def common_factor(fitted: Posterior) -> tuple[float, float] | None:
     told = np.sqrt(np.diag(fitted.covariance)[SPRINGS]) < TOLD
     if not told.any():
         return None
-    mean, std = float(np.mean(log_k[told])), SCATTER / np.sqrt(told.sum())
+    mean, std = float(np.mean(log_k[told])), _scatter(fitted, told) / np.sqrt(told.sum())
     alike = bool(np.all(np.sign(log_k[told]) == np.sign(mean)))
     if not alike or abs(mean) < np.log(COMMON) or abs(mean) < SIGMAS * std:
         return None
     return float(np.exp(mean)), float(std)
+
+
+def _scatter(fitted: Posterior, told: NDArray[np.bool_]) -> float:
+    """By how much ln k of these joints (6,) may differ from the prior's medians: more than usual where cell.yaml says so."""
+    prior, cell = fitted.prior.prior, fitted.data.cell
+    if np.array_equal(prior.relative_std, cell.robot.prior.relative_std):
+        return SCATTER
+    return max(SCATTER, rms(prior.log_std[told]))
 
 
 def unit_mistake(fitted: Posterior) -> Mistake | None:

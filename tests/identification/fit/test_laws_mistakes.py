@@ -20,7 +20,7 @@ from identification.fit.mistakes.judge import mistakes_in
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
-from identification.fit.mistakes.units import time_mistake
+from identification.fit.mistakes.units import time_mistake, unit_mistake
 from identification.fit.posterior import posterior
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
@@ -131,6 +131,15 @@ def test_a_size_shows_as_the_mended_model_says(data: LoadTest, size: Size) -> No
         expected = mended.load_state(compliance).elastic[:, :3] - data.load_state(compliance).elastic[:, :3]
         said = size.contribution(data.load_state(compliance), joint, values)[:, :3]
         assert np.abs(said - expected).max() < 0.03 * np.abs(expected).max()
+
+
+def test_a_factor_is_a_unit_where_robots_do_not_differ_by_as_much(data: LoadTest) -> None:
+    """Forces 4.448 times too small: pounds, unless cell.yaml says that the joints may be off its medians by more than that."""
+    pounds = data.with_rows(replace(data.rows, wrench=data.rows.wrench / 4.44822))
+    assert unit_mistake(posterior(data)) is None
+    assert "in lbf" in unit_mistake(posterior(pounds)).sentence
+    wide = replace(data.cell, prior=replace(data.cell.prior, relative_std=np.full(6, 4.0)))
+    assert unit_mistake(posterior(LoadTest.of(wide, pounds.rows))) is None
 
 
 def test_times_of_another_unit(data: LoadTest) -> None:

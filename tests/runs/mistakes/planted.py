@@ -1,6 +1,7 @@
 """Load tests with a mistake in the table or in the cell file, in the units and words of the files.
 
-The robot of tests/virtual_cell shares no physics with the packages. The other robots are simulated with the packages' own plain
+The robots of tests/virtual_cell and, in load tests as a shop might make them, of tests/second_cell share no physics with the
+packages. The other robots are simulated with the packages' own plain
 model: there the truth lies in the mistake alone, which is planted in the files by hand.
 """
 
@@ -15,12 +16,13 @@ import numpy as np
 from identification.model.compliance import equilibrium
 from identification.model.robot import RobotModel, built_in_robots, read_robot
 from identification.model.rotations import Frame
+from tests.second_cell import cell as second_cell
 from tests.virtual_cell import files
 from tests.virtual_cell.cell import Hidden, simulate
 from tests.virtual_cell.designs import Design
 from tests.virtual_cell.noise import draw_noise, force_errors, readings
 
-VIRTUAL = "virtual"
+VIRTUAL, SHOP = "virtual", "shop"
 ROBOTS = (VIRTUAL, "irb4400-60", "irb6640-235-2.55", "irb6700-200-2.60")
 TCP_MM = (120.0, 0.0, 250.0)
 STEPS_N = (0.0, 150.0, 300.0, 0.0, -150.0, -300.0)
@@ -56,7 +58,8 @@ class Files:
         names = [*(f"q{i}_deg" for i in range(1, 7)), "fx_n", "fy_n", "fz_n", "dx_um", "dy_um", "dz_um", "time_s", "dwell_s",
                  "pose"]
         numbers = np.column_stack([self.theta, self.force, self.moved, self.time, self.dwell])
-        lines = [",".join([*(f"{x + 0.0:.9g}" for x in row), label]) for row, label in zip(numbers, self.pose, strict=True)]
+        lines = [",".join([*("" if np.isnan(x) else f"{x + 0.0:.9g}" for x in row), label])
+                 for row, label in zip(numbers, self.pose, strict=True)]
         table.write_text("\n".join([",".join(names), *lines]) + "\n")
         return cell, table
 
@@ -69,6 +72,8 @@ def right(seed: int, robot: str = VIRTUAL, design: str = "ladder12", hidden: tup
         mass = head.split("quaternion: [1, 0, 0, 0]\n")[1]
         return Files(np.degrees(case.theta), case.wrench[:, :3], case.deflection_um, case.time, case.dwell, list(case.pose),
                      np.array(TCP_MM), "robot.yaml", files.robot_yaml(), mass, lines, case.stiffness)
+    if robot == SHOP:
+        return _in_a_shop(seed)
     rng = np.random.default_rng([seed, 7])
     model = read_robot(built_in_robots()[robot])
     stiffness = model.prior.stiffness * np.exp(0.5 * rng.standard_normal(6))
@@ -85,6 +90,21 @@ def right(seed: int, robot: str = VIRTUAL, design: str = "ladder12", hidden: tup
               f"  pose_offset_std_um: {three.format(noise.stated_pose_offset_um)}\n")
     return Files(np.degrees(plan.theta), plan.load, readings(noise, plan, seen, rng), plan.time, plan.dwell,
                  [f"P{k}" for k in plan.pose], np.array(TCP_MM), robot, "", "", stated, stiffness)
+
+
+def _in_a_shop(seed: int, springs: int | None = None) -> Files:
+    """A load test of the second cell, any plan (tests/second_cell/plans.py); springs: seed of other ones."""
+    case = second_cell.simulate(seed, "shop", "near", weight="unknown")
+    if springs is not None:
+        other = case.robot.stiffness * np.exp(second_cell.LOG_STD * np.random.default_rng([springs, 9]).standard_normal(6))
+        case = second_cell.measured(springs, case.robot, case.tool, other, case.plan, "near", (), "unknown")
+    said = case.noise.stated
+    assert said is not None
+    stated = (f"  deflection_std_um: {[said.sensor] * 3}\n  pose_offset_std_um: {[said.seating] * 3}\n"
+              f"  force_relative_std: {said.relative}\n")
+    plan = case.plan
+    return Files(np.degrees(plan.q), plan.load, np.where(plan.read, case.reading, np.nan), plan.time, plan.dwell,
+                 [f"V{visit}" for visit in plan.visit], 1e3 * case.tool, case.robot.name, "", "", stated, case.stiffness)
 
 
 def _ladder(model: RobotModel, rng: np.random.Generator) -> Design:
@@ -178,7 +198,8 @@ def _base_turned(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[st
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     angle = -90 if rng.random() < 0.5 else 90
     turn = turn if angle == -90 else turn.T
-    return replace(case, force=case.force @ turn.T, moved=case.moved @ turn.T), (f"axes_turned[z {angle}]",)
+    moved = np.where(turn == 0, 0.0, turn * case.moved[:, None]).sum(axis=2)    # an empty cell moves to another column
+    return replace(case, force=case.force @ turn.T, moved=moved), (f"axes_turned[z {angle}]",)
 
 
 def _tcp(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
@@ -233,7 +254,8 @@ MISTAKES: dict[str, Plant] = {
 
 def two_robots(seed: int, robot: str = VIRTUAL) -> Files:
     """The second half of the rows is another robot's of the same type, with other springs."""
-    first, second = right(seed, robot), right(seed + 500_000, robot)
+    first = right(seed, robot)
+    second = _in_a_shop(seed, seed + 500_000) if robot == SHOP else right(seed + 500_000, robot)
     part = _of_part(first)
     later = np.isin(second.pose, list(dict.fromkeys(second.pose))[:len(set(second.pose)) // 2])
     joined = {name: np.concatenate([getattr(first, name)[~part], getattr(second, name)[later]])

@@ -16,7 +16,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
 from identification.model.robot import built_in_robots, read_robot
-from tests.runs.mistakes.planted import MISTAKES, VIRTUAL, right, two_robots
+from tests.runs.mistakes.planted import MISTAKES, SHOP, VIRTUAL, right, two_robots
 
 FEW = ["--replicates", "39", "--force"]
 
@@ -74,6 +74,25 @@ def test_a_tcp_that_is_off_is_no_soft_spindle(tmp_path: Path, robot: str, seed: 
     assert (mistake["mistake"], list(mistake["parameters"])) == ("tcp", ["z"])
     size = mistake["parameters"]["z"]
     assert abs(size["estimate"] - 20) < 3 * size["std"] < 12
+
+
+@pytest.mark.parametrize(("name", "seed", "key", "also"), [
+    ("deflection sign", 430002, "deflection_sign[x]", ""), ("deflections swapped", 430002, "deflection_swapped[xy]", ""),
+    ("force sign", 430004, "force_sign[x]", "dx seems to have the other sign"),
+    ("deflections cyclic", 430004, "deflection_axes[dy dz dx]", "")])
+def test_mistakes_that_leave_the_same_rows_are_one(tmp_path: Path, name: str, seed: int, key: str, also: str) -> None:
+    """Loads straight down alone (430002), one gauge along the load (430004): other axes turned, or signs of columns that are
+    empty, leave the same rows behind, and readings that stand in another column are the misfit of the one they stand in."""
+    spoiled, truth = MISTAKES[name](right(seed, SHOP), np.random.default_rng([seed, 3]))
+    assert truth == (key,)
+    down, one_gauge = not spoiled.force[:, :2].any(), np.all(np.isfinite(spoiled.moved).sum(axis=1) == 1)
+    assert (down, one_gauge) == (seed == 430002, seed == 430004)
+    found = diagnosed(tmp_path, *spoiled.write(tmp_path))
+    assert found["verdict"] == "mistake"
+    (mistake,) = found["mistakes"]
+    assert mistake["mistake"] == key
+    assert ("the same to these rows" in mistake["sentence"]) == bool(also)
+    assert also in mistake["sentence"]
 
 
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
