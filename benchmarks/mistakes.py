@@ -8,7 +8,8 @@
 cell, which shares no physics with the packages, and three built-in ones simulated with the packages' plain model), realistic
 noise that the cell file states nominally; with --shop in load tests of the second cell, planned as a shop might. Mistakes that
 are too small to be seen count as silent. `none`: the virtual cell with nothing hidden, with one effect of the dictionary, with
-one outside it, on three designs: no mistake is there to be named. There `diagnose` runs only where the search finds a mistake that physics might still beat, since without one it can name none.
+one outside it, on three designs: no mistake is there to be named. There `diagnose` runs only where the search finds a mistake
+that physics might still beat, since without one it can name none.
 `look`: what `check` says of both without a fit, and how near the sets without a mistake come to what it takes for implausible.
 """
 

@@ -203,8 +203,8 @@ class _Look:
         return [*kept[:MOST_FITTED], *sized]
 
     def _unlike(self, guesses: list[_Guess]) -> list[_Guess]:
-        """One of those that leave the same rows: where a column is empty or zero in all of them, mistakes with it and without it
-        are the same. So are, to the springs, a force and all that was read under it of the other sign."""
+        """One of those that leave the same rows: where a column is empty or zero in all of them, a mistake is the same with it
+        and without it. So are, to the springs, a force and all that was read under it of the other sign."""
         alike: dict[tuple[bytes, str, bool], list[_Guess]] = {}
         for guess in guesses:
             rows = guess.mistake.mended(self.data, guess.rows).rows
