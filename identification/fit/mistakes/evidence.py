@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from identification.fit.noise import VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.variance_components import ComponentPosterior
+
+# Components of the noise up to so many times the stated ones where noise may have taken up what a mistake does.
+ORDINARY = 2.0
 
 
 def log_evidence(fitted: Posterior) -> float:
@@ -16,3 +22,11 @@ def log_evidence(fitted: Posterior) -> float:
     volume = 0.5 * float(np.linalg.slogdet(2 * np.pi * fitted.components_covariance[np.ix_(free, free)])[1])
     prior = 0.5 * float(np.linalg.slogdet(at.prior.precision(at.x))[1]) - at.prior.value(at.x)
     return given_noise + prior + volume
+
+
+def ordinary(fitted: Posterior) -> VarianceComponents:
+    """The fit's noise, no part of it larger than ordinary; the sensor's only where it is stated."""
+    components = fitted.components.at_most(ORDINARY)
+    if fitted.at_map.noise.stated[0]:
+        components = replace(components, sensor=min(components.sensor, ORDINARY))
+    return components

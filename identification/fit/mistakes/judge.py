@@ -12,6 +12,7 @@ from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Level
 from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.evidence import ORDINARY, ordinary
 from identification.fit.mistakes.first_look import refuse_absurd
 from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
 from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
@@ -30,8 +31,6 @@ SUPPORT, SURE, BESIDE = 10.0, 30.0, 3.0
 RIVAL = 3.0
 # A size is known when it is so many of its own standard deviations.
 KNOWN = 4.0
-# Components of the noise up to so many times the stated ones when it is asked how much of a misfit is explained.
-ORDINARY = 2.0
 # A chi-squared a reading no further above 1 is noise.
 AT_THE_NOISE = 0.1
 
@@ -196,13 +195,11 @@ def _explained(plain: Posterior, candidate: Candidate) -> float:
     count = 0
     for model in candidate.models:
         components = model.components
-        ordinary = components.at_most(ORDINARY)
-        if model.at_map.noise.stated[0]:
-            ordinary = replace(ordinary, sensor=min(components.sensor, ORDINARY))
+        usual = ordinary(model)
         # A Student distribution's variance is more than its scale squared.
         heavier = 1.0 if np.isinf(components.degrees) else min(components.degrees / (components.degrees - 2.0), ORDINARY)
-        before += _chi2(plain, model, ordinary) / heavier
-        after += _chi2(model, model, ordinary) / heavier
+        before += _chi2(plain, model, usual) / heavier
+        after += _chi2(model, model, usual) / heavier
         count += model.readings
     left = after / count - 1.0
     if left <= AT_THE_NOISE:

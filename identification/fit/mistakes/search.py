@@ -17,12 +17,12 @@ from identification.fit.held_out import left_out, poses
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.axes import axes_mistakes
 from identification.fit.mistakes.cell_file import cell_mistakes
-from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.evidence import log_evidence, ordinary
 from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
-from identification.fit.noise import OPTIONAL
+from identification.fit.noise import OPTIONAL, Weights
 from identification.fit.posterior import Posterior, posterior
 from identification.model.effects_in_force import EFFECTS
 
@@ -98,14 +98,15 @@ def _fits(plain: Posterior, guesses: tuple[_Guess, ...]) -> list[Candidate]:
 
 
 def _hopeful(plain: Posterior, sized: tuple[_Guess, ...]) -> list[_Guess]:
-    """Of those with a size the likeliest near none, each mistake once, with the usual parts of the noise: the others may be
-    there for want of a cause."""
+    """Of those with a size the likeliest near none, each mistake once, under ordinary noise of the usual parts: what is larger,
+    and the others, may be there for want of a cause."""
     if not sized:
         return []
     usual = plain
     if any(plain.at_map.noise.active[part] for part in OPTIONAL):
         usual = posterior(plain.data, plain.terms, plain, usual_noise=True)
-    support = [_support_near_none(usual, guess) for guess in sized]
+    weights = usual.at_map.noise.weights(ordinary(usual), usual.at_map.row_weight)
+    support = [_support_near_none(usual, weights, guess) for guess in sized]
     best: dict[str, _Guess] = {}
     for k in np.argsort(support)[::-1]:
         if support[k] > HOPELESS:
@@ -319,9 +320,9 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale, {})
 
 
-def _support_near_none(plain: Posterior, guess: _Guess) -> float:
-    """ln of how much likelier than none a mistake with a size is, prior included, linearised at none under the fit's own noise:
-    the quick look knows nothing of what the readings of a visit share."""
+def _support_near_none(plain: Posterior, weights: Weights, guess: _Guess) -> float:
+    """ln of how much likelier than none a mistake with a size is, prior included, linearised at none under noise of these
+    weights: the quick look knows nothing of what the readings of a visit share."""
     assert guess.size is not None
     assert guess.start is not None
     term = guess.size.term(guess.joint, np.zeros(len(guess.start)))
@@ -330,12 +331,12 @@ def _support_near_none(plain: Posterior, guess: _Guess) -> float:
     columns = at.noise.whitening @ slope
     columns[:, :, len(plain.map):] *= wide
     residual = at.residual[:, :, None]
-    precision = plain.weights.inner(columns, columns)
+    precision = weights.inner(columns, columns)
     precision[:len(plain.map), :len(plain.map)] += at.prior.precision(plain.map)
     own = np.arange(len(plain.map), len(precision))
     springs = np.linalg.slogdet(precision[:len(plain.map), :len(plain.map)])[1]
     precision[own, own] += 1.0
-    pull = plain.weights.inner(columns, residual)[:, 0]
+    pull = weights.inner(columns, residual)[:, 0]
     pull[:len(plain.map)] -= at.prior.gradient(plain.map)
     gained = 0.5 * pull @ np.linalg.solve(precision, pull)
     return float(gained - 0.5 * (np.linalg.slogdet(precision)[1] - springs) + guess.log_prior)

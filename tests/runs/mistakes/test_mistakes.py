@@ -95,6 +95,14 @@ def test_mistakes_that_leave_the_same_rows_are_one(tmp_path: Path, name: str, se
     assert also in mistake["sentence"]
 
 
+@pytest.mark.parametrize("seed", [440000, 440005])
+def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: int) -> None:
+    """Forces that seem to differ from visit to visit had grown until they took up the load, and it was not tried."""
+    spoiled, _ = MISTAKES["zeroed under load"](right(seed, SHOP), np.random.default_rng([seed, 3]))
+    found = diagnosed(tmp_path, *spoiled.write(tmp_path))
+    assert (found["verdict"], [mistake["mistake"] for mistake in found["mistakes"]]) == ("mistake", ["reference_load"])
+
+
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
     cell, table = two_robots(11, "irb6700-200-2.60").write(tmp_path)
     found = diagnosed(tmp_path, cell, table, "--mend", tmp_path / "mended.csv")
