@@ -7,7 +7,8 @@
 tests/second_cell shares neither code nor laws with the packages or with the virtual cell: finite motions of a chain by screws,
 rest as a minimum of energy, and for every effect mechanics of its own (Bouc-Wen and stick friction, smooth zones, lumped beams,
 struts, feet, Kelvin-Voigt chains, balls). Seeds FIRST ... FIRST + N - 1, none skipped. Four robots, the arm's weight acts; half
-of the cells know it (robot.yaml).
+of the cells know it (robot.yaml). --robot foreign: robots of nobody's, 0.4 to 1.3 times as long, that stand, lean or hang;
+loads beside the TCP, gauges up to 12 times coarser (not with --showing).
 
 --nulls, nothing hidden: alarms (verdict not adequate), names given, and how often the 95 % ellipsoid of the six ln k (as large
 as the posterior's own draws make it) and its single intervals hold the truth. Alarms and names are listed one by one.
@@ -53,7 +54,7 @@ from identification.model.effects import effects
 from identification.model.effects_in_force import SPRINGS
 from identification.model.stiffness import IdentifiedModel
 from tests.runs.hidden_effects.judge import OUTCOMES, Answer, Names, Outcome, answer, judge, truth_names
-from tests.second_cell.cell import Case, Hidden, drawn, simulate
+from tests.second_cell.cell import FOREIGN, Case, Hidden, drawn, simulate
 from tests.second_cell.detectable import CLEAR, DETECTABLE, signal
 from tests.second_cell.effects import DICTIONARY, EFFECTS, OUTSIDE
 from tests.second_cell.noise import STRATA
@@ -101,9 +102,9 @@ def coverage(case: Case, model: Posterior) -> tuple[float, int]:
     return float((distance(draws) < distance(truth)) @ weight), int(np.sum(np.abs(below - 0.5) <= 0.475))
 
 
-def null(arguments: tuple[str, str, int]) -> Null:
-    design, stratum, seed = arguments
-    case = simulate(seed, design, stratum, weight=drawn(seed, design, DICTIONARY)[1])
+def null(arguments: tuple[str, str, str | None, int]) -> Null:
+    design, stratum, robot, seed = arguments
+    case = simulate(seed, design, stratum, name=robot, weight=drawn(seed, design, DICTIONARY)[1])
     before = time.process_time()
     try:
         found = diagnosed(case)
@@ -141,15 +142,15 @@ class Result:
     seconds: float
 
 
-def one(arguments: tuple[str, str, str, tuple[float, float], int]) -> Result:
-    design, stratum, kind, times, seed = arguments
+def one(arguments: tuple[str, str, str, tuple[float, float], str | None, int]) -> Result:
+    design, stratum, kind, times, robot, seed = arguments
     names, count = KINDS[kind]
-    hidden, weight = drawn(seed, design, names, count, times)
+    hidden, weight = drawn(seed, design, names, count, times, robot)
     weight = "unknown" if kind == "play" else weight
-    case = simulate(seed, design, stratum, hidden, weight=weight)
+    case = simulate(seed, design, stratum, hidden, robot, weight)
     truth = truth_names([part.truth for part in hidden])
     words = " + ".join(f"{part.effect}{[part.joint] if part.joint else ''} x{part.factor:.2f}" for part in hidden)
-    words += f", {case.robot.name}, weight {weight}"
+    words += f", {case.robot.name}, weight {weight}{', ' + str(case.setting) if robot else ''}"
     before = time.process_time()
     try:
         found = diagnosed(case)
@@ -317,19 +318,21 @@ def main() -> None:
     parser.add_argument("--stratum", choices=STRATA, nargs="+", help="default: all for nulls, near for cases")
     parser.add_argument("--design", choices=PLANS, nargs="+", default=list(PLANS))
     parser.add_argument("--seed", type=int, default=0, metavar="FIRST")
+    parser.add_argument("--robot", choices=[FOREIGN], help="robots of nobody's, in any setting (tests/second_cell/setting.py)")
     parser.add_argument("--processes", type=int, default=1)
     wanted = parser.parse_args()
     with ProcessPoolExecutor(wanted.processes) as pool:
         for design in wanted.design:
             seeds = range(wanted.seed, wanted.seed + max(wanted.nulls, wanted.cases, wanted.showing))
             for stratum in (wanted.stratum or STRATA) if wanted.nulls else ():
-                nulls_report(design, stratum, pool.map(null, [(design, stratum, seed) for seed in seeds[:wanted.nulls]]))
+                nulls_report(design, stratum, pool.map(
+                    null, [(design, stratum, wanted.robot, seed) for seed in seeds[:wanted.nulls]]))
             for stratum in (wanted.stratum or ("near",)) if wanted.showing else ():
                 shown_report(f"{design}, {stratum}", pool.map(
                     shown, [(design, stratum, seed) for seed in seeds[:wanted.showing]]))
             for kind in wanted.kind if wanted.cases else ():
                 for stratum in wanted.stratum or ("near",):
-                    jobs = [(design, stratum, kind, tuple(wanted.times), seed) for seed in seeds[:wanted.cases]]
+                    jobs = [(design, stratum, kind, tuple(wanted.times), wanted.robot, seed) for seed in seeds[:wanted.cases]]
                     cases_report(f"{design}, {kind}, {stratum}", pool.map(one, jobs))
 
 

@@ -63,7 +63,8 @@ class Element:
 @dataclass
 class Arm:
     """tool: the TCP in the flange frame [m]; stiffness (6,) [N m/rad] of the drives. masses: kg at a home point behind a place.
-    load_point (3,) [m]: where the load really acts, off the TCP, in the flange frame's home axes."""
+    load_point (3,) [m]: where the load really acts, off the TCP, in the flange frame's home axes. fall (3,) [m/s^2]:
+    gravity in the base frame."""
 
     robot: Robot
     tool: np.ndarray
@@ -73,6 +74,7 @@ class Arm:
     laws: list[Law] = field(default_factory=list)
     masses: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
     load_point: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    fall: np.ndarray = field(default_factory=lambda: G)
 
     def __post_init__(self) -> None:
         for i, (screw, drive) in enumerate(zip(self.robot.screws, self.robot.drive, strict=True)):
@@ -125,7 +127,7 @@ class Arm:
                 return pull, slope
 
             loads = [Load(last, tcp + self.load_point, load)]
-            loads += [Load(int(np.flatnonzero(places <= place)[-1]), home, np.broadcast_to(mass * G, load.shape))
+            loads += [Load(int(np.flatnonzero(places <= place)[-1]), home, np.broadcast_to(mass * self.fall, load.shape))
                       for place, home, mass in self.masses]
             u, now = at_rest(screws, rows.q @ drive.T, give, springs, loads, start)
             return u, now.point(last, tcp)

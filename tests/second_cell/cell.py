@@ -22,8 +22,10 @@ from tests.second_cell.effects import EFFECTS
 from tests.second_cell.hidden import World
 from tests.second_cell.noise import Noise, draw_noise, reading, real_force
 from tests.second_cell.plans import PLANS, Plan, fresh
-from tests.second_cell.robots import HOME_FLANGE, ROBOTS, Robot, X, Y, Z, robot
+from tests.second_cell.robots import HOME_FLANGE, ROBOTS, Robot, X, Y, Z, foreign, robot
+from tests.second_cell.setting import Setting, any_setting, quaternion
 
+FOREIGN = "foreign"
 LOG_STD = 0.45      # of the true stiffnesses about the published ones
 # [kg] of column, lower arm, forearm, wrist, hand, disc and tool, where they are along their links: made up for tests.
 MASSES = (450.0, 240.0, 330.0, 65.0, 45.0, 15.0, 70.0)
@@ -58,10 +60,11 @@ class Case:
     plan: Plan
     reading: np.ndarray
     world: World = field(repr=False)
+    setting: Setting = field(default_factory=Setting)
 
     def plain_arm(self, stiffness: np.ndarray | None = None) -> Arm:
         """The arm without what is hidden, or another one with other springs."""
-        return _arm(self.robot, self.tool, self.stiffness if stiffness is None else stiffness, self.weight)
+        return _arm(self.robot, self.tool, self.stiffness if stiffness is None else stiffness, self.weight, self.setting)
 
     @cached_property
     def seen_um(self) -> np.ndarray:
@@ -79,18 +82,22 @@ class Case:
     def write(self, folder: Path) -> tuple[Path, Path]:
         """The files in the folder; returns cell.yaml and measurements.csv."""
         cell, table = folder / "cell.yaml", folder / "measurements.csv"
-        if self.weight == "known":
+        if self._robot_file:
             (folder / "robot.yaml").write_text(self._robot(), encoding="utf-8")
         cell.write_text(self._cell(), encoding="utf-8")
         table.write_text(self._table(), encoding="utf-8")
         return cell, table
 
+    @property
+    def _robot_file(self) -> bool:
+        return self.weight == "known" or not self.robot.built_in
+
     def _cell(self) -> str:
-        known = self.weight == "known"
-        lines = [f"robot: {'robot.yaml' if known else self.robot.name}", "tool:",
-                 f"  position_mm: {(1e3 * self.tool).round(3).tolist()}", "  quaternion: [1, 0, 0, 0]"]
-        if known:
-            lines += [f"  mass_kg: {MASSES[6]}", f"  centre_of_mass_mm: [0, 0, {500 * self.tool[2]:.3f}]"]
+        lines = [f"robot: {'robot.yaml' if self._robot_file else self.robot.name}", "tool:",
+                 f"  position_mm: {(1e3 * self.tool).round(3).tolist()}", f"  quaternion: {quaternion(self.setting.tool)}"]
+        if self.weight == "known":
+            lines += [f"  mass_kg: {_masses(self.robot)[6]:.6g}", f"  centre_of_mass_mm: [0, 0, {500 * self.tool[2]:.3f}]"]
+        lines += [f"base_frame: {{quaternion: {quaternion(self.setting.base)}}}"] if self.setting.base.any() else []
         if self.noise.stated:
             said = self.noise.stated
             lines += ["measurement:", f"  deflection_std_um: {[round(said.sensor, 3)] * 3}",
@@ -99,22 +106,28 @@ class Case:
         return "\n".join(lines) + "\n"
 
     def _robot(self) -> str:
-        """The built-in file with the masses of the links, each in the frame of its joint."""
+        """The robot's file, with the masses of the links, each in the frame of its joint, where they are known."""
+        if self.weight != "known":
+            return self.robot.text
         shoulder, elbow, wrist = self.robot.joints
         frames = [(shoulder * Z, X, Z), (shoulder, Z, Y), (elbow, Z, Y), (wrist, Z, X), (wrist, Z, Y),
                   (self.robot.flange, -Z, X)]
         lines = ["links:                             # made up for tests"]
-        for mass, centre, (origin, x, z) in zip(MASSES, _centres(self.robot, self.tool), frames, strict=False):
+        for mass, centre, (origin, x, z) in zip(_masses(self.robot), _centres(self.robot, self.tool), frames,
+                                                  strict=False):
             own = np.array([x, np.cross(z, x), z]) @ (centre - origin)
-            lines.append(f"  - {{mass_kg: {mass}, centre_of_mass_mm: {(1e3 * own).round(6).tolist()}}}")
+            lines.append(f"  - {{mass_kg: {mass:.9g}, centre_of_mass_mm: {(1e3 * own).round(6).tolist()}}}")
         return self.robot.text + "\n".join(lines) + "\n"
 
     def _table(self) -> str:
         p = self.plan
         head = [*(f"q{i}_deg" for i in range(1, 7)), *(f"f{axis}_n" for axis in "xyz"), *(f"d{axis}_um" for axis in "xyz"),
                 "time_s", "dwell_s", "pose"]
-        read = np.where(p.read, self.reading, np.nan)
-        rows = np.column_stack([np.degrees(self.world.table_q), p.load, read, p.time, p.dwell])
+        read, moment = np.where(p.read, self.reading, np.nan), np.empty((len(p.load), 0))
+        if self.setting.hook.any():
+            head[9:9] = [f"m{axis}_nm" for axis in "xyz"]
+            moment = np.cross(self.robot.tcp(p.q, self.tool + self.setting.hook) - self.robot.tcp(p.q, self.tool), p.load)
+        rows = np.column_stack([np.degrees(self.world.table_q), p.load, moment, read, p.time, p.dwell])
         return "\n".join([",".join(head), *(",".join([*("" if np.isnan(x) else f"{x + 0.0:.8g}" for x in row), f"V{visit + 1}"])
                                             for row, visit in zip(rows, p.visit, strict=True))]) + "\n"
 
@@ -126,11 +139,15 @@ def _centres(arm: Robot, tool: np.ndarray) -> list[np.ndarray]:
             arm.flange - 0.03 * X, arm.flange + HOME_FLANGE @ (tool * [0, 0, 0.5])]
 
 
-def _arm(model: Robot, tool: np.ndarray, stiffness: np.ndarray, weight: str) -> Arm:
-    built = Arm(model, tool, stiffness)
+def _masses(arm: Robot) -> np.ndarray:
+    return np.asarray(np.array(MASSES) * arm.size**3)
+
+
+def _arm(model: Robot, tool: np.ndarray, stiffness: np.ndarray, weight: str, setting: Setting) -> Arm:
+    built = Arm(model, tool, stiffness, load_point=HOME_FLANGE @ setting.hook, fall=setting.fall)
     if weight != "none":
-        built.masses = [(float(min(i, 6)), centre, mass)
-                        for i, (mass, centre) in enumerate(zip(MASSES, _centres(model, tool), strict=True), 1)]
+        built.masses = [(float(min(i, 6)), centre, float(mass))
+                        for i, (mass, centre) in enumerate(zip(_masses(model), _centres(model, tool), strict=True), 1)]
     return built
 
 
@@ -146,47 +163,59 @@ def _seen(world: World, force: np.ndarray) -> np.ndarray:
 
 def simulate(seed: int, plan: str = "cycles", stratum: str = "near", hidden: Sequence[Hidden] = (), name: str | None = None,
              weight: str = "none") -> Case:
-    """The load test of a seed. Robot, tool, stiffnesses and poses depend on the seed and the plan alone."""
+    """The load test of a seed. Robot, tool, stiffnesses and poses depend on the seed and the plan alone. name: of a robot, or
+    FOREIGN: a robot of nobody's in any setting."""
     rng = np.random.default_rng([seed, list(PLANS).index(plan), 2])
-    model = robot(name or ROBOTS[int(rng.integers(len(ROBOTS)))])
-    tool = np.array([rng.uniform(0.06, 0.16), 0.0, rng.uniform(0.15, 0.32)]).round(4)
+    model, tool, setting = _set_up(name, rng)
     stiffness = model.stiffness * np.exp(LOG_STD * rng.standard_normal(6))
-    return measured(seed, model, tool, stiffness, PLANS[plan](model, tool, rng), stratum, hidden, weight)
+    planned = setting.carried_out(PLANS[plan](model, tool, rng))
+    return measured(seed, model, tool, stiffness, planned, stratum, hidden, weight, setting)
+
+
+def _set_up(name: str | None, rng: np.random.Generator) -> tuple[Robot, np.ndarray, Setting]:
+    """Robot, tool (3,) [m] and setting."""
+    if name == FOREIGN:
+        model = foreign(rng)
+        tool = model.size**0.5 * rng.uniform([-0.1, -0.1, 0.1], [0.16, 0.1, 0.32])
+        return model, tool.round(4), any_setting(model.size, rng)
+    model = robot(name or ROBOTS[int(rng.integers(len(ROBOTS)))])
+    return model, np.array([rng.uniform(0.06, 0.16), 0.0, rng.uniform(0.15, 0.32)]).round(4), Setting()
 
 
 def measured(seed: int, model: Robot, tool: np.ndarray, stiffness: np.ndarray, planned: Plan, stratum: str = "near",
-             hidden: Sequence[Hidden] = (), weight: str = "none") -> Case:
+             hidden: Sequence[Hidden] = (), weight: str = "none", setting: Setting | None = None) -> Case:
     """A plan carried out. tool (3,) [m] from the flange, stiffness (6,) [N m/rad]; the seed draws sizes and noise.
 
     weight: whether the arm's masses act: "none", "known" (robot.yaml has them) or "unknown".
     """
-    world = World(_arm(model, tool, stiffness, weight), planned, planned.q.copy())
+    setting = setting or Setting()
+    world = World(_arm(model, tool, stiffness, weight, setting), planned, planned.q.copy())
     sizes = np.random.default_rng([seed, 5])
     for one in hidden:
         EFFECTS[one.effect].build(world, one.joint, one.factor, sizes)
     chance = np.random.default_rng([seed, 3])
-    noise = draw_noise(stratum, chance)
+    noise = setting.noisy(draw_noise(stratum, chance))
     seen = 1e6 * _seen(world, real_force(noise, planned, chance))
     table = reading(noise, planned, seen, chance)
-    return Case(seed, model, tool, stiffness, noise, tuple(hidden), weight, planned, table, world)
+    return Case(seed, model, tool, stiffness, noise, tuple(hidden), weight, planned, table, world, setting)
 
 
 def drawn(seed: int, plan: str, names: Sequence[str], count: int = 1,
-          times: tuple[float, float] = (0.5, 2.0)) -> tuple[tuple[Hidden, ...], str]:
+          times: tuple[float, float] = (0.5, 2.0), name: str | None = None) -> tuple[tuple[Hidden, ...], str]:
     """What is hidden in the case of that seed, `count` different effects, so many `times` typical; and the arm's weight."""
-    rng, model = np.random.default_rng([seed, 6]), simulated_robot(seed, plan)
-    fit = [name for name in names if model.rod or not EFFECTS[name].rod]
+    rng, model = np.random.default_rng([seed, 6]), simulated_robot(seed, plan, name)
+    fit = [each for each in names if model.rod or not EFFECTS[each].rod]
     hidden: list[Hidden] = []
-    for name in rng.permutation(fit)[:count]:
-        joints = EFFECTS[name].joints
+    for each in rng.permutation(fit)[:count]:
+        joints = EFFECTS[each].joints
         joint = int(rng.choice(joints)) if joints else 0
-        hidden.append(Hidden(str(name), joint, float(times[0] * (times[1] / times[0]) ** rng.random())))
+        hidden.append(Hidden(str(each), joint, float(times[0] * (times[1] / times[0]) ** rng.random())))
     return tuple(hidden), str(rng.choice(["known", "unknown"]))
 
 
-def simulated_robot(seed: int, plan: str) -> Robot:
+def simulated_robot(seed: int, plan: str, name: str | None = None) -> Robot:
     """The robot of a seed."""
-    return robot(ROBOTS[int(np.random.default_rng([seed, list(PLANS).index(plan), 2]).integers(len(ROBOTS)))])
+    return _set_up(name, np.random.default_rng([seed, list(PLANS).index(plan), 2]))[0]
 
 
 def parsed(text: str) -> tuple[Hidden, ...]:

@@ -155,7 +155,7 @@ def spindle_compliance(world: World, joint: int, factor: float, rng: np.random.G
 
 @effect("tool_point")
 def tool_point(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
-    world.arm.load_point = HOME_FLANGE @ (factor * 0.008 * direction(rng))
+    world.arm.load_point = world.arm.load_point + HOME_FLANGE @ (factor * 0.008 * direction(rng))
 
 
 @effect("side_load")

@@ -6,9 +6,10 @@ x, y, x there; the flange's z looks to the front and its x down (ABB's tool0). M
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -27,7 +28,7 @@ ELBOW = (-55.0, 55.0)
 class Robot:
     """screws (6, 6) at home; drive (6, 6): angles of the axes by the drives'; joints (3, 3), flange (3,) [m]: where shoulder,
     elbow, wrist and flange are at home; stiffness (6,) [N m/rad]: published, about which the truth is drawn; text: of the
-    built-in file."""
+    robot file; size: how long it is, times the built-in one of that name; built_in: whether the packages have it."""
 
     name: str
     text: str
@@ -36,6 +37,8 @@ class Robot:
     joints: np.ndarray
     flange: np.ndarray
     stiffness: np.ndarray
+    size: float = 1.0
+    built_in: bool = True
 
     @property
     def rod(self) -> bool:
@@ -59,7 +62,7 @@ class Robot:
             elbow = q[:, 2] - q[:, 1] * self.rod
             tcp = self.tcp(np.radians(q), tool)
             reach = np.hypot(tcp[:, 0], tcp[:, 1])
-            fine = (elbow > ELBOW[0]) & (elbow < ELBOW[1]) & (tcp[:, 2] > 0.2) & (reach > 0.8)
+            fine = (elbow > ELBOW[0]) & (elbow < ELBOW[1]) & (tcp[:, 2] > 0.2 * self.size) & (reach > 0.8 * self.size)
             found = np.concatenate([found, np.radians(q[fine])])
         return found[:count]
 
@@ -68,7 +71,28 @@ class Robot:
 def robot(name: str) -> Robot:
     """One of the built-in robots' lengths as this cell's arm."""
     text = (FILES / f"{name}.yaml").read_text(encoding="utf-8")
-    content = yaml.safe_load(text)
+    return _built(name, text, yaml.safe_load(text))
+
+
+def foreign(rng: np.random.Generator) -> Robot:
+    """A robot of nobody's: 0.4 to 1.3 times as long as a built-in one, each length by itself, and stiffnesses as an arm of that
+    size may have them, of which its file knows no more than half and double."""
+    content = yaml.safe_load((FILES / f"{rng.choice(ROBOTS)}.yaml").read_text(encoding="utf-8"))
+    size = float(np.exp(rng.uniform(np.log(0.4), np.log(1.3))))
+    for joint in content["joints"]:
+        for key in ("a_mm", "d_mm"):
+            joint[key] = round(float(joint[key] * size * rng.uniform(0.85, 1.15)), 1)
+    stiffness = np.array(content["prior"]["stiffness_nm_per_rad"], dtype=float) * size**2 * np.exp(rng.uniform(-0.7, 0.7, 6))
+    said = stiffness * np.exp(rng.uniform(-0.7, 0.7))
+    content["prior"] = {"stiffness_nm_per_rad": [float(f"{k:.3g}") for k in said], "relative_std": float(rng.choice([1, 2, 3]))}
+    content["name"] = "arm"
+    for key in ("data_sheet", "poses", "manufacturer"):
+        content.pop(key, None)
+    built = _built("arm", yaml.safe_dump(content, sort_keys=False), content)
+    return replace(built, stiffness=stiffness, size=size, built_in=False)
+
+
+def _built(name: str, text: str, content: dict[str, Any]) -> Robot:
     lengths = {f"{key}{i}": joint[f"{key}_mm"] / 1e3 for i, joint in enumerate(content["joints"], 1) for key in "ad"}
     shoulder = np.array([lengths["a2"], 0, lengths["d1"]])
     elbow = shoulder + lengths["a3"] * Z

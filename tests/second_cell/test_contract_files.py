@@ -9,7 +9,7 @@ import pytest
 
 from identification.measurements import read_measurements
 from identification.model.cell import read_cell
-from tests.second_cell.cell import Hidden, drawn, parsed, simulate
+from tests.second_cell.cell import FOREIGN, Hidden, drawn, parsed, simulate
 from tests.second_cell.effects import DICTIONARY, OUTSIDE
 from tests.second_cell.noise import STRATA, Noise, draw_noise, reading, real_force
 from tests.second_cell.plans import PLANS, Plan, cycles
@@ -92,6 +92,22 @@ def test_what_a_shop_might_do_is_each_of_its_kinds() -> None:
     assert {int(plan.read[0].sum()) for plan in drawn_plans} == {1, 2, 3}
     down = [not plan.load[:, :2].any() for plan in drawn_plans]
     assert 1 <= sum(down) <= 15
+
+
+def test_a_robot_of_nobodys_is_read_as_it_stands(tmp_path: Path) -> None:
+    """Of thirty: on the floor, leaning, at a wall and under the ceiling; the load at the TCP and beside it, as moments say."""
+    cases = [simulate(seed, "shop", "near", (), FOREIGN, "known") for seed in range(30)]
+    turned = {round(np.degrees(np.linalg.norm(case.setting.base)) / 45) for case in cases}
+    assert turned == {0, 2, 4}
+    assert len({round(float(np.linalg.norm(case.setting.base)), 3) for case in cases}) > 5
+    for case in cases[:8]:
+        cell_file, table = case.write(tmp_path)
+        cell = read_cell(cell_file)
+        rows = read_measurements(table, cell.robot)
+        assert cell.world_from_base.rotation.T @ [0, 0, -9.81] == pytest.approx(case.setting.fall, abs=1e-7)
+        arm = case.robot.tcp(case.plan.q, case.tool + case.setting.hook) - case.robot.tcp(case.plan.q, case.tool)
+        np.testing.assert_allclose(rows.wrench[:, 3:], np.cross(arm, case.plan.load), atol=1e-6)
+    assert 3 < sum(case.setting.hook.any() for case in cases) < 20
 
 
 def test_a_seed_is_a_case() -> None:
