@@ -104,7 +104,7 @@ def test_a_robot_of_nobodys_is_read_as_it_stands(tmp_path: Path) -> None:
         cell_file, table = case.write(tmp_path)
         cell = read_cell(cell_file)
         rows = read_measurements(table, cell.robot)
-        assert cell.world_from_base.rotation.T @ [0, 0, -9.81] == pytest.approx(case.setting.fall, abs=1e-7)
+        np.testing.assert_allclose(cell.world_from_base.rotation.T @ [0, 0, -9.81], case.setting.fall, atol=1e-7)
         arm = case.robot.tcp(case.plan.q, case.tool + case.setting.hook) - case.robot.tcp(case.plan.q, case.tool)
         np.testing.assert_allclose(rows.wrench[:, 3:], np.cross(arm, case.plan.load), atol=1e-6)
     assert 3 < sum(case.setting.hook.any() for case in cases) < 20

@@ -268,8 +268,8 @@ def test_an_effect_of_no_size_is_none(effect: str) -> None:
 @pytest.mark.parametrize("weight", ["none", "known"])
 @pytest.mark.parametrize(("name", "seed"), [*((name, 7) for name in ROBOTS), (FOREIGN, 1), (FOREIGN, 5)])
 def test_the_plain_arm_agrees_with_the_packages(name: str, seed: int, weight: str, tmp_path: Path) -> None:
-    """To the table's last digit without weight; to a nanometre of most of a millimetre with it. So does a robot of nobody's under
-    the ceiling (1), and one at a wall whose load pulls beside the TCP (5), but for the turn of that arm."""
+    """To the table's last digit without weight; to a nanometre of most of a millimetre with it. So does a robot of nobody's
+    under the ceiling (1), and one at a wall whose load pulls beside the TCP (5), but for the turn of that arm."""
     case = simulate(seed, "five", "none", (), name, weight)
     cell_file, table = case.write(tmp_path)
     cell = read_cell(cell_file)
