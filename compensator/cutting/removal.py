@@ -12,7 +12,6 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,8 @@ from compensator.cutting.leaning import (
     leans_too_far,
     shank_rim,
 )
-from compensator.cutting.stock import Grid, Stock
+from compensator.cutting.stock import Stock
+from compensator.cutting.swept import Material, beside_own_way, distance, go_over, sampled
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
 from identification.common.progress import progress
@@ -112,17 +112,6 @@ class _Arcs:
     integral: Array
 
 
-@dataclass(frozen=True, eq=False)
-class _Material:
-    """stock: the blank; swept (L, ny, nx) [m]: how far its points are from where the cutter was; aside [m]: how far the tool is
-    moved to see what that changes, 0: not at all; kind (L,): layers of one number have the same outline."""
-
-    stock: Stock
-    swept: Grid
-    aside: float
-    kind: NDArray[np.intp]
-
-
 def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
     """How the cutter engages on its way through a stock, and what it leaves; aside [m]: also with the tool moved by so much
     along x, y and up, each by itself."""
@@ -134,16 +123,14 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
     if cutter.ball:
         arrays["beyond"] = np.zeros(count, dtype=bool)
     near = _near(stock, track, cutter)
-    grid = stock.inside
-    kind = np.cumsum([0, *(not _alike(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
-    material = _Material(stock, np.full(grid.shape, np.float32(1.0)), aside, kind)
+    material = Material.of(stock, aside)
     with progress("milling through the stock", count) as bar:
         for first in range(0, count, BATCH):
             rows = first + np.flatnonzero(near[first:first + BATCH])
             if len(rows):
                 _one_batch(material, track, cutter, rows, arrays)
             bar.add(min(BATCH, count - first))
-    left = replace(stock, inside=np.minimum(grid, material.swept, out=material.swept))
+    left = replace(stock, inside=np.minimum(stock.inside, material.swept, out=material.swept))
     in_a_box = np.zeros(count, dtype=bool)
     for low, high in stock.unknown:
         reach = np.array([cutter.radius, cutter.radius, 0.0])
@@ -153,11 +140,6 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
     beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
     unknown = (cuts & (track.joint | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box | beyond
     return Engagement(unknown=unknown, **arrays), left
-
-
-def _alike(one: Grid, other: Grid) -> bool:
-    """Whether two layers have the same outline; those of a box are one array."""
-    return one.__array_interface__["data"] == other.__array_interface__["data"] or np.array_equal(one, other)
 
 
 def _plunges(track: Track) -> Flags:
@@ -180,7 +162,7 @@ def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
                       & (np.minimum(track.start, track.end)[:, 2] < stock.height[-1]))
 
 
-def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[np.intp], into: dict[str, Array]) -> None:
+def _one_batch(material: Material, track: Track, cutter: Cutter, rows: NDArray[np.intp], into: dict[str, Array]) -> None:
     """Looks at the steps `rows` (K,), then goes over them."""
     stock = material.stock
     start, end = track.start[rows], track.end[rows]
@@ -213,14 +195,14 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
         else:
             rim = (middle[:, None, :2] + radius[:, None, None] * (
                 np.cos(ANGLE)[None, :, None] * feed[:, None, :] + np.sin(ANGLE)[None, :, None] * left[:, None, :]))
-            own = _beside_own_way(rim, start, end, gone)
+            own = beside_own_way(rim, start, end, gone)
             rim_of[key] = (rim, own)
         if axes.leans.any():
             own = np.where(above_the_ball(ANGLE, at, cutter.radius, feed, axes.axis) & axes.leans[:, None], -1.0, own)
             met = _shank_cuts(material, int(layer), cutter, middle, start, end, at, axes) & looking
             into["beyond"][rows[met]] = True
-        blank = _sampled(stock, stock.inside[layer], rim)
-        gone_over = (_sampled(stock, material.swept[layer], rim), own)
+        blank = sampled(stock, stock.inside[layer], rim)
+        gone_over = (sampled(stock, material.swept[layer], rim), own)
         foot = np.maximum(bottom, tip) - tip
         piece = _Slice(foot, thick, radius, sine, cutter.edge_length(foot, foot + thick))
         inside = np.where(looking[:, None], blank, -1.0)
@@ -228,10 +210,10 @@ def _one_batch(material: _Material, track: Track, cutter: Cutter, rows: NDArray[
         if material.aside:
             _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, axes, cutter, rows,
                        into["moved"])
-    _go_over(material, cutter, start, end, axes, layer_middle, within)
+    go_over(material, cutter, start, end, axes.axis, axes.leans, layer_middle, within)
 
 
-def _shank_cuts(material: _Material, layer: int, cutter: Cutter, middle: Array, start: Array, end: Array, at: Array, axes: _Axes
+def _shank_cuts(material: Material, layer: int, cutter: Cutter, middle: Array, start: Array, end: Array, at: Array, axes: _Axes
                 ) -> Flags:
     """Steps (K,) at which what stands above the ball of a leaning tool meets material in a layer, at (K,) [m] above the tip."""
     stock, high = material.stock, at - cutter.radius
@@ -242,47 +224,10 @@ def _shank_cuts(material: _Material, layer: int, cutter: Cutter, middle: Array, 
     for before in np.flatnonzero(axes.leans[:-1] & (at[:-1] > cutter.radius)):
         some, first, last = (across_shank(xy, axes.axis[before]) for xy in (
             points[before + 1:], start[before, :2] + aside[before], end[before, :2] + aside[before]))
-        np.minimum(own[before + 1:], _distance(some, first, last) - cutter.radius, out=own[before + 1:])
+        np.minimum(own[before + 1:], distance(some, first, last) - cutter.radius, out=own[before + 1:])
     for grid in (stock.inside[layer], material.swept[layer]):
-        own = np.minimum(own, _sampled(stock, grid, points))
+        own = np.minimum(own, sampled(stock, grid, points))
     return np.asarray(axes.leans & ((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
-
-
-def _beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
-    """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of
-    this batch before."""
-    result = np.ones(rim.shape[:2])
-    for before in np.flatnonzero(radius[:-1] > 0):
-        some = rim[before + 1:]
-        away = _distance(some, start[before, :2], end[before, :2]) - radius[before]
-        np.minimum(result[before + 1:], away, out=result[before + 1:])
-    return result
-
-
-def _distance(points: Array, first: Array, last: Array) -> Array:
-    """From points (..., 2) to the straight line between first and last (2,) [m]."""
-    along = last - first
-    square = float(along @ along)
-    off = points - first
-    if square > 0:
-        share = np.clip((off @ along) / square, 0.0, 1.0)
-        off = off - share[..., None] * along
-    return np.asarray(np.hypot(off[..., 0], off[..., 1]))
-
-
-def _sampled(stock: Stock, grid: Grid, points: Array) -> Array:
-    """A distance (K, P) [m] at points (K, P, 2), between the points of one layer's grid (ny, nx) in proportion; outside of the
-    grid there is nothing."""
-    ny, nx = grid.shape
-    x, y = ((points[..., k] - stock.origin[k]) / stock.cell for k in range(2))
-    on = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1)
-    i, j = (np.clip(v.astype(np.intp), 0, n - 2) for v, n in ((x, nx), (y, ny)))
-    u, v = x - i, y - j
-    flat = grid.ravel()
-    base = j * nx + i
-    low = flat[base] * (1 - u) + flat[base + 1] * u
-    high = flat[base + nx] * (1 - u) + flat[base + nx + 1] * u
-    return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
 
 
 def _arcs(distances: tuple[Array, ...]) -> _Arcs:
@@ -341,7 +286,7 @@ def _add(inside: tuple[Array, ...], piece_of: _Slice, axes: _Axes, cutter: Cutte
     return turned
 
 
-def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Array, gone_over: tuple[Array, ...], rim: Array,
+def _add_moved(material: Material, layer: int, turned: Array | None, blank: Array, gone_over: tuple[Array, ...], rim: Array,
                tip: Array, piece_of: _Slice, looking: Flags, axes: _Axes, cutter: Cutter, rows: NDArray[np.intp], moved: Array
                ) -> None:
     """Adds the cut of one layer with the tool aside along x, y and up, to moved (3, S, 3, 6). turned: its weights where it is
@@ -363,7 +308,7 @@ def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Arr
         if len(some):
             shift = np.zeros(2)
             shift[axis] = aside
-            change[some] = cut(some, _sampled(stock, stock.inside[layer], rim[some] + shift))
+            change[some] = cut(some, sampled(stock, stock.inside[layer], rim[some] + shift))
         moved[axis, rows] += change
     # Up: what stands in this layer is the blank a little higher, and under its floor there is some more of it.
     height = stock.height
@@ -383,62 +328,6 @@ def _add_moved(material: _Material, layer: int, turned: Array | None, blank: Arr
         some = np.flatnonzero(share > 0)
         if len(some):
             grid = stock.inside[int(np.argmax(material.kind == kind))]
-            moved[2, rows[some]] += share[some, None, None] * cut(some, _sampled(stock, grid, rim[some]))
+            moved[2, rows[some]] += share[some, None, None] * cut(some, sampled(stock, grid, rim[some]))
 
 
-def _go_over(material: _Material, cutter: Cutter, start: Array, end: Array, axes: _Axes, layer_middle: Array,
-             within: NDArray[np.intp]) -> None:
-    """The way of the steps is gone over in the layers `within`."""
-    for first, last in _straight_runs(start, end, axes.axis):
-        low, high = np.minimum(start[first], end[last]), np.maximum(start[first], end[last])
-        tip = 0.5 * (low[2] + high[2])
-        height = layer_middle[within] - tip
-        radius = cutter.radius_at(height)
-        reached = radius > 0
-        # Above its ball a tool that leans stands aside, an ellipse about its axis.
-        above = reached & (height > cutter.radius) if axes.leans[first] else np.zeros(len(within), dtype=bool)
-        level = reached & ~above
-        _take(material, within[level], radius[level], start[first, :2], end[last, :2])
-        for layer, own, up in zip(within[above], radius[above], height[above] - cutter.radius, strict=True):
-            aside = up * axes.axis[first, :2] / axes.axis[first, 2]
-            _take(material, np.array([layer]), np.array([own]), start[first, :2] + aside, end[last, :2] + aside,
-                  axes.axis[first])
-
-
-def _take(material: _Material, layers: NDArray[np.intp], radius: Array, first: Array, last: Array, axis: Array | None = None
-          ) -> None:
-    """Circles of radius (n,) [m], or the ellipses of a shank with an axis (3,), go over the layers (n,) from first to last
-    (2,)."""
-    stock, (_, ny, nx) = material.stock, material.swept.shape
-    if not len(layers):
-        return
-    low, high = np.minimum(first, last), np.maximum(first, last)
-    # Beyond the cutter too: the edge's distance is wanted on both sides of it.
-    reach = radius.max() / (1.0 if axis is None else axis[2]) + 2 * stock.cell
-    i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) // stock.cell,
-                                               (high[0] + reach - stock.origin[0]) // stock.cell + 2))
-    j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) // stock.cell,
-                                               (high[1] + reach - stock.origin[1]) // stock.cell + 2))
-    if i0 >= i1 or j0 >= j1:
-        return
-    x = stock.origin[0] + stock.cell * np.arange(i0, i1)
-    y = stock.origin[1] + stock.cell * np.arange(j0, j1)
-    points = np.stack(np.meshgrid(x, y), axis=-1)
-    if axis is not None:
-        points, first, last = (across_shank(xy, axis) for xy in (points, first, last))
-    away = _distance(points, first, last)
-    for layer, own in zip(layers, radius, strict=True):
-        box = material.swept[layer, j0:j1, i0:i1]
-        np.minimum(box, (away - own).astype(np.float32), out=box)
-
-
-def _straight_runs(start: Array, end: Array, axis: Array) -> list[tuple[int, int]]:
-    """First and last step of each run in one direction at one height, with one axis (K, 3): its way is one long step's."""
-    way = end - start
-    size = np.linalg.norm(way, axis=1)
-    unit = way / np.maximum(size, 1e-12)[:, None]
-    bends = (np.linalg.norm(np.diff(unit, axis=0), axis=1) > 1e-7) | (np.abs(np.diff(way[:, 2])) > 1e-9) | (
-        np.abs(way[1:, 2]) > 1e-9) | (np.abs(start[1:] - end[:-1]).max(axis=1, initial=0.0) > 1e-9) | (
-        np.abs(np.diff(axis, axis=0)).max(axis=1, initial=0.0) > 1e-9)
-    edges = [0, *(1 + np.flatnonzero(bends)), len(start)]
-    return [(int(a), int(b) - 1) for a, b in pairwise(edges)]

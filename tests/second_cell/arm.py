@@ -13,7 +13,7 @@ import numpy as np
 
 from tests.second_cell.plans import Plan
 from tests.second_cell.rest import Load, at_rest
-from tests.second_cell.robots import Robot
+from tests.second_cell.robots import Robot, X
 
 G = np.array([0.0, 0.0, -9.81])
 SUBSTEPS = 2        # of the way from row to row, for laws with a memory
@@ -64,7 +64,7 @@ class Element:
 class Arm:
     """tool: the TCP in the flange frame [m]; stiffness (6,) [N m/rad] of the drives. masses: kg at a home point behind a place.
     load_point (3,) [m]: where the load really acts, off the TCP, in the flange frame's home axes. fall (3,) [m/s^2]:
-    gravity in the base frame."""
+    gravity in the base frame. spindle (3,): its axis, the TCP's z, at home."""
 
     robot: Robot
     tool: np.ndarray
@@ -75,6 +75,7 @@ class Arm:
     masses: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
     load_point: np.ndarray = field(default_factory=lambda: np.zeros(3))
     fall: np.ndarray = field(default_factory=lambda: G)
+    spindle: np.ndarray = field(default_factory=lambda: X)
 
     def __post_init__(self) -> None:
         for i, (screw, drive) in enumerate(zip(self.robot.screws, self.robot.drive, strict=True)):

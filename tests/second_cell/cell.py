@@ -23,7 +23,7 @@ from tests.second_cell.hidden import World
 from tests.second_cell.noise import Noise, draw_noise, reading, real_force
 from tests.second_cell.plans import PLANS, Plan, fresh
 from tests.second_cell.robots import HOME_FLANGE, ROBOTS, Robot, X, Y, Z, foreign, robot
-from tests.second_cell.setting import Setting, any_setting, quaternion
+from tests.second_cell.setting import Setting, any_setting, matrix, quaternion
 
 FOREIGN = "foreign"
 LOG_STD = 0.45      # of the true stiffnesses about the published ones
@@ -144,7 +144,8 @@ def _masses(arm: Robot) -> np.ndarray:
 
 
 def _arm(model: Robot, tool: np.ndarray, stiffness: np.ndarray, weight: str, setting: Setting) -> Arm:
-    built = Arm(model, tool, stiffness, load_point=HOME_FLANGE @ setting.hook, fall=setting.fall)
+    built = Arm(model, tool, stiffness, load_point=HOME_FLANGE @ setting.hook, fall=setting.fall,
+                spindle=HOME_FLANGE @ matrix(setting.tool) @ Z)
     if weight != "none":
         built.masses = [(float(min(i, 6)), centre, float(mass))
                         for i, (mass, centre) in enumerate(zip(_masses(model), _centres(model, tool), strict=True), 1)]

@@ -147,9 +147,12 @@ def force_sensor_compliance(world: World, joint: int, factor: float, rng: np.ran
 @effect("spindle_compliance")
 def spindle_compliance(world: World, joint: int, factor: float, rng: np.random.Generator) -> None:
     """The spindle turns in its front bearing 140 mm behind the tip; the bearing stiffens."""
-    tip = world.arm.robot.tcp_home(world.arm.tool)
+    tip, along = world.arm.robot.tcp_home(world.arm.tool), world.arm.spindle
+    aside = np.cross(along, Z if abs(along @ Z) < 0.9 else Y)
+    aside /= np.linalg.norm(aside)
     yielding = factor * 6.7e-8 / 0.14**2
-    for at in world.arm.yields(6.8, [hinge(axis, tip - 0.14 * X) for axis in (Y, Z)], np.eye(2) / yielding):
+    bearing = [hinge(axis, tip - 0.14 * along) for axis in (aside, np.cross(along, aside))]
+    for at in world.arm.yields(6.8, bearing, np.eye(2) / yielding):
         world.arm.laws.append(Cubic(at, 1 / yielding, 80 * yielding))
 
 

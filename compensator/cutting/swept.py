@@ -1,0 +1,135 @@
+"""What of the stock still stands while a cutter goes over it: distances to the edges of the material, layer by layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compensator.cutting.cutter import Cutter
+from compensator.cutting.leaning import across_shank
+from compensator.cutting.stock import Grid, Stock
+from identification.common.arrays import Array
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """stock: the blank; swept (L, ny, nx) [m]: how far its points are from where the cutter was; aside [m]: how far the tool is
+    moved to see what that changes, 0: not at all; kind (L,): layers of one number have the same outline."""
+
+    stock: Stock
+    swept: Grid
+    aside: float
+    kind: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, stock: Stock, aside: float) -> Material:
+        """Before anything was gone over."""
+        grid = stock.inside
+        kind = np.cumsum([0, *(not _alike(one, other) for one, other in pairwise(grid))]) if aside else np.arange(len(grid))
+        return cls(stock, np.full(grid.shape, np.float32(1.0)), aside, kind)
+
+
+def _alike(one: Grid, other: Grid) -> bool:
+    """Whether two layers have the same outline; those of a box are one array."""
+    return one.__array_interface__["data"] == other.__array_interface__["data"] or np.array_equal(one, other)
+
+
+def beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
+    """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of
+    this batch before."""
+    result = np.ones(rim.shape[:2])
+    for before in np.flatnonzero(radius[:-1] > 0):
+        some = rim[before + 1:]
+        away = distance(some, start[before, :2], end[before, :2]) - radius[before]
+        np.minimum(result[before + 1:], away, out=result[before + 1:])
+    return result
+
+
+def distance(points: Array, first: Array, last: Array) -> Array:
+    """From points (..., 2) to the straight line between first and last (2,) [m]."""
+    along = last - first
+    square = float(along @ along)
+    off = points - first
+    if square > 0:
+        share = np.clip((off @ along) / square, 0.0, 1.0)
+        off = off - share[..., None] * along
+    return np.asarray(np.hypot(off[..., 0], off[..., 1]))
+
+
+def sampled(stock: Stock, grid: Grid, points: Array) -> Array:
+    """A distance (K, P) [m] at points (K, P, 2), between the points of one layer's grid (ny, nx) in proportion; outside of the
+    grid there is nothing."""
+    ny, nx = grid.shape
+    x, y = ((points[..., k] - stock.origin[k]) / stock.cell for k in range(2))
+    on = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1)
+    i, j = (np.clip(v.astype(np.intp), 0, n - 2) for v, n in ((x, nx), (y, ny)))
+    u, v = x - i, y - j
+    flat = grid.ravel()
+    base = j * nx + i
+    low = flat[base] * (1 - u) + flat[base + 1] * u
+    high = flat[base + nx] * (1 - u) + flat[base + nx + 1] * u
+    return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
+
+
+def go_over(material: Material, cutter: Cutter, start: Array, end: Array, axis: Array, leans: Flags, layer_middle: Array,
+            within: NDArray[np.intp]) -> None:
+    """The way of the steps, start, end and the tool's axis (K, 3), is gone over in the layers `within`; leans (K,): whether it
+    is that of a ball that leans."""
+    for first, last in _straight_runs(start, end, axis):
+        low, high = np.minimum(start[first], end[last]), np.maximum(start[first], end[last])
+        tip = 0.5 * (low[2] + high[2])
+        height = layer_middle[within] - tip
+        radius = cutter.radius_at(height)
+        reached = radius > 0
+        # Above its ball a tool that leans stands aside, an ellipse about its axis.
+        above = reached & (height > cutter.radius) if leans[first] else np.zeros(len(within), dtype=bool)
+        level = reached & ~above
+        _take(material, within[level], radius[level], start[first, :2], end[last, :2])
+        for layer, own, up in zip(within[above], radius[above], height[above] - cutter.radius, strict=True):
+            aside = up * axis[first, :2] / axis[first, 2]
+            _take(material, np.array([layer]), np.array([own]), start[first, :2] + aside, end[last, :2] + aside,
+                  axis[first])
+
+
+def _take(material: Material, layers: NDArray[np.intp], radius: Array, first: Array, last: Array, axis: Array | None = None
+          ) -> None:
+    """Circles of radius (n,) [m], or the ellipses of a shank with an axis (3,), go over the layers (n,) from first to last
+    (2,)."""
+    stock, (_, ny, nx) = material.stock, material.swept.shape
+    if not len(layers):
+        return
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    # Beyond the cutter too: the edge's distance is wanted on both sides of it.
+    reach = radius.max() / (1.0 if axis is None else axis[2]) + 2 * stock.cell
+    i0, i1 = (int(np.clip(v, 0, nx)) for v in ((low[0] - reach - stock.origin[0]) // stock.cell,
+                                               (high[0] + reach - stock.origin[0]) // stock.cell + 2))
+    j0, j1 = (int(np.clip(v, 0, ny)) for v in ((low[1] - reach - stock.origin[1]) // stock.cell,
+                                               (high[1] + reach - stock.origin[1]) // stock.cell + 2))
+    if i0 >= i1 or j0 >= j1:
+        return
+    x = stock.origin[0] + stock.cell * np.arange(i0, i1)
+    y = stock.origin[1] + stock.cell * np.arange(j0, j1)
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    if axis is not None:
+        points, first, last = (across_shank(xy, axis) for xy in (points, first, last))
+    away = distance(points, first, last)
+    for layer, own in zip(layers, radius, strict=True):
+        box = material.swept[layer, j0:j1, i0:i1]
+        np.minimum(box, (away - own).astype(np.float32), out=box)
+
+
+def _straight_runs(start: Array, end: Array, axis: Array) -> list[tuple[int, int]]:
+    """First and last step of each run in one direction at one height, with one axis (K, 3): its way is one long step's."""
+    way = end - start
+    size = np.linalg.norm(way, axis=1)
+    unit = way / np.maximum(size, 1e-12)[:, None]
+    bends = (np.linalg.norm(np.diff(unit, axis=0), axis=1) > 1e-7) | (np.abs(np.diff(way[:, 2])) > 1e-9) | (
+        np.abs(way[1:, 2]) > 1e-9) | (np.abs(start[1:] - end[:-1]).max(axis=1, initial=0.0) > 1e-9) | (
+        np.abs(np.diff(axis, axis=0)).max(axis=1, initial=0.0) > 1e-9)
+    edges = [0, *(1 + np.flatnonzero(bends)), len(start)]
+    return [(int(a), int(b) - 1) for a, b in pairwise(edges)]
