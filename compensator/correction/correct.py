@@ -75,6 +75,7 @@ class Corrected:
             "expected_worse": round(float(self.correction.harm.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
             "cutting_stiffness": None if self.stiffness is None else self.stiffness.as_dict() | {"gain": self.gain},
+            "slot_stiffness": None if self.logged.slot is None else self.logged.slot.as_dict(),
             "feed_check": self.feed.as_dict() if self.feed else None,
         }
         return figures | ({"posture": self.advice.as_dict()} if self.advice else {})
@@ -96,6 +97,8 @@ class Corrected:
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),
+            *([] if self.logged.slot is None else [f"in slots, along the tool's axis ({self.logged.slot.origin}): "
+                                                  f"{self.logged.slot.words()}"]),
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
             *([f"forces predicted from the stock: {self.as_logged()}"] if self.logged.on_plan else []),
             *(self.advice.lines() if self.advice else []),
