@@ -59,6 +59,12 @@ class Corrected:
         """Of the cut; None where nothing is known but the force."""
         return self.logged.stiffness
 
+    @property
+    def first_added(self) -> int | None:
+        """The first number that names another target in the corrected program than in the planned one."""
+        moved = self.kept != np.arange(len(self.kept))
+        return int(np.argmax(moved)) if moved.any() else None
+
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
         offset, turn = (np.linalg.norm(values, axis=1) for values in (self.correction.offset, self.correction.turn))
@@ -84,7 +90,8 @@ class Corrected:
         """The correction for the terminal."""
         figures = self.as_dict()
         offset, residual, held_back = figures["offset_mm"], figures["residual_um"], figures["held_back"]
-        added = [f"intermediate targets added: {figures['added_targets']}"] if figures["added_targets"] else []
+        added = [f"intermediate targets added: {figures['added_targets']}; from target {self.first_added} on the corrected "
+                 "program counts otherwise (offsets.csv: added)"] if figures["added_targets"] else []
         return [
             *self.planned.lines(), *added,
             f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "

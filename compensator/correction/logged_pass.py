@@ -47,8 +47,8 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     if settings.first_forces is None or offsets is None:
         slot, of_slot = known_slot(predicted, offsets, prior)
         return LoggedPass(offsets, prior, (*findings, *of_slot), slot=slot), predicted
-    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, planned.settings,
-                         planned.loaded.learned)
+    alone = replace(planned.settings, correction=replace(settings, logged_with=None))
+    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, alone, planned.loaded.learned)
     agreed = compared(first.forces, predicted.forces, planned.path)
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
     slot, of_slot = slot_of_passes(first, predicted, offsets, prior)
