@@ -59,6 +59,12 @@ class Corrected:
         """Of the cut; None where nothing is known but the force."""
         return self.logged.stiffness
 
+    @property
+    def first_added(self) -> int | None:
+        """The first number that names another target in the corrected program than in the planned one."""
+        moved = self.kept != np.arange(len(self.kept))
+        return int(np.argmax(moved)) if moved.any() else None
+
     def as_dict(self) -> dict[str, Any]:
         """The figures of the job, JSON values; those with force count its intermediate targets too."""
         offset, turn = (np.linalg.norm(values, axis=1) for values in (self.correction.offset, self.correction.turn))
@@ -75,6 +81,7 @@ class Corrected:
             "expected_worse": round(float(self.correction.harm.sum()), 2),
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
             "cutting_stiffness": None if self.stiffness is None else self.stiffness.as_dict() | {"gain": self.gain},
+            "slot_stiffness": None if self.logged.slot is None else self.logged.slot.as_dict(),
             "feed_check": self.feed.as_dict() if self.feed else None,
         }
         return figures | ({"posture": self.advice.as_dict()} if self.advice else {})
@@ -83,7 +90,8 @@ class Corrected:
         """The correction for the terminal."""
         figures = self.as_dict()
         offset, residual, held_back = figures["offset_mm"], figures["residual_um"], figures["held_back"]
-        added = [f"intermediate targets added: {figures['added_targets']}"] if figures["added_targets"] else []
+        added = [f"intermediate targets added: {figures['added_targets']}; from target {self.first_added} on the corrected "
+                 "program counts otherwise (offsets.csv: added)"] if figures["added_targets"] else []
         return [
             *self.planned.lines(), *added,
             f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
@@ -96,6 +104,8 @@ class Corrected:
             f"expected to end up farther off than uncorrected: {figures['expected_worse']:.1f} of {figures['corrected']} "
             "targets",
             *([] if self.stiffness is None else [f"cutting stiffness ({self.stiffness.origin}): {self.stiffness.words()}"]),
+            *([] if self.logged.slot is None else [f"in slots, along the tool's axis ({self.logged.slot.origin}): "
+                                                  f"{self.logged.slot.words()}"]),
             *([] if self.left_as_logged is None else [f"forces taken as logged: {self.as_logged()}"]),
             *([f"forces predicted from the stock: {self.as_logged()}"] if self.logged.on_plan else []),
             *(self.advice.lines() if self.advice else []),

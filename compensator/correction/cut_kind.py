@@ -6,7 +6,8 @@ Manufacturing Automation, ch. 2) give for an end mill, by the angle of the mean 
     climb, up to half of the cutter engaged    40 to 86 deg: pulled forwards, pushed left, away from the wall; that push grows
                                                with the depth by 0.7 to 1.2 of its share
     slot, and over three quarters engaged      94 to 141 deg: backwards and left; with a step aside it grows by an eighth of
-                                               what it does at a wall 1.5 mm deep, in a full slot not at all
+                                               what it does at a wall 1.5 mm deep, in a full slot not at all, but with one
+                                               along the axis (slot_cut.py)
     conventional, up to half engaged           beyond 148 deg, or to the right: the push across passes through zero as the
                                                depth grows, and no cutting stiffness describes it
 
@@ -42,6 +43,12 @@ def cut_shares(path: RobotPath, force: Array) -> tuple[Array, Array]:
     return np.asarray(climbing), np.asarray(np.where(pushed_in < PUSHED_IN, np.clip(slotting, 0.0, 1.0), 0.0))
 
 
+def towards_spindle(path: RobotPath) -> Array:
+    """Unit vectors (N, 3), base frame, along the tool's axis from its tip to the spindle, whichever way its z points."""
+    axis = path.base_from_tcp.rotation[:, :, 2]
+    return np.asarray(axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None])
+
+
 def _against_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     """The angle (N,) [deg] of the force to the left of the feed, 0 where there is none of either, and its part towards the
     spindle as a share (N,) of that across the axis."""
@@ -49,9 +56,7 @@ def _against_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     known = np.flatnonzero(path.known)
     if len(known) > 1:
         along[known] = np.gradient(path.base_from_tcp.position[known], axis=0)
-    # Towards the spindle, whichever way the tool's z points.
-    axis = path.base_from_tcp.rotation[:, :, 2]
-    up = axis * np.where(np.einsum("ni,ni->n", axis, path.to_flange) < 0, -1.0, 1.0)[:, None]
+    up = towards_spindle(path)
     along -= up * np.einsum("ni,ni->n", along, up)[:, None]
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     forwards, left = np.einsum("ni,ni->n", force, along), np.einsum("ni,ni->n", force, np.cross(up, along))

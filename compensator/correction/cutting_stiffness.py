@@ -76,17 +76,19 @@ class CuttingStiffness:
 class PassPair:
     """Two logged passes of one program at n targets in the order of the path: how much deeper the second cut, depth (n,) [m];
     change (n,) [N] of the force along direction (n, 3), the unit vectors n; error (n,) [N], 1 sigma of the change by the
-    scatter of both logs; climb (n,): share of climb milling in the first (cut_kind.py)."""
+    scatter of both logs; climb, slot (n,): share of climb milling, and of a slot, in the first (cut_kind.py)."""
 
     depth: Array
     change: Array
     direction: Array
     error: Array
     climb: Array
+    slot: Array
 
     def where(self, mask: NDArray[np.bool_]) -> PassPair:
         """The targets of mask (n,) alone."""
-        return PassPair(self.depth[mask], self.change[mask], self.direction[mask], self.error[mask], self.climb[mask])
+        return PassPair(self.depth[mask], self.change[mask], self.direction[mask], self.error[mask], self.climb[mask],
+                        self.slot[mask])
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,22 +13,25 @@ more the cut is stiffer than the arm, pass after pass would overshoot, and the c
 
 K is stated, found from logged pairs of passes (cutting_stiffness.py), or known by its prior (cutting_prior.py). Where it is not
 followed its size leaves |d| g / (1 + g) off the plan, g = K (e . n) / F_n, and its error the same where it is. Where nothing
-is known but the force, K = GROWS F_n / (a - e . n) of a depth a: the mean square over the depths that there may be.
+is known but the force, K = GROWS F_n / (a - e . n) of a depth a: the mean square over the depths that there may be. In a slot
+the same holds of a step along the tool's axis, with a K of its own (slot_cut.py).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.cut_kind import cut_shares
-from compensator.correction.cutting_prior import GROWS, depths
+from compensator.correction.cutting_prior import GROWS, depths, slot_depths
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction, predict_path
+from compensator.correction.slot_cut import Slots, slots
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import rms
@@ -37,16 +40,16 @@ from identification.model.kinematics import chunks, spring_columns
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Told = tuple[tuple[float, float], ...]
 # No cut is taken for less deep than this share of its depth, however far the tool stood aside.
 SHALLOWEST = 0.25
 # Where less than this share of the force stands across the feed it says nothing of a depth.
 LEAST_ACROSS = 0.05
-# With a learned displacement the force is followed as far as this share of itself.
+# With a learned displacement, and in a slot, the force is followed as far as this share of itself.
 MOST_GROWTH = 0.95
-# Of what grows at a wall so much does in a slot: nothing for a step aside, a little for one along the axis (cut_kind.py).
-IN_A_SLOT = 0.3
-# What is left for this cutting stiffness [N/m] is told where none is known, and for these depths [m] where none is stated.
-ASSUMED, DEPTHS_TOLD = 1e4, (0.3e-3, 1e-3, 3e-3)
+# What is left for this cutting stiffness [N/m] is told where none is known, and for these depths [m], across the feed and of a
+# slot, where none is stated.
+ASSUMED, DEPTHS_TOLD, SLOTS_TOLD = 1e4, (0.3e-3, 1e-3, 3e-3), (1e-3, 2e-3, 5e-3)
 
 
 def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
@@ -70,12 +73,13 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
 class LoggedPass:
     """What is known of the pass that the log was taken in. on_plan: the forces are those of a tool on the plan, as predicted
     ones are, and a corrected tool meets them. offsets (N, 3) [m], base frame, that the program had then, None: it
-    was the planned one; stiffness: of the cut [N/m], None: not known."""
+    was the planned one; stiffness: of the cut [N/m], None: not known; slot: the same of a slot, along the tool's axis."""
 
     offsets: Array | None
     stiffness: CuttingStiffness | None
     findings: tuple[Finding, ...] = ()
     on_plan: bool = False
+    slot: CuttingStiffness | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +87,8 @@ class CorrectedPass:
     """The path under the forces that the corrected pass meets. left (M,) [m]: 1 sigma of how far off the plan the force that
     follows the cut leaves the tool; in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]:
     what a cutting stiffness of ASSUMED would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where
-    the force is as logged. at_depths: depths [m], and what `left` would be there [m], root mean square; none where more is
-    known of the cut."""
+    the force is as logged. at_depths, at_slot_depths: depths [m], and what `left` would be there [m], root mean square; none
+    where more is known of the cut."""
 
     loaded: LoadedPath
     left: Array
@@ -92,7 +96,8 @@ class CorrectedPass:
     left_as_logged: Array | None
     gain: float
     findings: tuple[Finding, ...] = ()
-    at_depths: tuple[tuple[float, float], ...] = ()
+    at_depths: Told = ()
+    at_slot_depths: Told = ()
 
 
 def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -> tuple[CorrectedPass, Prediction]:
@@ -105,47 +110,96 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
         per_newton, chosen = _deeper(predicted, offsets, direction, across)
-        aslant = _left(predicted, _where_it_changes(predicted, np.abs(per_newton) * across))
-        if logged.stiffness is None:
-            left, at_depths = _of_any_depth(predicted, across, per_newton)
-            left = np.hypot(left, aslant)
+        slot = slots(predicted.path, predicted.forces.wrench[:, :3], across, np.where(
+            chosen[:, None], standing(predicted, offsets), 0.0))
+        wall = _wall(predicted, logged, across, per_newton)
+        in_slots = _slot(predicted, logged, slot)
+        followed = wall.stiffness * per_newton + in_slots.growth
+        left = np.hypot(wall.left(followed), in_slots.left(followed))
+        if not wall.exact:
+            left = np.hypot(left, _left(predicted, _where_it_changes(predicted, np.abs(per_newton) * across)))
+        if not followed.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
             return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0,
-                                 at_depths=at_depths), predicted.prediction
-        follows, left_over = _here(predicted, logged.stiffness)
-        left = _left(predicted, np.abs(left_over * per_newton), follows * per_newton)
-        if logged.stiffness.std:        # else stated as exact, everywhere
-            left = np.hypot(left, aslant)
-        if not follows.any():
-            as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
-            return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0), predicted.prediction
-    forces, findings = _engaged(predicted, follows, per_newton, chosen)
-    gain = _check_gain(predicted, follows, direction)
+                                 at_depths=wall.at_depths, at_slot_depths=in_slots.at_depths), predicted.prediction
+    forces, findings = _engaged(predicted, followed, wall.stiffness, chosen)
+    gain = _check_gain(predicted, wall.stiffness, direction)
     loaded = replace(predicted.loaded, forces=forces)
     prediction = predict_path(loaded)
-    left = left * (1 + (follows * per_newton)[predicted.targets])       # of the deviation that the corrected pass has
+    left = left * (1 + followed[predicted.targets])       # of the deviation that the corrected pass has
     # The force as a whole is uncertain by this, and so is the deviation: in its own direction.
     along = prediction.position / np.maximum(np.linalg.norm(prediction.position, axis=1), 1e-300)[:, None]
     covariance = prediction.covariance + np.einsum("n,ni,nj->nij", left**2, along, along)
     covariance.flags.writeable = False
-    return CorrectedPass(loaded, left, left, None, gain, findings), replace(prediction, covariance=covariance)
+    return (CorrectedPass(loaded, left, left, None, gain, findings, wall.at_depths, in_slots.at_depths),
+            replace(prediction, covariance=covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class _Wall:
+    """What a step across the feed does to the force. stiffness (N,) [N/m]: the K that is followed; left: of all growth followed
+    (N,), how far off the plan (M,) [m] what is not followed leaves the tool; exact: K is, everywhere."""
+
+    stiffness: Array
+    left: Callable[[Array], Array]
+    exact: bool = False
+    at_depths: Told = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _InSlots:
+    """What a step along the axis does in slots. growth (N,): by what share of itself the force grows where the tool goes to its
+    plan, as it is followed; left and at_depths as of a wall."""
+
+    growth: Array
+    left: Callable[[Array], Array]
+    at_depths: Told = ()
+
+
+def _wall(predicted: Predicted, logged: LoggedPass, across: Array, per_newton: Array) -> _Wall:
+    """Of the force across the feed (N,) [N]; per_newton (N,) [m/N]. K of a wall is not looked for in a slot, but where it was
+    stated for all places."""
+    known = logged.stiffness
+    climbing, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
+    beside = 1 - slotting
+    if known is None:
+        settings, aside = predicted.settings.correction, across * per_newton
+        told = DEPTHS_TOLD if settings.depth_of_cut is None else ()
+        left, at_depths = _of_any_depth(predicted, GROWS * beside * aside, aside, depths(settings), told)
+        return _Wall(np.zeros(len(across)), lambda followed: left, at_depths=at_depths)
+    if not known.climb_only:
+        climbing = beside = np.ones(len(across)) if logged.slot is None else beside
+    share = climbing if known.followed else np.zeros(len(across))
+    size = np.hypot(share * known.std, (beside - share) * known.size) * np.abs(per_newton)
+    return _Wall(share * known.value, lambda followed: _left(predicted, size, followed),
+                 exact=not known.climb_only and not known.std)
+
+
+def _slot(predicted: Predicted, logged: LoggedPass, slot: Slots) -> _InSlots:
+    """Of slots."""
+    if logged.slot is None:
+        everywhere = logged.stiffness is not None and not logged.stiffness.climb_only
+        grows = np.zeros(len(slot.share)) if everywhere else slot.share * slot.rise
+        left, told = _of_any_depth(predicted, grows, slot.rise, slot_depths(), SLOTS_TOLD if grows.any() else ())
+        return _InSlots(np.zeros(len(grows)), lambda followed: left, told)
+    growth = logged.slot.value * slot.per_stiffness
+    share = slot.share * (logged.slot.followed & (np.abs(growth) < MOST_GROWTH))
+    error = np.hypot(share * logged.slot.std, (slot.share - share) * logged.slot.size) * np.abs(slot.per_stiffness)
+    return _InSlots(share * growth, lambda followed: _left(predicted, error, followed))
 
 
 def _of_any_depth(
-    predicted: Predicted, across: Array, per_newton: Array
-) -> tuple[Array, tuple[tuple[float, float], ...]]:
-    """What the growing force leaves (M,) [m] where the force across the feed (N,) [N] is all that is known, root mean square
-    over the depths that there may be; and at a few depths, where none was stated, over all targets."""
-    settings = predicted.settings.correction
-    _, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
-    grows, aside = GROWS * (1 - (1 - IN_A_SLOT) * slotting), across * per_newton
+    predicted: Predicted, grows: Array, aside: Array, drawn: tuple[Array, Array], told: tuple[float, ...]
+) -> tuple[Array, Told]:
+    """The root mean square (M,) [m] of what the growing force leaves over the depths `drawn`, with their weights: it grows by
+    `grows` (N,) [m] by the depth that the tool had, aside by (N,) [m]. And what it leaves at the depths `told`, over all
+    targets."""
 
     def at(depth: float) -> Array:
-        return _left(predicted, np.abs(grows * aside) / depth_logged(depth, aside))
+        return _left(predicted, np.abs(grows) / depth_logged(depth, aside))
 
-    square = np.sum([weight * at(depth) ** 2 for depth, weight in zip(*depths(settings), strict=True)], axis=0)
-    told = DEPTHS_TOLD if settings.depth_of_cut is None and len(square) else ()
-    return np.sqrt(square), tuple((depth, rms(at(depth))) for depth in told)
+    square = np.sum([weight * at(depth) ** 2 for depth, weight in zip(*drawn, strict=True)], axis=0)
+    return np.sqrt(square), tuple((depth, rms(at(depth))) for depth in told if len(square))
 
 
 def _where_it_changes(predicted: Predicted, aside: Array) -> Array:
@@ -166,17 +220,6 @@ def _where_it_changes(predicted: Predicted, aside: Array) -> Array:
 def depth_logged(depth: float, aside: Array) -> Array:
     """How deep (n,) [m] the tool cut while the force was logged that stood aside (n,) [m] of the plan."""
     return np.clip(depth - aside, SHALLOWEST * depth, None)
-
-
-def _here(predicted: Predicted, stiffness: CuttingStiffness) -> tuple[Array, Array]:
-    """K (N,) [N/m] that the correction follows at each target, and the size (N,) of what it leaves out: its error, or all."""
-    climbing, slotting = cut_shares(predicted.path, predicted.forces.wrench[:, :3])
-    share = np.zeros(len(climbing))
-    if stiffness.followed:
-        share = climbing if stiffness.climb_only else np.ones(len(climbing))
-    # That of climb milling, where it is a slot.
-    size = stiffness.size * (1 - (1 - IN_A_SLOT) * slotting if stiffness.climb_only else 1.0)
-    return share * stiffness.value, np.hypot(share * stiffness.std, (1 - share) * size)
 
 
 def _check_gain(predicted: Predicted, stiffness: Array, direction: Array) -> float:
@@ -220,15 +263,14 @@ def standing(predicted: Predicted, offsets: Array | None) -> Array:
 
 
 def _engaged(
-    predicted: Predicted, stiffness: Array, per_newton: Array, chosen: NDArray[np.bool_]
+    predicted: Predicted, growth: Array, stiffness: Array, chosen: NDArray[np.bool_]
 ) -> tuple[TargetForces, tuple[Finding, ...]]:
-    """The forces of the corrected pass, out of those of the logged pass, for a cutting stiffness (N,) [N/m]; per_newton (N,)
-    [m/N] and chosen (N,) from `_deeper`.
+    """The forces of the corrected pass, out of those of the logged pass, which grow by a share of themselves (N,); stiffness
+    (N,) [N/m] of the wall that is in it, and chosen (N,) from `_deeper`.
 
     Raises CompstiffError (CS4123) where the force would vanish or more than double: then the stiffness does not fit the log.
     """
     forces, toolpath = predicted.forces, predicted.path.toolpath
-    growth = stiffness * per_newton
     limited: tuple[Finding, ...] = ()
     if predicted.loaded.learned is not None:
         growth, limited = _limited(predicted, growth)
@@ -240,11 +282,12 @@ def _engaged(
             target=int(toolpath.number[worst]),
             hint="the unit is newton per millimetre of depth; about force divided by depth of cut"))
     cut = replace(forces, wrench=forces.wrench * (1 + growth)[:, None])
-    size = growth[chosen & (stiffness > 0)]
+    size = growth[chosen & (growth != 0)]
     left = len(predicted.targets) - len(size)
     note = f"; {left} with next to no force across the feed, or in another cut, keep theirs" if left else ""
+    known = f"with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm" if stiffness.any() else "in slots"
     return cut, (*limited, Finding(
-        "CS4120", "note", f"force follows the cut: with a cutting stiffness of {1e-3 * stiffness.max():.3g} N/mm the corrected "
+        "CS4120", "note", f"force follows the cut: {known} the corrected "
         f"pass meets forces that are {100 * np.median(size) if len(size) else 0:+.1f} % (median), "
         f"{100 * np.max(np.abs(size), initial=0):.1f} % at most, off the logged{note}", file=toolpath.source),)
 

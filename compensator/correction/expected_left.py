@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.between_targets import BetweenTargets
-from compensator.correction.engagement import CorrectedPass
+from compensator.correction.engagement import CorrectedPass, Told
 from compensator.correction.fine_grid import FULL, spacing_of
 from compensator.correction.predict import Predicted
 from compensator.correction.prediction import Prediction
@@ -45,8 +45,8 @@ CAUSES = {"model": "the model", "force": "the predicted force", "scatter": "scat
 
 @dataclass(frozen=True, eq=False)
 class ExpectedLeft:
-    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause. at_depths: where nobody stated
-    how deep the cut is, depths [m] and what `cut` would be there [m], root mean square."""
+    """1 sigma (M,) [m] of how far the tool is off the plan at the corrected targets, by cause. at_depths, at_slot_depths:
+    where nobody stated how deep the cut is across the feed, and in slots, depths [m] and what `cut` would be there [m], RMS."""
 
     model: Array
     force: Array
@@ -56,7 +56,8 @@ class ExpectedLeft:
     cut: Array
     learned: Array
     between: Array
-    at_depths: tuple[tuple[float, float], ...] = ()
+    at_depths: Told = ()
+    at_slot_depths: Told = ()
 
     def __post_init__(self) -> None:
         read_only(*(getattr(self, cause) for cause in CAUSES))
@@ -90,23 +91,39 @@ class ExpectedLeft:
     @property
     def mostly_unknown_cut(self) -> bool:
         """Whether most of it comes from a cut whose depth nobody stated."""
-        figures = self.as_dict()
-        return bool(self.at_depths) and figures["cut"] > 0.5 * figures["rms"]
+        return self.wall_decides or self.slots_decide
+
+    @property
+    def wall_decides(self) -> bool:
+        """Whether it is the depth across the feed that nobody stated."""
+        return self._decides(self.at_depths)
+
+    @property
+    def slots_decide(self) -> bool:
+        """Whether it is the depth of the slots."""
+        return self._decides(self.at_slot_depths)
+
+    def _decides(self, told: Told) -> bool:
+        figures, most = self.as_dict(), max((1e6 * left for _, left in told), default=0.0)
+        return bool(figures["cut"] > 0.5 * figures["rms"] and most > 0.5 * figures["cut"])
 
     def _depth_decides(self) -> str:
         """What to state where the unknown cut is most of it, and what that would change."""
-        if not self.mostly_unknown_cut:
-            return ""
-        of_each = ", ".join(f"{1e6 * left:.1f} um at {1e3 * depth:g} mm" for depth, left in self.at_depths)
-        return (f"; how deep the cut is decides, and nobody stated it: the cut leaves {of_each} (--depth-of-cut; or cutting in "
-                "cell.yaml)")
+
+        def of(told: Told) -> str:
+            return ", ".join(f"{1e6 * left:.1f} um at {1e3 * depth:g} mm" for depth, left in told)
+
+        wall = (f"; how deep the cut is decides, and nobody stated it: the cut leaves {of(self.at_depths)} (--depth-of-cut; or "
+                "cutting in cell.yaml)")
+        slots = f"; how deep the slots are decides, and nobody stated it: they leave {of(self.at_slot_depths)} (--slot-depth)"
+        return wall * self.wall_decides + slots * self.slots_decide
 
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
     """What is known of it before anything is written, so that the prediction need not be held any longer: size (M,) [m] of the
-    deviation, its variance (M,) [m^2] by cause, cut (M,) [m] and at_depths (engagement.py), and how far the deviation bends
-    and turns on the way to each target (N + added,) [m]."""
+    deviation, its variance (M,) [m^2] by cause, cut (M,) [m], at_depths and at_slot_depths (engagement.py), and how far the
+    deviation bends and turns on the way to each target (N + added,) [m]."""
 
     size: Array
     of_model: Array
@@ -114,7 +131,8 @@ class Foreseen:
     of_scatter: Array
     of_learned: Array
     cut: Array
-    at_depths: tuple[tuple[float, float], ...]
+    at_depths: Told
+    at_slot_depths: Told
     bent: Array
     turned: Array
 
@@ -128,7 +146,7 @@ def foreseen(predicted: Predicted, cut: CorrectedPass, prediction: Prediction) -
     of_learned = np.clip(prediction.of_learned, 0.0, np.maximum(of_model - of_scatter - of_force, 0.0))
     return Foreseen(np.linalg.norm(prediction.position, axis=1), np.maximum(of_model - of_scatter - of_force - of_learned, 0.0),
                     held_once(of_force), of_scatter, held_once(of_learned), cut.left.copy(), cut.at_depths,
-                    *_bent_and_turned(predicted, prediction))
+                    cut.at_slot_depths, *_bent_and_turned(predicted, prediction))
 
 
 def expected_left(
@@ -143,7 +161,8 @@ def expected_left(
     return ExpectedLeft(
         np.sqrt(known.of_model + residual**2), held_once(np.sqrt(known.of_force)), np.sqrt(known.of_scatter), gain * known.size,
         unknown * known.size, known.cut, held_once(np.sqrt(known.of_learned)),
-        _between(predicted, kept, known, between)[predicted.targets], known.at_depths)
+        _between(predicted, kept, known, between)[predicted.targets], known.at_depths,
+        known.at_slot_depths)
 
 
 def _between(predicted: Predicted, kept: Indices, known: Foreseen, between: BetweenTargets | None) -> Array:

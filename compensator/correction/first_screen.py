@@ -121,7 +121,10 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
         scale = " and which --scale the moving robot needs" if planned.settings.correction.scale == EXACTLY_ONE else ""
         unstated = [Step("Most of what is left is force that changes with the cut, and nobody stated the cut: put it into "
                          f"{Path(cell).name}, such as cutting: {{material: aluminium, tool_diameter_mm: 16, contact_mm: 4}}, "
-                         "and correct again.")] if job.left.mostly_unknown_cut else []
+                         "and correct again.")] if job.left.wall_decides else []
+        if job.left.slots_decide:
+            unstated.append(Step("Most of what is left is force that changes with the depth of the slots, and nobody stated "
+                                 "it: correct again with --slot-depth MM."))
         left = job.left.as_dict()
         if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
             unstated = [Step("Most of what is left is a stiffness that is not known well: its grade says of which joint; "

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.as_sent import as_sent
-from compensator.correction.cut_kind import climb_share
+from compensator.correction.cut_kind import climb_share, cut_shares
 from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
 from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
+from compensator.correction.known_slot import known_slot, slot_of_passes
 from compensator.correction.predict import Predicted, under_forces
 from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
@@ -44,12 +45,14 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     predicted = as_sent(planned, offsets)
     prior, findings = known_before(predicted, offsets)
     if settings.first_forces is None or offsets is None:
-        return LoggedPass(offsets, prior, findings), predicted
-    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, planned.settings,
-                         planned.loaded.learned)
+        slot, of_slot = known_slot(predicted, offsets, prior)
+        return LoggedPass(offsets, prior, (*findings, *of_slot), slot=slot), predicted
+    alone = replace(planned.settings, correction=replace(settings, logged_with=None))
+    first = under_forces(planned.path, planned.program, planned.model, settings.first_forces, alone, planned.loaded.learned)
     agreed = compared(first.forces, predicted.forces, planned.path)
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
-    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told)), predicted
+    slot, of_slot = slot_of_passes(first, predicted, offsets, prior)
+    return LoggedPass(offsets, stiffness, (*findings, *agreed, *told, *of_slot), slot=slot), predicted
 
 
 def known_before(
@@ -109,12 +112,17 @@ def known_by_depth(
 
 def of_passes(
     prior: CuttingStiffness | None, pairs: Sequence[PassPair], predicted: Predicted
-) -> tuple[CuttingStiffness, tuple[Finding, ...]]:
+) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:
     """The posterior from logged pairs of passes of one cut, with the force's prior where none is known; predicted: the latest
-    pass. Raises Refused (CS3117) where the force falls with the depth."""
+    pass. The prior where next to all stands in slots. Raises Refused (CS3117) where the force falls with the depth."""
     source = predicted.forces.log.source
     if prior is not None and not prior.std:
         return prior, ()            # stated as exact
+    # A step aside says nothing in a slot.
+    pairs = [pair.where(pair.slot < 0.5) for pair in pairs]
+    pairs = [pair for pair in pairs if len(pair.depth) >= FEWEST_TARGETS]
+    if not pairs:
+        return prior, ()
     if prior is None:
         _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
         before = of_force(float(np.median(across[predicted.targets])), predicted.settings.correction.taken_depth)
@@ -179,5 +187,5 @@ def pass_pair(first: Predicted, second: Predicted, offsets: Array) -> PassPair:
     change = np.einsum("ni,ni->n", (second.forces.wrench - first.forces.wrench)[both, :3], n)
     depth = np.einsum("ni,ni->n", (standing(first, None) - standing(second, offsets))[both], n)
     variance = sum(np.nan_to_num(one.forces.standard_error[both]) ** 2 for one in (first, second))
-    climb = climb_share(first.path, first.forces.wrench[:, :3])[both]
-    return PassPair(depth, change, n, np.sqrt(np.einsum("ni,ni->n", variance, n**2)), climb)
+    climb, slot = (share[both] for share in cut_shares(first.path, first.forces.wrench[:, :3]))
+    return PassPair(depth, change, n, np.sqrt(np.einsum("ni,ni->n", variance, n**2)), climb, slot)

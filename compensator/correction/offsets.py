@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected
 from compensator.correction.predict import Predicted
+from identification.common.added_targets import ADDED, added_text
 from identification.common.arrow import number_column, text_column
 
 Array = NDArray[np.float64]
@@ -19,8 +20,9 @@ CHUNK = 8192        # targets written at a time: bounds the memory their columns
 
 
 def offsets_csv(corrected: Corrected) -> bytes:
-    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note, and 1 sigma
-    of what is expected to be left on the part, and of what of it the force that follows the cut leaves.
+    """The offsets file: planned position, commanded minus planned, predicted deviation with its sigma, time, note, 1 sigma
+    of what is expected to be left on the part, and of what of it the force that follows the cut leaves, and where targets were
+    added before this one (added_targets.py).
 
     One row for each target of the program as it was given, and its prediction. The offsets are those of the written program, in
     which a target may have intermediate ones beside it and so a narrower share of the log.
@@ -45,7 +47,7 @@ def offset_blocks(corrected: Corrected) -> Iterator[bytes]:
     return _blocks(corrected.planned, [_Columns("ox_mm oy_mm oz_mm", correction.offset, 6, 1e3, at, own),
                                        _Columns("orx_deg ory_deg orz_deg", correction.turn, 8, np.degrees(1.0), at, own)],
                    [_Columns("left_um cut_um", np.column_stack([left.std, left.cut]), 4, 1e6, at, own,
-                             _held(corrected.planned))])
+                             _held(corrected.planned))], {ADDED: added_text(kept, corrected.predicted.path.length)})
 
 
 def deviation_csv(predicted: Predicted) -> bytes:
@@ -58,7 +60,7 @@ def deviation_csv(predicted: Predicted) -> bytes:
     >>> compstiff.deviation_csv(predicted).split(b",")[:3]
     [b'target', b'line', b'x_mm']
     """
-    return b"".join(_blocks(predicted, [], []))
+    return b"".join(_blocks(predicted, [], [], {}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,9 @@ class _Columns:
         return dict(zip(self.names.split(), rounded.T, strict=True))
 
 
-def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) -> Iterator[bytes]:
+def _blocks(
+    predicted: Predicted, more: list[_Columns], last: list[_Columns], texts: dict[str, NDArray[np.object_]]
+) -> Iterator[bytes]:
     import pyarrow as pa
     from pyarrow import csv
 
@@ -112,6 +116,7 @@ def _blocks(predicted: Predicted, more: list[_Columns], last: list[_Columns]) ->
             "samples": number_column(predicted.forces.samples[rows]),
             "note": text_column(notes[rows].tolist()),
             **{name: number_column(values) for some in last for name, values in some.rounded(rows).items()},
+            **{name: text_column(words[rows].tolist()) for name, words in texts.items()},
         })
         stream = io.BytesIO()
         if not start:

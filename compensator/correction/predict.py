@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from compensator.correction.beside_stock import beside_stock
 from compensator.correction.correctable import targets_to_correct
 from compensator.correction.loaded_path import LoadedPath
+from compensator.correction.log_numbers import by_given_targets
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settings
 from compensator.cutting.coefficients import read_coefficients
@@ -25,6 +26,7 @@ from compensator.path.arc_length import borders
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.posting.read_toolpath import PlannedProgram
 from compensator.rapid import marks_of
+from identification.common.added_targets import read_added
 from identification.common.arrays import rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.common.quantities import two_sigma
@@ -170,7 +172,8 @@ def _compared(predicted: Predicted) -> list[Finding]:
     settings = predicted.settings
     if settings.log.other_forces is None:
         return []
-    alone = replace(settings, log=replace(settings.log, other_forces=None))
+    alone = replace(settings, log=replace(settings.log, other_forces=None), correction=replace(
+        settings.correction, logged_with=None))
     other = under_forces(predicted.path, predicted.program, predicted.model, settings.log.other_forces, alone,
                          predicted.loaded.learned)
     return compared(other.forces, predicted.forces, predicted.path)
@@ -211,6 +214,9 @@ def under_forces(
     noticed: tuple[Finding, ...] = program.toolpath.findings
     try:
         log = _by_marks(_log(path, forces, settings), path, program, settings)
+        if settings.correction.logged_with is not None:
+            added = read_added(settings.correction.logged_with)
+            log = log if added is None else by_given_targets(log, path, added)
         noticed = (*noticed, *log.findings)
         placed = place_forces(log, path, path.cell, tare=settings.log.tare, trust_tare=settings.log.trust_tare)
         noticed = (*program.toolpath.findings, *(path.findings if placed.forced.any() else ()), *placed.findings,

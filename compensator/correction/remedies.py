@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.correction.correct import Corrected, correct
-from compensator.correction.cutting_prior import WIDTH, of_force
+from compensator.correction.cutting_prior import SLOT_DEPTH, WIDTH, of_force
 from compensator.correction.cutting_stiffness import CuttingStiffness
 from compensator.correction.engagement import LoggedPass, across_feed, following_the_cut
 from compensator.correction.expected_left import expected_left, foreseen
+from compensator.correction.known_slot import known_slot
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.logged_pass import known_by_depth
 from compensator.correction.other_stance import best_shift, shifted, turned
@@ -70,6 +71,9 @@ def _tried(corrected: Corrected) -> Iterator[tuple[str, str, Callable[[], Array 
             if settings.correction.depth_of_cut is None:
                 yield (f"state the depth across the feed, --depth-of-cut (as if it were {1e3 * DEPTH:g} mm)", "an option",
                        lambda: _stated_depth(corrected))
+        if corrected.logged.slot is None and left.at_slot_depths:
+            yield (f"state the depth of the slots along the axis, --slot-depth (as if it were {1e3 * SLOT_DEPTH:g} mm)",
+                   "an option", lambda: _stated_slots(corrected))
     if matters(left.motion) and settings.correction.scale == EXACTLY_ONE:
         yield ("measure a milled part and take --scale from verify", "measure some hundred places", lambda: _scaled(corrected))
     if matters(left.sensor) and corrected.predicted.cell.force_log.form.gain_std > GAIN_STD:
@@ -133,6 +137,13 @@ def _stated_depth(corrected: Corrected) -> Array | None:
     stiffness, _ = known_by_depth(replace(planned, settings=settings), corrected.logged.offsets)
     logged = replace(corrected.logged, stiffness=stiffness)
     return None if stiffness is None else _again(corrected, corrected.predicted, logged)
+
+
+def _stated_slots(corrected: Corrected) -> Array:
+    planned = corrected.planned
+    settings = replace(planned.settings, correction=replace(planned.settings.correction, slot_depth=SLOT_DEPTH))
+    slot, _ = known_slot(replace(planned, settings=settings), corrected.logged.offsets, corrected.stiffness)
+    return _again(corrected, corrected.predicted, replace(corrected.logged, slot=slot))
 
 
 def _scaled(corrected: Corrected) -> Array:

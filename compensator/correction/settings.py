@@ -44,19 +44,19 @@ class CorrectionSettings:
     deviation are made in full, those below half of it left out. slope [m/m]: the steepest change of the offset along the
     path; None: SLOPE, and no limit where the log names its targets, for then every step is the force's own.
     cutting_stiffness [N/m]: how the force grows with the depth of cut. depth_of_cut [m]: across the feed, which tells it where
-    nothing tells more; None: not stated. logged_with: the offsets.csv that the program had
-    while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all joint
-    compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how far the
-    correction along a move may be from what its place asks for; min_spacing: how near to each other intermediate targets may
-    stand; long_move [m]: no shorter MoveL, or half a MoveC, gets any; keep_targets: none does. tighten_zones: zones that cut
-    corners by more than the tolerance are made smaller. advise: say which turn about the tool's axis would lower the
-    deviation. correct_again: also a program that a record
-    names as the output of a correction."""
+    nothing tells more; None: not stated. slot_depth [m]: of its slots, along the tool's axis. logged_with: the offsets.csv that
+    the program had while the force was logged; first_forces: the log of the pass before, without offsets. scale: factor on all
+    joint compliances, from a measured pass. accept_rejected: use a model that its own measurements reject. tolerance [m]: how
+    far the correction along a move may be from what its place asks for; min_spacing: how near to each other intermediate
+    targets may stand; long_move [m]: no shorter MoveL, or half a MoveC, gets any; keep_targets: none does. tighten_zones: zones
+    that cut corners by more than the tolerance are made smaller. advise: say which turn about the tool's axis would lower the
+    deviation. correct_again: also a program that a record names as the output of a correction."""
 
     confidence: float = 0.69
     slope: float | None = None
     cutting_stiffness: Estimate | None = None
     depth_of_cut: float | None = None
+    slot_depth: float | None = None
     logged_with: Path | None = None
     first_forces: Path | None = None
     scale: Estimate = EXACTLY_ONE
@@ -128,9 +128,11 @@ class Settings:
         return {name: value.name if isinstance(value, Path) else value for name, value in self.values().items()}
 
     def as_options(self) -> list[str]:
-        """What `correct` needs to read the log and the stiffness as here, as words of the command line."""
+        """What `correct` needs to read the log, the stiffness and the cut as here, as words of the command line."""
         scale, options = self.correction.scale, self.log_options()
         options += ["--scale", f"{scale.value:g}" + (f":{scale.std:g}" if scale.std else "")] if scale != EXACTLY_ONE else []
+        for name, depth in (("--depth-of-cut", self.correction.depth_of_cut), ("--slot-depth", self.correction.slot_depth)):
+            options += [name, f"{1e3 * depth:g}"] if depth is not None else []
         options += ["--accept-rejected"] if self.correction.accept_rejected else []
         options += ["--predict-force", str(self.cutting.predict_force)] if self.cutting.predict_force else []
         options += ["--stock", str(self.cutting.stock)] if self.cutting.stock else []

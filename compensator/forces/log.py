@@ -88,6 +88,17 @@ class ForceLog:
         """Forces and moments (M, 6) [N, N m] as logged; the forces alone (M, 3) where the log has no moments."""
         return np.concatenate([self.force, self.moment], axis=1) if self.has_moment else self.force
 
+    def on_stretches(self, start: Array, end: Array) -> ForceLog:
+        """A log that names targets, by path length: the samples of each evenly on its stretch, from start (N,) to end (N,)
+        [m]."""
+        target = self.place.astype(np.intp)
+        order = np.argsort(target, kind="stable")
+        done = np.cumsum(self.weight[order]) - 0.5 * self.weight[order]
+        total = np.bincount(target, self.weight, minlength=len(start))
+        share = np.empty(len(target))
+        share[order] = (done - (np.cumsum(total) - total)[target[order]]) / total[target[order]]
+        return replace(self, key="path_mm", place=start[target] + share * (end[target] - start[target]), on_path=True)
+
     def without_rows(self) -> ForceLog:
         """What is known of the log as a whole."""
         return replace(self.rows(slice(0, 0)), predicted=None)

@@ -120,17 +120,10 @@ def _check_targets(log: ForceLog, count: int) -> None:
 
 def _on_the_way(log: ForceLog, path: RobotPath) -> ForceLog:
     """The samples of a target as taken evenly on the way to it, from the target before."""
-    target, length = log.place.astype(np.intp), path.length
-    order = np.argsort(target, kind="stable")
-    done = np.cumsum(log.weight[order]) - 0.5 * log.weight[order]
-    total = np.bincount(target, log.weight, minlength=len(length))
-    share = np.empty(len(target))
-    share[order] = (done - (np.cumsum(total) - total)[target[order]]) / total[target[order]]
-    start = length[np.maximum(target - 1, 0)]
     note = Finding("CS3040", "note", "the column target names the target that the tool moves to (force_log.target): its "
                    "samples count as taken evenly on the way there", file=log.source)
-    return replace(log, key="path_mm", place=start + share * (length[target] - start), findings=(*log.findings, note),
-                   on_path=True)
+    length = path.length
+    return replace(log.on_stretches(np.insert(length[:-1], 0, length[0]), length), findings=(*log.findings, note))
 
 
 def _world_positions(log: ForceLog, path: RobotPath) -> Array:

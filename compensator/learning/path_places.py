@@ -8,6 +8,7 @@ surface is not guessed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from compensator.correction.predict import Predicted
 from compensator.learning.measured_points import MeasuredPoints, left_out
 from compensator.path.arc_length import polyline
+from identification.common.added_targets import read_added
 from identification.common.arrays import Array
 from identification.common.findings import CompstiffError, Finding, counted, error
 
@@ -53,26 +55,27 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     path = predicted.path
     sought = _sought(points, radius)
     _one_work_object(predicted)
-    length = path.length
     position, along = _cut(predicted)
     if not len(position):
         raise error("CS5303", "no two targets of the program that follow each other have force: there is no cut to learn from",
                     file=points.source, hint="is it the log of this program, and the tare right?")
     distance, place, ambiguous = _nearest(sought, position, along)
-    named = points.target >= 0
+    named, numbered = points.target >= 0, tuple[Finding, ...]()
     if named.any():
-        beyond = points.target >= len(length)
+        length_of, numbered = _numbered(points, named, sought, (position, along), predicted)
+        beyond = points.target >= len(length_of)
         if beyond.any():
             row = int(np.argmax(beyond))
-            raise error("CS3004", f"target {points.target[row]}, the program has {len(length)}", file=points.source,
+            raise error("CS3004", f"target {points.target[row]}, the program has {len(length_of)}", file=points.source,
                         line=int(points.line[row]))
-        place = np.where(named, length[np.maximum(points.target, 0)], place)
+        place = np.where(named, length_of[np.maximum(points.target, 0)], place)
         ambiguous &= ~named
     far = ~named & ~(distance <= within)
     before, after, share, inside = _between(predicted, place)
     without = ~far & ~ambiguous & ~inside
     lost = far | ambiguous | without
     findings = [
+        *numbered,
         *left_out(points, far, "CS5305", f"more than {1e3 * within:g} mm from the cutting path (the farthest "
                   f"{1e3 * float(np.nanmax(np.where(far, distance, 0.0))):.3g} mm)",
                   "points on the surface need --tool-radius-mm and normals; else --within-mm"),
@@ -91,6 +94,29 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     targets = predicted.targets
     when = (1 - share[order]) * time[targets[before[order]]] + share[order] * time[targets[after[order]]]
     return PathPlaces(order, before[order], after[order], share[order], place[order], when, tuple(findings))
+
+
+def _numbered(
+    points: MeasuredPoints, named: NDArray[np.bool_], sought: Array, cut: tuple[Array, Array], predicted: Predicted
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Path lengths [m] by target number: those of the program given (N,), or, where the points stand nearer to these, those of
+    the corrected program (W,), which has the targets too that were added. cut: positions and lengths of `_cut`."""
+    given, file = predicted.path.length, predicted.settings.correction.logged_with
+    added = read_added(file) if file else None
+    if added is None or len(added.number) != len(given):
+        return given, ()
+    written, (position, along) = added.place(given), cut
+
+    def off(lengths: Array) -> float:
+        at = lengths[np.minimum(points.target[named], len(lengths) - 1)]
+        stands = np.column_stack([np.interp(at, along, axis) for axis in position.T])
+        return float(np.median(np.linalg.norm(stands - sought[named], axis=1)))
+
+    if points.target.max() < len(given) and off(given) <= off(written):
+        return given, ()
+    return written, (Finding("CS5326", "note", f"the points name targets of the corrected program, which has "
+                             f"{len(written) - len(given)} more (column added of {Path(added.source).name})",
+                             file=points.source),)
 
 
 def _sought(points: MeasuredPoints, radius: float) -> Array:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensator.modbus.wire import LARGEST_UM, OffsetTable, to_registers
+from identification.common.added_targets import ADDED, added_of
 from identification.common.arrays import Array
 from identification.common.files import AsRead, sha256
 from identification.common.findings import Finding, Refused, counted, error
+
+if TYPE_CHECKING:
+    from identification.common.tables import Table
 
 OFFSET = ("ox_mm", "oy_mm", "oz_mm")
 TURN = ("orx_deg", "ory_deg", "orz_deg")
@@ -69,8 +74,8 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     from identification.common.tables import read_table
 
     read = AsRead.of([Path(file)])
-    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE), may_be_empty=(*OFFSET, *TURN, *PLACE),
-                       together=(TURN, PLACE))
+    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE), texts=(ADDED,),
+                       may_be_empty=(*OFFSET, *TURN, *PLACE), together=(TURN, PLACE))
     if not len(table):
         raise error("CS5001", "has no row: there is nothing to push", file=str(file))
     _check_targets(table.numbers["target"], table.line, file)
@@ -88,6 +93,7 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     turn = np.full(len(table), np.nan)
     if TURN[0] in table.numbers:
         turn = np.radians(np.linalg.norm(table.stack(*TURN), axis=1))
+    findings += _added_not_sent(table)
     findings.append(_turn_not_sent(table.numbers["target"], turn, reach_mm, file))
     first = int(table.numbers["target"][0])
     digest = sha256(file)
@@ -139,6 +145,21 @@ def _check_targets(target: Array, line: NDArray[np.intp], file: str | Path) -> N
         raise error("CS5001", f"column 'target': found {target[row]:g} where {expected[row]:.0f} should follow",
                     file=str(file), line=int(line[row]),
                     hint="one row a target, counted up without gaps, as correct --offsets writes them")
+
+
+def _added_not_sent(table: Table) -> list[Finding]:
+    """The targets of the corrected program that the planned one does not have."""
+    added = added_of(table)
+    if added is None:
+        return []
+    between = added.share < 1
+    first = int(added.given[between][0])
+    moves = counted(len(np.unique(added.given[between])), "move")
+    return [Finding("CS5008", "warning", f"the corrected program has {counted(int(between.sum()), 'target')} more than this "
+                    f"file, in {moves}: without them the pushed correction goes straight there, where the force asks for more",
+                    file=table.source, line=int(table.line[first]),
+                    hint="correct --keep-targets makes offsets for the planned program and says what they leave; or run the "
+                    "corrected program")]
 
 
 def _turn_not_sent(target: Array, turn: Array, reach_mm: float, file: str | Path) -> Finding:

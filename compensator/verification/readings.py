@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.common.added_targets import AddedTargets
 from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted, error
 from identification.common.tables import Table, read_table
@@ -55,6 +56,25 @@ class Readings:
     def size(self) -> Array:
         """Size (N,) [m] of the measured part of the deviation."""
         return np.asarray(np.sqrt(np.nansum(self.deviation**2, axis=1)))
+
+    def as_given(self, added: AddedTargets) -> Readings:
+        """With the numbers that the program as given has for its targets, where these are the corrected program's: rows at
+        targets that were added are left out. Where they may be either's they are taken for the former."""
+        highest = int(self.place.max()) if len(self) else 0
+        which = added.numbered(highest)
+        if self.key != "target" or which is False:
+            return self
+        if which is None:
+            return replace(self, findings=(*self.findings, Finding(
+                "CS6036", "warning", f"names targets up to {highest}: taken as the planned program numbers them; the corrected "
+                f"one has {len(added.given) - len(added.number)} more and numbers them otherwise from target {added.first} on",
+                file=self.source, hint="if they are the corrected program's, place the rows by x_mm y_mm z_mm (planned)")))
+        own = np.isin(self.place[:, 0], added.number)
+        kept = self.select(np.flatnonzero(own))
+        note = Finding("CS6037", "note", "names targets of the corrected program: taken as those of the planned one that they "
+                       f"are ({counted(int((~own).sum()), 'row')} at targets that were added left out)", file=self.source)
+        place: Array = added.given[kept.place[:, 0].astype(np.intp)][:, None].astype(np.float64)
+        return replace(kept, place=place, findings=(*self.findings, note))
 
     def select(self, rows: Indices) -> Readings:
         """The places of these rows, in this order."""

@@ -12,6 +12,7 @@ import numpy as np
 from compensator.verification.comparison import SANE_SCALE, WORSE_SIGMAS, Comparison, Scale, compare, estimate_scale
 from compensator.verification.predicted_deviation import predicted_at
 from compensator.verification.readings import Indices, Readings, pair, read_readings
+from identification.common.added_targets import read_added
 from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.cell import Cell
@@ -80,6 +81,11 @@ def verify(
     (False, 8.5)
     """
     before, after = read_readings(Path(before_file), cell), read_readings(Path(after_file), cell)
+    added = read_added(Path(predicted_file)) if predicted_file and after.key == "target" else None
+    if added is not None:
+        after = after.as_given(added)
+        if added.numbered(int(before.place.max())):
+            before = before.as_given(added)
     rows_before, rows_after = pair(before, after, within)
     findings = [*before.findings, *after.findings, *_unpaired(before, rows_before), *_unpaired(after, rows_after)]
     first, second = before.select(rows_before), after.select(rows_after)

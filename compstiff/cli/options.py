@@ -207,6 +207,8 @@ CUT_OPTIONS: tuple[Decorator, ...] = (
     _correction("--cutting-stiffness", type=ScaledEstimate(1e3), help="How the force grows with the depth of cut [N/mm]."),
     _correction("--depth-of-cut", type=Scaled(1e-3, low=0.01, high=100), help="Across the feed [mm]; where nothing says more "
                 "of the cut it tells how the force grows."),
+    _correction("--slot-depth", type=Scaled(1e-3, low=0.01, high=100), help="Of slots, along the tool's axis [mm]: it tells "
+                "how the force grows there."),
     _correction("--logged-with", type=READABLE, help="The offsets.csv that the program had while FORCES were logged."),
     _correction("--first-forces", type=READABLE, help="With --logged-with: the log of the pass without offsets; both passes "
                 "give the cutting stiffness."),

@@ -55,8 +55,8 @@ def predict(
     if budget != (tolerance_um is not None):
         raise click.UsageError("--budget and --tolerance-um go together.")
     if not budget and _of_the_cut(settings) != _of_the_cut(DEFAULTS):
-        raise click.UsageError("--cutting-stiffness, --depth-of-cut, --logged-with and --first-forces are for correct, and for "
-                               "--budget: the force of the logged pass is predicted.")
+        raise click.UsageError("--cutting-stiffness, --depth-of-cut, --slot-depth, --logged-with and --first-forces are for "
+                               "correct, and for --budget: the force of the logged pass is predicted.")
     check_forces(forces_file, settings)
     if settings.correction.first_forces and not settings.correction.logged_with:
         raise click.UsageError("--first-forces needs --logged-with: the offsets of the pass that FORCES were logged in.")
@@ -83,4 +83,4 @@ def predict(
 
 def _of_the_cut(settings: Settings) -> tuple[object, ...]:
     chosen = settings.correction
-    return chosen.cutting_stiffness, chosen.depth_of_cut, chosen.logged_with, chosen.first_forces
+    return chosen.cutting_stiffness, chosen.depth_of_cut, chosen.slot_depth, chosen.logged_with, chosen.first_forces

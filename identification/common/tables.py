@@ -107,7 +107,8 @@ def _table(
     check_columns(names, required, together, file, header_line, optional=(*optional, *texts))
     wanted = [*required, *(name for name in optional if name in names)]
     numbers = as_numbers(frame[wanted], file, names, line, may_be_empty=may_be_empty)
-    labels = {name: frame[name].fillna("").astype(str).str.strip().to_numpy(dtype=object)
+    # A column of which all cells are empty, or numbers, is one of numbers so far.
+    labels = {name: frame[name].astype(object).where(frame[name].notna(), "").astype(str).str.strip().to_numpy(dtype=object)
               for name in texts if name in names}
     known = (*required, *optional, *texts)
     other = unread([name for name in names if name not in known], [name for name in known if name not in names])

@@ -27,7 +27,7 @@ def drawn(rng: np.random.Generator, stiffness: float, spread: float = 0.0, *, ta
     for i in range(1, targets):
         scatter[i] = memory * scatter[i - 1] + np.sqrt(1 - memory**2) * scatter[i]
     change = place * depth + n @ (zero * rng.standard_normal(3)) + noise * scatter
-    return PassPair(depth, change, n, np.full(targets, stated * noise), np.ones(targets))
+    return PassPair(depth, change, n, np.full(targets, stated * noise), np.ones(targets), np.zeros(targets))
 
 
 @pytest.mark.parametrize("case", [

@@ -104,11 +104,12 @@ def test_nothing_climbs_in_a_slot_alone(tmp_path: Path) -> None:
     made, guessed = (job.correct(log, stiffness, settings(**stated)).job for stated in ({"depth_of_cut": 1.5e-3}, {}))
     assert made.stiffness is None
     assert "CS3241" in [finding.code for finding in made.findings]
-    # What the cut may leave is still that of the stated depth, not of any: at twice the depth half of it, and less by what the
-    # tool stood aside.
-    flat = job.correct(log, stiffness, settings(depth_of_cut=0.75e-3)).job
-    deep, shallow, guess = (float(np.median(one.left.cut[one.left.cut > 0])) for one in (made, flat, guessed))
-    assert 0.4 * shallow < deep < 0.5 * shallow
-    assert guess > 1.4 * shallow
-    assert guessed.left.at_depths
-    assert not made.left.at_depths
+    # A depth across the feed says nothing of a slot; that along the axis does: at twice the depth half as much is left of it.
+    deep, shallow = (job.correct(log, stiffness, settings(slot_depth=1e-3 * depth)).job for depth in (3.0, 1.5))
+    middle = [float(np.median(one.left.cut[one.left.cut > 0])) for one in (made, guessed, deep, shallow)]
+    assert middle[0] == pytest.approx(middle[1])
+    assert middle[2] == pytest.approx(0.5 * middle[3], rel=0.1)
+    assert middle[3] < 0.5 * middle[1]
+    assert guessed.left.at_slot_depths
+    assert not shallow.left.at_slot_depths
+    assert "CS3243" in [finding.code for finding in shallow.findings]

@@ -13,12 +13,15 @@ from compensator.correction.expected_left import CAUSES
 from compensator.correction.settings import Estimate
 from tests.runs.milling.milling_job import Correction, MillingJob, made_worse, rms, settings
 from tests.virtual_cell.cell import parse
+from tests.virtual_cell.endmill import PIECES, EndMill
 from tests.virtual_cell.files import PRIOR
-from tests.virtual_cell.milled_part import PLACES, slot_and_pocket
+from tests.virtual_cell.milled_part import PLACES, SLOT_DEPTH, slot_and_pocket
 from tests.virtual_cell.milling import Pass
 
 # How the force on the wall follows the tool [N/m], over robots (docs/benchmarks.md).
 WALL = 25e3
+# Linear-edge coefficients of a carbon steel, rounded (Altintas, Manufacturing Automation, ch. 2).
+STEEL = EndMill(shear_n_mm2=(1800.0, 700.0, 300.0), edge_n_mm=(25.0, 40.0, 2.0), spindle_rpm=4500.0, feed_mm_s=18.0)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +95,7 @@ def test_what_is_stated_for_the_part_holds_there(job: MillingJob, corrected: Cor
 
 def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
     """By g = 0.75 |d . n| / a of a depth a, less what the tool stood aside, n across the feed: |d| g / (1 + g) is left; depths
-    are drawn from a log-normal distribution."""
+    are drawn from a log-normal distribution. In a slot by g = |d . z| / b of a depth b along the tool's axis z, and no more."""
     predicted = corrected.job.predicted
     targets, position = predicted.targets, predicted.path.base_from_tcp.position
     inner = (targets > 0) & (targets < len(position) - 1)
@@ -104,9 +107,10 @@ def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
     depth = 0.75e-3 * np.exp(0.8 * np.random.default_rng(5).standard_normal((20_000, 1)))
     aside = np.sum(deviation * across, axis=1) / np.linalg.norm(across, axis=1)
     growth = 0.75 * np.abs(aside) / np.maximum(depth - aside, 0.25 * depth)
-    # In a slot nothing grows with a step aside: a little is left for one along the axis.
+    deep = 2e-3 * np.exp(0.8 * np.random.default_rng(6).standard_normal((20_000, 1)))
+    along_axis = np.abs(deviation[:, 2]) / np.maximum(deep - deviation[:, 2], 0.25 * deep)
     left, in_a_slot = (np.linalg.norm(deviation, axis=1) * np.sqrt(np.mean((g / (1 + g)) ** 2, axis=0)) for g in (
-        growth, 0.3 * growth))
+        growth, along_axis))
     assert rms(left[pushes]) > 5e-6
     cut = corrected.job.left.cut[inner]
     wall, slot = (np.isin(corrected.part.place[targets[inner]], [PLACES.index(place)]) & pushes for place in (
@@ -114,7 +118,7 @@ def test_the_force_grows_with_the_depth(corrected: Correction) -> None:
     assert wall.sum() > 50
     assert slot.sum() > 20
     assert np.allclose(cut[wall], left[wall], rtol=0.02)
-    assert np.allclose(cut[slot], in_a_slot[slot], rtol=0.1)
+    assert np.allclose(cut[slot], in_a_slot[slot], rtol=0.02)
 
 
 def test_a_slot_and_a_climbing_cut_are_told_by_the_force(corrected: Correction) -> None:
@@ -143,6 +147,38 @@ def test_the_material_makes_walls_better_and_leaves_the_slot_alone(
     assert gone(before, milled, "slot") > gone(first, second, "slot") - 0.005
     off = np.linalg.norm(milled.off_um, axis=1)[before.cutting]
     assert np.mean(off <= 2 * before.steps.between(known.left_um)[before.cutting]) > 0.95
+
+
+def test_a_stated_depth_of_the_slot_makes_it_right_on_a_soft_arm(tmp_path: Path) -> None:
+    """An arm that the push across moves along the tool's axis, in steel: the force in the slot grows with the depth there, by
+    nothing that is known of walls. The truth: how the virtual cell's force grows with the depth, at the targets of the slot."""
+    soft = MillingJob(tmp_path, 500, part=slot_and_pocket(0.5, pocket=False), cutter=STEEL)
+    springs = soft.identify()
+    logged = soft.log(soft.first, soft.planned, "log.csv")
+    unknown = soft.correct(logged, springs)
+    known = soft.correct(logged, springs, settings(slot_depth=SLOT_DEPTH * 1e-3))
+    left = {}
+    for name, one in (("unknown", unknown), ("known", known)):
+        before, after = soft.first_with(one.part), soft.mill(one.commands, part=one.part)
+        slot = before.steps.place == PLACES.index("slot")
+        off = np.linalg.norm(after.off_um[slot], axis=1)
+        left[name] = rms(off)
+        assert np.mean(off <= 2 * before.steps.between(one.left_um)[slot]) > 0.9, name
+    assert left["known"] < 0.2 * left["unknown"]
+    found = known.job.logged.slot
+    assert found is not None
+    assert found.followed
+    force = STEEL.mean_force(np.ones(PIECES), SLOT_DEPTH)
+    assert found.value == pytest.approx(1e3 * np.hypot(*force[1:]) / SLOT_DEPTH, rel=0.05)
+    assert rms(known.job.left.cut) < 0.5 * rms(unknown.job.left.cut)
+    # Nobody needs to state it once two passes were logged.
+    second = soft.mill(unknown.commands, part=unknown.part)
+    pass2 = soft.log(second, unknown.commands, "pass2.csv", part=unknown.part)
+    both = settings(logged_with=soft.offsets(unknown, "applied.csv"), first_forces=logged)
+    learned = soft.correct(pass2, springs, both).job.logged.slot
+    assert learned is not None
+    assert learned.std < 0.25 * learned.value
+    assert abs(learned.value - 1e3 * np.hypot(*force[1:]) / SLOT_DEPTH) < 2.5 * learned.std
 
 
 def test_two_passes_tell_the_cutting_stiffness_of_the_wall(
