@@ -81,7 +81,8 @@ def _frame_of(log: ForceLog, path: RobotPath, points: Array, length: Array) -> s
 
 def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
     """The places (M,) [m] at which the samples were taken, where the positions in the log are late (position_late_ms of
-    cell.yaml): that which is in the log so much later. NaN at its end. Raises CompstiffError (CS3121): no time."""
+    cell.yaml): that which is in the log so much later, earlier where that is negative. NaN at its ends.
+    Raises CompstiffError (CS3121): no time."""
     late = 1e-3 * path.cell.force_log.form.position_late_ms
     if not late:
         return place
@@ -91,7 +92,7 @@ def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
     on = ~np.isnan(place)
     if not on.any():
         return place
-    moved = np.interp(log.time + late, log.time[on], place[on], right=np.nan)
+    moved = np.interp(log.time + late, log.time[on], place[on], left=np.nan, right=np.nan)
     return np.asarray(np.where(on, moved, np.nan))
 
 

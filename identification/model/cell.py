@@ -83,7 +83,7 @@ class ForceLogFile(Strict):
     columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
     rate_hz: Positive | None = None
     target: Literal["nearest", "ahead"] = "nearest"
-    position_late_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    position_late_ms: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
     gain_std: Annotated[float, Field(ge=0, le=0.5)] = 0.01
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
