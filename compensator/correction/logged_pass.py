@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from compensator.correction.as_driven import said_of_positions
 from compensator.correction.as_sent import as_sent
 from compensator.correction.cut_kind import climb_share, cut_shares
 from compensator.correction.cutting_prior import DEPTH_WIDTH, of_force, of_material
@@ -44,6 +45,7 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     offsets = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
     predicted = as_sent(planned, offsets)
     prior, findings = known_before(predicted, offsets)
+    findings = (*said_of_positions(planned, offsets), *findings)
     if settings.first_forces is None or offsets is None:
         slot, of_slot = known_slot(predicted, offsets, prior)
         return LoggedPass(offsets, prior, (*findings, *of_slot), slot=slot), predicted

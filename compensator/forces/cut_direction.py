@@ -10,9 +10,11 @@ feed and to its left
 
 and between these for engagements between (Altintas, Manufacturing Automation, ch. 2). So it lies from some degrees to the left
 of the feed over the left to somewhat right of backwards, and never forwards to the right. Turned over by a wrong sign it mostly
-does; only climb milling of little engagement looks then like conventional milling, and the other way round. In a wrong frame
-the force does not follow the feed as the path turns. Along the axis a helix pulls the tool out of the spindle by less than it
-is pushed across; a ball, a ramp or a plunge push it in. Exceptions: a spindle that turns the other way, a tool that rubs.
+does; only climb milling of little engagement looks then like conventional milling, and the other way round. Which of the two
+it is the order of the passes tells where several lie side by side (stock_side.py): then a thin cut tells the sign too, and a
+sensor turned by a quarter about the tool's axis shows. In a wrong frame the force does not follow the feed as the path turns.
+Along the axis a helix pulls the tool out of the spindle by less than it is pushed across; a ball, a ramp or a plunge push it
+in. Exceptions: a spindle that turns the other way, a tool that rubs.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensator.forces.program_time import moves_in_air
+from compensator.forces.stock_side import stock_side
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding
@@ -36,6 +39,10 @@ NEVER = (np.radians(-120.0), 0.0)
 # The mean force out of the spindle is at most this share of that across the axis: the tangent of a helix of 45 degrees
 # (engineering judgement; Kac over Ktc is 0.3 for 30 degrees).
 MOST_OUT = 1.0
+# The same where the tool climbs (1) and where it is conventional (-1): from (T, R) to (-R, T), and from there to (-T, -R), with
+# some degrees of margin.
+NEVER_ON_SIDE = {1: (np.radians(160.0), np.radians(350.0)), -1: (np.radians(-110.0), np.radians(80.0))}
+KIND = {1: "climbs", -1: "mills conventionally"}
 # So many targets with force are needed; the mean force across the axis is at least this share of its RMS; for the frame the
 # feed must turn (1 less the length of the mean of its doubled angle's unit vector), and another frame must keep at least this
 # share of the force, TOLD times what the stated one does.
@@ -70,6 +77,16 @@ class CutDirection:
             return "out of the spindle by more than it is pushed aside"
         return ""
 
+    def impossible_on(self, side: int) -> bool:
+        """No cutter that turns clockwise feels such a force with the stock on that side (stock_side.py)."""
+        first, last = NEVER_ON_SIDE[side]
+        return bool((self.angle - first) % (2 * np.pi) < last - first)
+
+    @property
+    def words(self) -> str:
+        """The mean force, for people."""
+        return f"{self.along:+.0f} N along the feed and {self.left:+.0f} N to its left, {self.up:+.0f} N towards the spindle"
+
     @property
     def turned_over(self) -> CutDirection:
         """Of the force with the other sign."""
@@ -79,13 +96,14 @@ class CutDirection:
 @dataclass(frozen=True, eq=False)
 class Travel:
     """The moves that cut, n of N targets: which (n,), unit vectors (n, 3) along the feed, to its left and towards the spindle,
-    base frame, and the way across the spindle (n,) [m] that each of them is."""
+    base frame, and the way across the spindle (n,) [m] that each of them is. side (n,): where the stock is (stock_side.py)."""
 
     which: Indices
     feed: Array
     left: Array
     up: Array
     weight: Array
+    side: Indices
 
     @cached_property
     def turns(self) -> float:
@@ -108,6 +126,18 @@ class Travel:
             along, sideways, upward, share=float(np.linalg.norm(mean[:2]) / max(np.sqrt(square[:2].sum()), 1e-12)),
             follows=float(mean @ mean / max(square.sum(), 1e-12)), turns=self.turns, targets=len(self.which))
 
+    def by_side(self, force: Array) -> dict[int, CutDirection]:
+        """The same where the stock is on the right (1) and on the left (-1), each where enough of a steady force is known."""
+        seen = {}
+        for side in KIND:
+            some = self.side == side
+            if some.sum() >= FEWEST:
+                there = Travel(self.which[some], self.feed[some], self.left[some], self.up[some], self.weight[some],
+                               self.side[some]).against(force)
+                if there.share >= STEADY:
+                    seen[side] = there
+        return seen
+
 
 def travel(path: RobotPath, forced: NDArray[np.bool_]) -> Travel | None:
     """The moves that cut among the targets that show a force, `forced` (N,); None where there are too few of them."""
@@ -122,7 +152,9 @@ def travel(path: RobotPath, forced: NDArray[np.bool_]) -> Travel | None:
     if len(which) < FEWEST:
         return None
     feed, up = across[which] / length[which, None], up[which]
-    return Travel(which, feed, np.cross(up, feed), up, length[which])
+    left = np.cross(up, feed)
+    side = stock_side(path.base_from_tcp.position[which], path.length[which], feed, left, up)
+    return Travel(which, feed, left, up, length[which], side)
 
 
 def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> CutDirection | None:
@@ -153,20 +185,31 @@ def said_of_direction(
             "CS3069", "warning", f"as the path turns, {100 * here.follows:.0f} % of the force keeps its direction against the "
             f"feed; read in the frame {best} it would be {100 * others[best].follows:.0f} %", file=source,
             hint=f"is force_log.frame {stated} in cell.yaml right? Known directions of push, by hand, tell"))
-    if here.share < STEADY:
-        return [*findings, _untold("against the feed it points all ways", source, sign_stated)]
-    text = (f"over {here.targets} targets that cut the force on the tool is on average {here.along:+.0f} N along the feed and "
-            f"{here.left:+.0f} N to its left, {here.up:+.0f} N towards the spindle")
-    if here.impossible:
-        findings.append(Finding(
-            "CS3068", "warning", f"{text}: no cutter that turns clockwise is pulled {here.impossible}", file=source,
+    steady = here.share >= STEADY
+    if steady and here.impossible:
+        return [*findings, Finding(
+            "CS3068", "warning", f"over {here.targets} targets that cut the force on the tool is on average {here.words}: no "
+            f"cutter that turns clockwise is pulled {here.impossible}", file=source,
             hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame (a quaternion is w x y z)? Right "
-            "only for a spindle that turns the other way"))
-    elif not here.turned_over.impossible:
-        kind, other = ("climb", "conventional") if here.along > 0 else ("conventional", "climb")
-        findings.append(_untold(f"{text}, as in {kind} milling of little engagement; with the other sign as in {other}",
-                                source, sign_stated))
-    return findings
+            "only for a spindle that turns the other way")]
+    sides = cuts.by_side(forces[stated])
+    wrong = [side for side, seen in sides.items() if seen.impossible_on(side)]
+    if wrong:
+        side = max(wrong, key=lambda side: sides[side].targets)
+        return [*findings, Finding(
+            "CS3074", "warning", f"by the order of the passes the tool {KIND[side]} at {sides[side].targets} places; "
+            f"there the force on it is on average {sides[side].words}: no cutter turning clockwise is pushed so", file=source,
+            hint="is force_log.sign wrong (on_tool, by_tool), or the sensor turned or mirrored about the tool's axis? Known "
+            "directions of push, by hand, tell. Right only for a spindle that turns the other way")]
+    if any(seen.turned_over.impossible_on(side) for side, seen in sides.items()):
+        return findings
+    if not steady:
+        return [*findings, _untold("against the feed it points all ways", source, sign_stated)]
+    if here.turned_over.impossible:
+        return findings
+    kind, other = ("climb", "conventional") if here.along > 0 else ("conventional", "climb")
+    return [*findings, _untold(f"over {here.targets} targets that cut the force on the tool is on average {here.words}, as in "
+                               f"{kind} milling of little engagement; with the other sign as in {other}", source, sign_stated)]
 
 
 def _untold(why: str, source: str, stated: bool) -> Finding:

@@ -56,7 +56,8 @@ class ForceLog:
     estimated. lines_left [N s]: where plain means had to be taken of forces with a spindle's lines, what a mean over a second
     keeps of them, one over T seconds 1/T times that. predicted: what is known of forces that were worked out, None: logged.
     held (M,): rows in which a channel stood still (health.py), which place the log and are no forces. on_path: the rows were
-    placed along the path; sent: by where the program sent the tool, so that its offsets are in the place.
+    placed along the path; sent: by where the program sent the tool, so that its offsets are in the place. beside (M, 3) [m],
+    world: how far each row stood beside the path then, NaN where it is not on it.
     """
 
     source: str
@@ -79,6 +80,7 @@ class ForceLog:
     held: NDArray[np.bool_] | None = None
     on_path: bool = False
     sent: bool = False
+    beside: Array | None = None
 
     def __post_init__(self) -> None:
         read_only(*(array for array in vars(self).values() if isinstance(array, np.ndarray)))

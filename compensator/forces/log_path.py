@@ -53,9 +53,9 @@ def on_path(log: ForceLog, path: RobotPath) -> ForceLog:
     if frame:
         raise error("CS3005", f"none of the {counted(int(log.weight.sum()), 'sample')} lies on this path", file=log.source,
                     hint=f"they do as positions in {frame}: x_mm y_mm z_mm are in the program's work object")
-    findings = _beside(log, points, length, position, place)
-    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *findings), on_path=True,
-                   sent=True)
+    beside = position - np.column_stack([np.interp(place, length, axis) for axis in points.T])
+    return replace(log, key="path_mm", place=_in_time(log, place, path), findings=(*log.findings, *_beside(log, beside)),
+                   on_path=True, sent=True, beside=beside)
 
 
 def _reach(points: Array) -> float:
@@ -81,7 +81,8 @@ def _frame_of(log: ForceLog, path: RobotPath, points: Array, length: Array) -> s
 
 def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
     """The places (M,) [m] at which the samples were taken, where the positions in the log are late (position_late_ms of
-    cell.yaml): that which is in the log so much later. NaN at its end. Raises CompstiffError (CS3121): no time."""
+    cell.yaml): that which is in the log so much later, earlier where that is negative. NaN at its ends.
+    Raises CompstiffError (CS3121): no time."""
     late = 1e-3 * path.cell.force_log.form.position_late_ms
     if not late:
         return place
@@ -91,17 +92,16 @@ def _in_time(log: ForceLog, place: Array, path: RobotPath) -> Array:
     on = ~np.isnan(place)
     if not on.any():
         return place
-    moved = np.interp(log.time + late, log.time[on], place[on], right=np.nan)
+    moved = np.interp(log.time + late, log.time[on], place[on], left=np.nan, right=np.nan)
     return np.asarray(np.where(on, moved, np.nan))
 
 
-def _beside(log: ForceLog, points: Array, length: Array, position: Array, place: Array) -> list[Finding]:
-    """Samples at positions (M, 3) [m] that lie beside the path, points (K, 3) [m] at length (K,) [m], at place (M,) [m]."""
-    on = ~np.isnan(place)
+def _beside(log: ForceLog, beside: Array) -> list[Finding]:
+    """Samples that lie beside the path by (M, 3) [m], NaN where they are not on it."""
+    on = ~np.isnan(beside).any(axis=1)
     if not on.any():
         return []
-    off = position[on] - np.column_stack([np.interp(place[on], length, axis) for axis in points.T])
-    middle = np.median(off, axis=0)
+    middle = np.median(beside[on], axis=0)
     if np.linalg.norm(middle) < BESIDE:
         return []
     return [Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.2g} mm in the "

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from compensator.forces.cut_direction import said_of_direction
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.driven_feed import said_of_feed
+from compensator.forces.late_forces import said_of_delay
 from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
@@ -118,7 +119,7 @@ def place_forces(
                           *_of_predicted(log, on, rows, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
-                 *(said_of_feed(log, path, forced) if log.predicted is None else ()),
+                 *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
     return replace(forces, held=held, findings=(*log.findings, *findings, *_held(held, path)))

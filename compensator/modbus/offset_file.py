@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 OFFSET = ("ox_mm", "oy_mm", "oz_mm")
 TURN = ("orx_deg", "ory_deg", "orz_deg")
 PLACE = ("x_mm", "y_mm", "z_mm")
+DEVIATION = ("dx_um", "dy_um", "dz_um")
 # Decimal millimetres are not exact in binary: an offset of exactly the limit must pass.
 EXACT_M = 1e-12
 
@@ -31,7 +32,7 @@ class Offsets:
 
     turn (N,) [rad]: angle by which the correction also turns the tool, NaN where the file does not say, which is not sent.
     sha256: of the file as it was read. planned (N, 3) [m], work object: where the program has these targets, NaN where it does
-    not say; None: the file has no such columns.
+    not say; None: the file has no such columns. predicted (N, 3) [m], base frame: the deviation without them, likewise.
     """
 
     source: str
@@ -42,6 +43,7 @@ class Offsets:
     findings: tuple[Finding, ...]
     sha256: str = ""
     planned: Array | None = None
+    predicted: Array | None = None
 
     @property
     def length(self) -> Array:
@@ -74,8 +76,8 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     from identification.common.tables import read_table
 
     read = AsRead.of([Path(file)])
-    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE), texts=(ADDED,),
-                       may_be_empty=(*OFFSET, *TURN, *PLACE), together=(TURN, PLACE))
+    table = read_table(file, required=("target", *OFFSET), optional=(*TURN, *PLACE, *DEVIATION), texts=(ADDED,),
+                       may_be_empty=(*OFFSET, *TURN, *PLACE, *DEVIATION), together=(TURN, PLACE, DEVIATION))
     if not len(table):
         raise error("CS5001", "has no row: there is nothing to push", file=str(file))
     _check_targets(table.numbers["target"], table.line, file)
@@ -99,7 +101,9 @@ def read_offsets(file: str | Path, reach_mm: float) -> Offsets:
     digest = sha256(file)
     read.check()
     planned = 1e-3 * table.stack(*PLACE) if PLACE[0] in table.numbers else None
-    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings), digest, planned)
+    predicted = 1e-6 * table.stack(*DEVIATION) if DEVIATION[0] in table.numbers else None
+    return Offsets(str(file), first, np.where(empty, 0.0, offset), turn, table.line, tuple(findings), digest, planned,
+                   predicted)
 
 
 def check_offsets(offsets: Offsets, limit: float) -> None:

@@ -23,6 +23,9 @@ NORMAL = ("nx", "ny", "nz")
 # So many components whose RMS is under this share of their 1 sigma are in another unit, or typed zeros: chance makes three such
 # files in 1e9.
 ENOUGH, TOO_QUIET = 10, 0.1
+# No probe reads a part better than to this 1 sigma, and no part that was milled is off by so much, RMS [m] (engineering
+# judgement: the best measuring machines state some tenths of a micrometre).
+FINEST, FARTHEST = 6e-9, 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,7 @@ class Readings:
 
 def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
-    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter."""
+    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL),
                        may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
@@ -121,8 +124,14 @@ def read_readings(file: Path, cell: Cell) -> Readings:
 
 
 def _check_scatter(readings: Readings) -> None:
-    """Refuses readings that are smaller than what they scatter by: they would pass for a perfect part (CS6035)."""
+    """Refuses readings that are smaller than what they scatter by: they would pass for a perfect part (CS6035). And those of
+    another unit, their scatter with them (CS6036)."""
     measured = ~np.isnan(readings.deviation)
+    sigma, size = (rms(values[measured]) if measured.any() else 1e-6 for values in (readings.sigma, readings.deviation))
+    if sigma < FINEST or size > FARTHEST:
+        what = (f"a 1 sigma of {1e6 * sigma:.2g} um, RMS, that no probe has: in millimetres?" if sigma < FINEST else
+                f"deviations of {1e6 * size:.3g} um, RMS: in nanometres, or places in their columns?")
+        raise error("CS6036", what, file=readings.source, hint="deviations and their 1 sigma are in micrometres")
     relative = rms((readings.deviation / readings.sigma)[measured]) if measured.sum() >= ENOUGH else 1.0
     if relative < TOO_QUIET:
         raise error("CS6035", f"all {int(measured.sum())} deviations together are {relative:.2g} times their own 1 sigma, RMS: "

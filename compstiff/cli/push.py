@@ -56,15 +56,15 @@ def push(
     if applies and not program and not any_program:
         raise click.UsageError("--apply needs --program: the planned program that the robot runs, so that it does not get the "
                                "offsets of another one (--any-program sends them unseen)")
-    from compensator.modbus.of_program import check_program
     from compensator.modbus.push import LOG, Waiting
     from compensator.modbus.receiver import Receiver
-    from compstiff import Address, push, read_cell, read_offsets, read_toolpath
+    from compstiff import Address, push, read_cell, read_offsets
+    from compstiff.offsets_of_program import check_offsets_of
 
     session.inputs += [cell_file, offsets_file, *((program,) if program else ())]
     cell = read_cell(cell_file, geometry=program is not None)
     offsets = read_offsets(offsets_file, reach)
-    told = check_program(offsets, read_toolpath(program, cell).toolpath.position, str(program)) if program else ()
+    told = check_offsets_of(offsets, program, cell)
     address = Address(host or cell.modbus.host, port or cell.modbus.port, cell.modbus.unit if unit is None else unit,
                       timeout, retries, tls.context("client") if tls else None)
     result = push(

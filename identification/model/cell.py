@@ -83,7 +83,7 @@ class ForceLogFile(Strict):
     columns: Annotated[tuple[str, ...], AfterValidator(_log_columns)] | None = None
     rate_hz: Positive | None = None
     target: Literal["nearest", "ahead"] = "nearest"
-    position_late_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
+    position_late_ms: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
     gain_std: Annotated[float, Field(ge=0, le=0.5)] = 0.01
     counts_per_n: Positive | None = None
     counts_per_nm: Positive | None = None
@@ -98,6 +98,8 @@ class ForceLogFile(Strict):
 
 # A tool shorter than this [mm] is given in metres: no flange carries one.
 SHORTEST_TOOL = 2.0
+# And no load hangs farther from it [mm].
+FARTHEST_CENTRE = 3000.0
 
 
 class LimitsFile(Strict):
@@ -323,6 +325,12 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     if 0 < length < SHORTEST_TOOL:
         raise error("CS0102", f"tool.position_mm is {length:.3g} mm long, expected 0 or at least {SHORTEST_TOOL:g} mm",
                     file=str(file), hint="it is in millimetres, as in RAPID tooldata: is it in metres?")
+    for key, load in (("tool", described.tool), ("force_log.payload", log.payload)):
+        away = 0.0 if load is None or load.centre_of_mass_mm is None else float(np.linalg.norm(load.centre_of_mass_mm))
+        if away and not SHORTEST_TOOL <= away <= FARTHEST_CENTRE:
+            raise error("CS0102", f"{key}.centre_of_mass_mm is {away:.3g} mm from the flange, expected 0, or "
+                        f"{SHORTEST_TOOL:g} to {FARTHEST_CENTRE:g} mm", file=str(file),
+                        hint=f"it is in millimetres: is it in {'metres' if away < SHORTEST_TOOL else 'micrometres'}?")
     sensor = None
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)

@@ -66,6 +66,26 @@ def test_a_part_measured_in_millimetres_is_not_accepted(tmp_path: Path, unit: fl
         assert len(read_readings(written(0.01), cell)) == 20
 
 
+@pytest.mark.parametrize("seed", range(30))
+def test_a_unit_that_the_sigma_has_too_is_told(tmp_path: Path, seed: int) -> None:
+    """Readings and their 1 sigma in millimetres show a part without error, of a probe that does not exist; in nanometres one
+    that is off by centimetres. Any part of 0.5 to 2000 um and a probe of 0.05 to 30 are believed."""
+    rng, cell = np.random.default_rng((6036, seed)), read_cell(write_cell(tmp_path))
+    size, sigma = 10 ** rng.uniform(-0.3, 3.3), 10 ** rng.uniform(-1.3, 1.5)
+    rows, file = rng.normal(0, np.hypot(size, sigma), (int(rng.integers(5, 60)), 3)), tmp_path / "part.csv"
+
+    def written(unit: float, stated: float) -> Path:
+        file.write_text("target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um\n" + "".join(
+            f"{k},{','.join(f'{unit * x:.9g}' for x in row)}{3 * f',{unit * stated:.9g}'}\n" for k, row in enumerate(rows)))
+        return file
+
+    assert len(read_readings(written(1.0, sigma), cell)) == len(rows)
+    with pytest.raises(CompstiffError, match="CS6036"):
+        read_readings(written(1e-3, 2.0), cell)
+    with pytest.raises(CompstiffError, match="CS6036"):
+        read_readings(written(1e6, sigma), cell)
+
+
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
 def test_intervals_cover_under_autocorrelated_noise(phi: float) -> None:
     """400 simulated pairs of passes: the true ratio and the true scale lie in their 95 % intervals as often as stated, and

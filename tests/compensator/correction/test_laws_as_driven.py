@@ -1,0 +1,66 @@
+"""Positions in the log against the program: the offsets of the pass are in them; whose they are the deflection tells."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.correction.as_driven import said_of_positions
+from compensator.correction.correct import correct
+from compensator.correction.files import Inputs, predict_files
+from compensator.correction.predict import Predicted
+from compensator.correction.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def planned(sample_inputs: Inputs) -> Predicted:
+    return predict_files(sample_inputs, Settings.of(tare=((0, 2),)))
+
+
+def beside(planned: Predicted, values: np.ndarray) -> Predicted:
+    """The log with rows that stand off the path by what values (N, 3) [m] are at their targets."""
+    log, length = planned.forces.log, planned.path.length
+    off = np.column_stack([np.interp(log.place, length, axis) for axis in values.T])
+    forces = replace(planned.forces, log=replace(log, beside=off))
+    return replace(planned, loaded=replace(planned.loaded, forces=forces))
+
+
+def codes(planned: Predicted, offsets: np.ndarray | None) -> list[str]:
+    return [f"{finding.code} {'--logged-with' in finding.hint}" for finding in said_of_positions(planned, offsets)]
+
+
+def deflection(planned: Predicted) -> np.ndarray:
+    """(N, 3) [m]: at every target, none in the air."""
+    values = np.zeros((len(planned.path.toolpath), 3))
+    values[planned.targets] = planned.prediction.position
+    return values
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_right_log_is_left_in_peace_and_another_pass_is_told(planned: Predicted, seed: int) -> None:
+    """Controllers cut corners, lag and drift by up to a tenth of a millimetre, in any direction; the pass was planned or had
+    offsets of 0.9 to 1.2 of the deflection, with such errors too."""
+    rng, d = np.random.default_rng((3075, seed)), deflection(planned)
+    position = planned.path.base_from_tcp.position
+    bend = np.gradient(np.gradient(position, axis=0), axis=0)
+    size = rng.uniform(0, 1e-4)
+    errors = (rng.normal(0, 1, d.shape) * rng.uniform(0, 5e-5) + bend * size / max(np.abs(bend).max(), 1e-12)
+              + np.cumsum(rng.normal(0, 1, d.shape), axis=0) / np.sqrt(len(d)) * rng.uniform(0, 1e-4))
+    offsets = -rng.uniform(0.9, 1.2) * d
+    assert codes(beside(planned, errors), None) == []
+    assert codes(beside(planned, offsets + errors), offsets) == []
+    assert codes(beside(planned, offsets + errors), None) == ["CS3075 True"]
+    assert codes(beside(planned, errors), offsets) == ["CS3076 True"]
+    assert codes(beside(planned, -offsets + errors), None) == ["CS3075 False"]
+
+
+def test_the_sample_as_it_is_and_its_corrected_program(sample_inputs: Inputs, planned: Predicted, tmp_path: Path) -> None:
+    """From the files: the shipped log beside the shipped program, and beside what `correct` made of it."""
+    corrected = correct(planned)
+    assert not {"CS3075", "CS3076"} & {finding.code for finding in corrected.findings}
+    (tmp_path / "part.mod").write_bytes(corrected.content)
+    again = correct(predict_files(replace(sample_inputs, toolpath=tmp_path / "part.mod"), Settings.of(tare=((0, 2),))))
+    assert "CS3075" in {finding.code for finding in again.findings}
