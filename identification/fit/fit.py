@@ -293,8 +293,8 @@ def _mistakes(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> list[Findin
         possible = mistakes.possible
     unit = unit_mistake(fitted)
     if unit is not None:
-        raise error("CS1018", unit.sentence.format(rows=f"all {len(fitted.data.rows)} rows"), file=source,
-                    hint=f"the factor looks like a unit; check: {unit.settles}")
+        raise error("CS1018", unit[0].sentence.format(rows=f"all {len(fitted.data.rows)} rows"), file=source,
+                    hint=f"the factor looks like a unit; check: {unit[0].settles}")
     return [*common_factor_findings(fitted), *(
         Finding("CS1701", "warning", f"a mistake in the {named.candidate.mistake.of} would explain the misfit: "
                 f"{named.sentence}", file=source, hint="compstiff diagnose weighs it against physical causes")

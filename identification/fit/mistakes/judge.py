@@ -15,7 +15,7 @@ from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import ORDINARY, ordinary
 from identification.fit.mistakes.first_look import refuse_absurd
 from identification.fit.mistakes.search import Candidate, Search, likeliest_at_a_glance, search
-from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake
+from identification.fit.mistakes.units import common_factor, time_mistake, unit_mistake, unit_of
 from identification.fit.noise import VarianceComponents
 from identification.fit.posterior import Posterior, posterior
 
@@ -137,12 +137,12 @@ def fitted_or_mistaken(data: LoadTest) -> Posterior:
 
 def beyond_the_fit(plain: Posterior) -> NamedMistake | None:
     """A unit that the residual does not show: of all forces, all deflections or the times."""
-    for mistake in (unit_mistake(plain), time_mistake(plain.data)):
-        if mistake is not None:
-            held = left_out(plain, poses(plain.data.rows))
-            unseen = Candidate(mistake, plain.data, None, (plain,), 0.0, held, {})
-            return NamedMistake(unseen, 1.0, 0.0, 0.0, rms(held), rms(held), 1)
-    return None
+    mistake, probability = unit_mistake(plain) or (time_mistake(plain.data), 1.0)
+    if mistake is None:
+        return None
+    held = left_out(plain, poses(plain.data.rows))
+    unseen = Candidate(mistake, plain.data, None, (plain,), 0.0, held, {})
+    return NamedMistake(unseen, probability, 0.0, 0.0, rms(held), rms(held), 1)
 
 
 def mistakes_in(plain: Posterior) -> Mistakes:
@@ -226,10 +226,12 @@ def mistake_finding(named: NamedMistake, source: str, level: Level) -> Finding:
 
 
 def common_factor_findings(fitted: Posterior) -> list[Finding]:
-    """A factor common to all joints against the prior that looks like no unit (CS1702)."""
+    """A factor common to all joints against the prior that is no unit, or not likelier one than the robot's own (CS1702)."""
     found = common_factor(fitted)
     if found is None:
         return []
-    return [Finding("CS1702", "warning", f"all joints come out {found[0]:.3g} times as stiff as the prior's medians",
+    unit = unit_of(found)
+    looks = f", as they would with {unit.quantity}s {unit.words}" if unit else ""
+    return [Finding("CS1702", "warning", f"all joints come out {found.words} than the prior's medians{looks}",
                     file=fitted.data.rows.source, hint="is it the right robot, and are forces in newton and deflections in "
                     "micrometres? If the robot really is so, state prior.stiffness_nm_per_rad in cell.yaml")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,65 +17,94 @@ from identification.model.effects_in_force import SPRINGS
 Array = NDArray[np.float64]
 # A joint is told by the data where its ln k is known to this.
 TOLD = 0.3
-# By how much ln k of a robot scatters about the prior's medians, joint by joint, where cell.yaml states no `relative_std`
-# (engineering judgement: data of several arms of one size lie within a factor 1.6 of each other).
-SCATTER = 0.5
-# A common factor is worth a word from here on, if it is so many standard deviations of a mean of the joints told.
+# By how much ln k scatters about the prior's medians joint by joint (engineering judgement: data of several arms of one size
+# lie within a factor 1.6 of each other), and which part of the prior's own spread is common to all joints: most built-in
+# medians are those of another robot.
+SCATTER, SHARED = 0.5, 0.5
+# A common factor is worth a word from here on, if it is so many standard deviations of what joints scatter.
 COMMON, SIGMAS = 3.0, 3.5
-# Half the width of a unit, in standard deviations of that mean, and at least so much (ln).
-NEAR, NEAREST = 2.0, 0.25
-# Factor on the forces (or 1 / factor on the deflections), and what was written instead; the first of equals is the likelier.
-FORCE_UNITS = ((4.44822, "in lbf, not in N"), (9.80665, "in kgf, not in N (or deflections in 0.1 um)"),
-               (1000.0, "in kN, not in N (or deflections in nm)"))
-DEFLECTION_UNITS = ((10.0, "in 0.01 mm, not in um"), (25.4, "in mil, not in um"), (1000.0, "in mm, not in um"),
-                    (25400.0, "in inches, not in um"))
+# A unit is named near enough to be one (ln), in words; the mistake is one from as likely as not.
+NEAREST = 0.5
+# Factor on the forces (or 1 / factor on the deflections), what was written instead, and in which share of load tests it is
+# (engineering judgement); the first of equals is the likelier.
+FORCE_UNITS = ((4.44822, "in lbf, not in N", 0.02), (9.80665, "in kgf, not in N (or deflections in 0.1 um)", 0.05),
+               (1000.0, "in kN, not in N (or deflections in nm)", 0.02))
+DEFLECTION_UNITS = ((10.0, "in 0.01 mm, not in um", 0.05), (25.4, "in mil, not in um", 0.02),
+                    (1000.0, "in mm, not in um", 0.05), (25400.0, "in inches, not in um", 0.01))
 # Rows of one visit follow each other in less [s], and a load is not on for longer than since the row before, but for so many
 # times that.
 LONGEST_STEP_S = 3600.0
 TOO_LONG, IN_MINUTES = 3.0, 100.0
 
 
-def common_factor(fitted: Posterior) -> tuple[float, float] | None:
-    """How many times stiffer all joints are than the prior's medians, and the standard deviation of its ln; None where that is
-    no more than robots of one kind differ by."""
+@dataclass(frozen=True)
+class CommonFactor:
+    """How many times stiffer all joints are than the prior's medians, and the standard deviation of its ln by which robots
+    differ from their prior."""
+
+    times: float
+    log_std: float
+
+    @property
+    def words(self) -> str:
+        """"4.2 times softer"."""
+        return f"{self.times:.3g} times stiffer" if self.times > 1 else f"{1 / self.times:.3g} times softer"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit that a common factor looks like: quantity is force or deflection, by what its numbers are to be multiplied, in
+    words; probability: that it is that, and not the robot."""
+
+    quantity: str
+    by: float
+    words: str
+    probability: float
+
+    @property
+    def sentence(self) -> str:
+        """Without the rows it holds for."""
+        return f"{self.quantity}s seem to be {self.words}"
+
+
+def common_factor(fitted: Posterior) -> CommonFactor | None:
+    """The factor common to all joints against the prior's medians; None where that is no more than joints scatter by."""
     log_k = -fitted.mean[SPRINGS] - np.log(fitted.prior.prior.stiffness)
     told = np.sqrt(np.diag(fitted.covariance)[SPRINGS]) < TOLD
     if not told.any():
         return None
-    mean, std = float(np.mean(log_k[told])), _scatter(fitted, told) / np.sqrt(told.sum())
+    mean, std = float(np.mean(log_k[told])), SCATTER / np.sqrt(told.sum())
     alike = bool(np.all(np.sign(log_k[told]) == np.sign(mean)))
     if not alike or abs(mean) < np.log(COMMON) or abs(mean) < SIGMAS * std:
         return None
-    return float(np.exp(mean)), float(std)
+    shared = SHARED * rms(fitted.prior.prior.log_std[told])
+    return CommonFactor(float(np.exp(mean)), float(np.hypot(std, shared)))
 
 
-def _scatter(fitted: Posterior, told: NDArray[np.bool_]) -> float:
-    """By how much ln k of these joints (6,) may differ from the prior's medians: more than usual where cell.yaml says so."""
-    prior, cell = fitted.prior.prior, fitted.data.cell
-    if np.array_equal(prior.relative_std, cell.robot.prior.relative_std):
-        return SCATTER
-    return max(SCATTER, rms(prior.log_std[told]))
-
-
-def unit_mistake(fitted: Posterior) -> Mistake | None:
-    """The unit that a factor common to all joints looks like."""
-    found = common_factor(fitted)
-    if found is None:
+def unit_of(factor: CommonFactor) -> Unit | None:
+    """The unit that is likeliest, of those near. Its odds are how often it is written, times how much better the factor fits a
+    robot that is as its prior says and that unit than a robot that is not."""
+    log_k, variance = np.log(factor.times), factor.log_std**2
+    known = [("force", -np.log(by), by, words, share) for by, words, share in FORCE_UNITS]
+    known += [("deflection", np.log(by), by, words, share) for by, words, share in DEFLECTION_UNITS]
+    near = [(share * np.exp((log_k * at - at**2 / 2) / variance), quantity, by, words)
+            for quantity, at, by, words, share in known if abs(log_k - at) < NEAREST]
+    if not near:
         return None
-    factor, std = found
-    known = [(1 / by, "force", by, words) for by, words in FORCE_UNITS]
-    known += [(by, "deflection", by, words) for by, words in DEFLECTION_UNITS]
-    off = [abs(np.log(factor / stiffer)) for stiffer, *_ in known]
-    nearest = int(np.argmin(off))
-    if off[nearest] > max(NEAR * std, NEAREST):
+    odds, quantity, by, words = max(near)
+    return Unit(quantity, by, words, float(odds / (1 + odds)))
+
+
+def unit_mistake(fitted: Posterior) -> tuple[Mistake, float] | None:
+    """The unit that a factor common to all joints is likelier to be than a robot that differs so much, and its probability."""
+    factor = common_factor(fitted)
+    unit = factor and unit_of(factor)
+    if not factor or not unit or unit.probability < 0.5:
         return None
-    _, quantity, by, words = known[nearest]
-    times = f"{factor:.3g} times stiffer" if factor > 1 else f"{1 / factor:.3g} times softer"
     return table_mistake(
-        f"{quantity}_unit", f"{quantity}s seem to be {words}, in {{rows}}: all joints come out {times} than the prior's "
-        "medians",
+        f"{unit.quantity}_unit", f"{unit.sentence}, in {{rows}}: all joints come out {factor.words} than the prior's medians",
         "compare one reading with the instrument's display; if the robot really is so, state prior.stiffness_nm_per_rad in "
-        "cell.yaml", _scaled(quantity, by))
+        "cell.yaml", _scaled(unit.quantity, unit.by)), unit.probability
 
 
 def _scaled(quantity: str, by: float) -> Callable[[LoadTest], dict[str, Array]]:

@@ -138,7 +138,7 @@ TABLE = [
     M("deflections in metres", "measurements.csv", columns(READINGS, 1e-6), IDENTIFY, 0, ""),
     M("forces in kilonewtons", "measurements.csv", columns(FORCES, 1e-3), IDENTIFY, 1, ""),
     M("forces in kgf", "measurements.csv", columns(FORCES, 1 / 9.80665), IDENTIFY, 1, "CS1018"),
-    M("forces in lbf", "measurements.csv", columns(FORCES, 1 / 4.44822), IDENTIFY, 1, "CS1018"),
+    M("forces in lbf", "measurements.csv", columns(FORCES, 1 / 4.44822), IDENTIFY, 0, "CS1702"),
     M("deflections with the wrong sign", "measurements.csv", columns(READINGS, -1), IDENTIFY, 1, "CS1010"),
     M("x and y of the forces swapped", "measurements.csv", columns(["fx_n", "fy_n"], lambda f: f[:, ::-1]), IDENTIFY, 0, ""),
     M("the sign of z wrong", "measurements.csv", columns(["dz_um"], -1), IDENTIFY, 1, "CS1700"),
