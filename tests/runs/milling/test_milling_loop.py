@@ -275,3 +275,31 @@ def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
     share = gone(job.first_with(named.part), job.mill(named.commands, part=named.part), "slot")
     assert share > gone(job.first_with(plain.part), ignored, "slot") + 0.05
     assert share > 0.95 * gone(job.first, truth, "slot")
+
+
+def test_places_that_wait_for_the_next_log_are_said_and_get_better_by_it(tmp_path: Path) -> None:
+    """A soft arm in steel with all depths stated: few places wait, corners and entries, and by the log of the corrected pass
+    what is really left there is a half or less."""
+    soft = MillingJob(tmp_path, 500, part=slot_and_pocket(0.5, 0.8), cutter=STEEL)
+    springs, known = soft.identify(), {"depth_of_cut": 0.8e-3, "slot_depth": SLOT_DEPTH * 1e-3}
+    log = soft.log(soft.first, soft.planned, "log.csv")
+    found = soft.correct(log, springs, settings(**known))
+    second = soft.mill(found.commands, part=found.part)
+    waits = found.job.waiting
+    assert 5 < len(waits.targets) < 0.1 * len(found.job.correction.targets)
+    places = {PLACES[place] for place in found.part.place[waits.targets]}
+    assert places <= {"sharp corner", "rolled corner", "slot ends", "roll in and out"}
+    (said,) = [finding for finding in found.job.findings if finding.code == "CS4115"]
+    assert f"at {len(waits.targets)} targets" in said.message
+    pass2 = soft.log(second, found.commands, "pass2.csv", part=found.part)
+    again = settings(logged_with=soft.offsets(found, "applied.csv"), first_forces=log, **known)
+    third = soft.correct(pass2, springs, again)
+    assert not len(third.job.waiting.targets)
+    done = soft.mill(third.commands, part=third.part)
+    ends = np.isin(np.arange(len(found.part.target_mm)), waits.targets)
+    steps, other = soft.first_with(found.part).steps, soft.first_with(third.part).steps
+    there = ends[steps.segment] | ends[steps.segment - 1]
+    now, then = np.linalg.norm(second.off_um, axis=1), np.linalg.norm(done.off_um, axis=1)
+    then = np.interp(np.cumsum(steps.length_mm), np.cumsum(other.length_mm), then)
+    assert rms(then[there]) < 0.5 * rms(now[there])
+    assert rms(now[there]) > 2 * rms(now[~there & (now > 0)])
