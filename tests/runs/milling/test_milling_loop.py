@@ -16,7 +16,7 @@ from tests.virtual_cell.cell import parse
 from tests.virtual_cell.endmill import PIECES, EndMill
 from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, SLOT_DEPTH, slot_and_pocket
-from tests.virtual_cell.milling import Pass
+from tests.virtual_cell.milling import Pass, Sensor
 
 # How the force on the wall follows the tool [N/m], over robots (docs/benchmarks.md).
 WALL = 25e3
@@ -223,6 +223,27 @@ def test_the_moving_robot_is_a_cause_until_a_scale_is_known(
     assert not scaled.job.left.motion.any()
     more = np.sqrt(rms(scaled.job.left.model) ** 2 - rms(corrected.job.left.model) ** 2)
     assert more == pytest.approx(0.05 * rms(size), rel=0.1)
+
+
+def test_a_zero_that_drifts_is_in_the_sigma(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction, tmp_path: Path
+) -> None:
+    """The sensor's zero runs away from the tare at the start: by its rate, over the time of the program."""
+    duration = job.first.steps.duration_s(job.cutter.feed_mm_s)
+    drifted = np.linalg.norm(job.sensor.drift_n_min) * (np.cumsum(duration) - 0.5 * duration) / 60
+    expected = float(np.sqrt(np.average(drifted**2, weights=duration) / 3))
+    forces = corrected.job.predicted.forces
+    assert forces.zero_std == pytest.approx(expected, rel=0.25)
+    still = MillingJob(tmp_path, 1, sensor=Sensor(drift_n_min=(0.0, 0.0, 0.0)))
+    quiet = still.correct(still.log(still.first, still.planned, "log.csv"), stiffness)
+    assert quiet.job.predicted.forces.zero_std < 0.3 * expected
+    # By the arm's compliance it is part of what is stated, and nothing else has changed.
+    both = np.intersect1d(corrected.job.predicted.targets[corrected.job.predicted.targets < 40], quiet.job.predicted.targets)
+    wider, narrower = (one.sigma_um[both] for one in (corrected, quiet))
+    softness = np.median(np.sqrt(np.maximum(wider**2 - narrower**2, 0)) / forces.zero_std)
+    size, force = (np.linalg.norm(each, axis=1) for each in (
+        1e6 * corrected.job.predicted.prediction.position, forces.wrench[corrected.job.predicted.targets, :3]))
+    assert 0.5 < softness / np.median(size / force) < 2.5
 
 
 def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, log: Path, corrected: Correction) -> None:
