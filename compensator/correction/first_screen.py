@@ -129,13 +129,6 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
         if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
             unstated = [Step("Most of what is left is a stiffness that is not known well: its grade says of which joint; "
                              "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
-        waits = job.waiting.as_dict()
-        next_pass = [Step(
-            f"{counted(len(job.waiting.targets), 'target')} wait for the log of this pass: log it, and correct the planned "
-            f"program by it; up to {waits['two_sigma_um']:.0f} µm (2 sigma) fall to about {waits['two_sigma_then_um']:.0f}:",
-            call("correct", cell, program, "--stiffness", planned.model.source, "--forces", f"{stem}.second.csv",
-                 *planned.settings.as_options(), "--logged-with", offsets or f"{stem}.offsets.csv", "--first-forces",
-                 planned.forces.log.source, "-o", f"{stem}_third{rapid_suffix(program)}"))] if len(job.waiting.targets) else []
         return [*unstated,
                 Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
                      f"same places, and ask what the correction was worth{scale}"
@@ -143,7 +136,7 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
                      call("verify", cell, "before.csv", "after.csv", "--predicted", offsets or f"{stem}.offsets.csv",
                           "--tolerance-um", 100, "--report", f"{stem}.verify.html")),
                 Step("No tolerance was stated. Put yours in place of 100, and see before milling whether it will be kept:",
-                     tolerance), *next_pass]
+                     tolerance)]
     if budget is None:
         return [Step("Write the corrected program:", correct),
                 Step("Or see first whether your tolerance will be kept (put it in place of 100):", tolerance)]
