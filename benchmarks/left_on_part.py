@@ -8,8 +8,8 @@ much more or less the moving robot gives way than at rest (motion.compliance_std
 too little act alike, on all of a part at once: a robot drawn with either is off by more than 2 sigma nearly everywhere or
 nearly nowhere, and few robots show nothing of the tails. So each robot is milled twice, as it is and softer in motion
 (SOFTER), and what is left is taken as straight in that: every figure is one over the whole distribution. The depth of cut,
-where it is stated, is off as stocks are from what was planned (DEEPER): corrected for a depth that much larger too, and as
-straight in that. All else is as in
+where it is stated, is off as stocks are from what was planned (DEEPER, SLOT_DEEPER): corrected for a depth that much larger
+too, and as straight in that. All else is as in
 benchmarks/milling_loop.py: robots drawn, load-tested and identified, a part milled, logged, corrected, milled again, and the
 third pass by the log of the second. --arms: robots of the second cell instead, in turn (tests/runs/milling/another_arm.py), a
 line for each.
@@ -42,7 +42,7 @@ from tests.runs.milling.another_arm import PLACES as ARMS
 from tests.runs.milling.another_arm import AnotherArmJob
 from tests.runs.milling.learning_job import ErringJob
 from tests.runs.milling.milling_job import Correction, rms, settings
-from tests.virtual_cell.milled_part import PLACES, Steps
+from tests.virtual_cell.milled_part import PLACES, SLOT_DEPTH, Steps
 from tests.virtual_cell.milling import Pass, Sensor
 
 UNKNOWN = float(np.hypot(0.01, 0.02))  # of gain and motion together, as cell.yaml has them where it says nothing
@@ -51,7 +51,8 @@ DEEPER = 0.25   # 1 sigma of ln of the depth stated, as compensator/correction/c
 LEVELS = norm.ppf((np.arange(100) + 0.5) / 100)
 SHUFFLED = LEVELS[np.random.default_rng(1).permutation(len(LEVELS))]    # of the depth, beside those of gain and motion
 EVERY = 4  # robot is looked at by cause
-SECOND, DEPTH_STATED = "pass 2, nothing stated", "pass 2, depth stated"
+SLOT_DEEPER = 0.15  # the same of the slot's depth
+SECOND, DEPTH_STATED, SLOT_STATED = "pass 2, nothing stated", "pass 2, depth stated", "pass 2, and the slot's"
 GROUPS = {
     "plateau": ("slot", "straight wall", "arc"),
     "entry": ("slot ends", "roll in and out"),
@@ -178,15 +179,19 @@ def cell(folder: Path, wanted: PartJob, arm: str | None, seed: int, motion: floa
     second = job.mill(found.commands, part=found.part)
     pass2 = job.log(second, found.commands, "pass2.csv", part=found.part)
     offsets = job.offsets(found, "offsets1.csv")
+    depth, slot = 1e-3 * wanted.depth_mm, 1e-3 * SLOT_DEPTH
     made = {
-        DEPTH_STATED: job.correct(log, stiffness, settings(depth_of_cut=1e-3 * wanted.depth_mm)),
+        DEPTH_STATED: job.correct(log, stiffness, settings(depth_of_cut=depth)),
+        SLOT_STATED: job.correct(log, stiffness, settings(depth_of_cut=depth, slot_depth=slot)),
         "pass 2, material stated": job.correct(log, stiffness, cell=stated),
         "pass 3, --logged-with": job.correct(pass2, stiffness, settings(logged_with=offsets)),
         "pass 3, both passes": job.correct(pass2, stiffness, settings(logged_with=offsets, first_forces=log)),
     }
     # What is unknown of the depth is asked of the cell as it is alone.
-    off = settings(depth_of_cut=1e-3 * wanted.depth_mm * float(np.exp(DEEPER)))
-    more = {DEPTH_STATED: job.correct(log, stiffness, off)} if motion == 1 else {}
+    off = {"depth_of_cut": depth * float(np.exp(DEEPER))}
+    both = off | {"slot_depth": slot * float(np.exp(SLOT_DEEPER))}
+    more = {name: job.correct(log, stiffness, settings(**given)) for name, given in (
+        (DEPTH_STATED, off), (SLOT_STATED, both)) if motion == 1}
 
     def milled_with(programs: dict[str, Correction]) -> dict[str, tuple[Correction, Pass]]:
         return {words: (one, job.mill(one.commands, part=one.part)) for words, one in programs.items()}
@@ -223,7 +228,7 @@ def print_job(name: str, every: list[Result | None]) -> None:
     for arm in dict.fromkeys(result.arm for result in results if result.arm):
         mine = [result for result in results if result.arm == arm]
         shares = [np.mean([within(result.seen[number]) for result in mine]) for number in range(len(mine[0].seen))]
-        gone = [100 - 100 * np.mean([rms(result.seen[number].size) / result.before for result in mine]) for number in (2, 4)]
+        gone = [100 - 100 * np.mean([rms(result.seen[number].size) / result.before for result in mine]) for number in (3, 5)]
         print(f"{arm}, {len(mine)}: within 2 sigma {', '.join(f'{share:.1f}' for share in shares)} %; gone in pass 2 with the "
               f"material {gone[0]:.1f} %, in pass 3 {gone[1]:.1f} %")
     results = [result for result in results if result.real]

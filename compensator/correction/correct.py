@@ -20,6 +20,7 @@ from compensator.correction.nothing_corrected import nothing_corrected
 from compensator.correction.posture import Advice, advise
 from compensator.correction.predict import Predicted, largest_and_rms
 from compensator.correction.read_back import read_back
+from compensator.correction.waiting import Waiting, told, waiting
 from compensator.path.feasibility import FeedCheck, check_feed, judge
 from compensator.rapid import read_rapid, rewrite, with_marks
 from identification.common.findings import Finding, Refused, counted
@@ -37,6 +38,7 @@ class Corrected:
     the tolerance; left: 1 sigma of what is expected on the part, by cause. left_as_logged (M,) [m]: how far off a cutting
     stiffness of 10 N/mm leaves the tool, None where the force was made to follow the cut. logged: what is known of the logged
     pass; gain: of the cut against the arm. feed: the feed check, and advice: on the posture, where they were asked for.
+    waiting: where the next log tells more.
     """
 
     planned: Predicted
@@ -52,6 +54,7 @@ class Corrected:
     gain: float
     feed: FeedCheck | None
     advice: Advice | None
+    waiting: Waiting
     findings: tuple[Finding, ...]
 
     @property
@@ -82,6 +85,7 @@ class Corrected:
             "left_at_10_n_per_mm_um": None if self.left_as_logged is None else largest_and_rms(1e6 * self.left_as_logged),
             "cutting_stiffness": None if self.stiffness is None else self.stiffness.as_dict() | {"gain": self.gain},
             "slot_stiffness": None if self.logged.slot is None else self.logged.slot.as_dict(),
+            "waiting": self.waiting.as_dict(),
             "feed_check": self.feed.as_dict() if self.feed else None,
         }
         return figures | ({"posture": self.advice.as_dict()} if self.advice else {})
@@ -176,5 +180,6 @@ def correct(planned: Predicted) -> Corrected:
         raise Refused(nothing_corrected(predicted, correction), *(finding for finding in findings if finding.level != "note"))
     advice = advise(planned.loaded) if settings.advise else None
     left = expected_left(predicted, kept, known, residual, between)
+    waits = waiting(predicted, left)
     return Corrected(planned, predicted, kept, correction, content, residual, between, left, cut.left_as_logged,
-                     logged, cut.gain, feed, advice, findings)
+                     logged, cut.gain, feed, advice, waits, (*findings, *told(waits, predicted)))

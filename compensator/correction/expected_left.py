@@ -5,7 +5,8 @@ The covariance of a prediction is that of the robot under the force as logged. O
     model     the prediction's covariance: stiffnesses, effects, the arm's weight where it is not known; and what a correction
               that is held back leaves
     force     of a force that was predicted: its coefficients, the model's error, where the stock stands
-    scatter   of the mean force at a target, as the log shows it: large where the tool enters or leaves the cut
+    scatter   of the mean force at a target, as the log shows it: large where the tool enters or leaves the cut; and the
+              sensor's zero after a tare, as moves in the air show it
     sensor    the gain of the force sensor: so large a share of the deviation
     motion    the moving robot gives way otherwise than at rest: motion.compliance_std of the deviation, until --scale of a
               measured pass says how much (then its error is the model's)

@@ -16,7 +16,7 @@ from identification.common.findings import Finding, Refused
 def by_given_targets(log: ForceLog, path: RobotPath, added: AddedTargets) -> ForceLog:
     """A log that names targets, placed along the planned path if its numbers are those of the written program; else as it is.
 
-    Raises Refused (CS4126) where they may be either's: the written program may have been driven, or the planned one with the
+    Raises Refused (CS4128) where they may be either's: the written program may have been driven, or the planned one with the
     offsets pushed.
     """
     if log.key != "target" or log.on_path or len(added.number) != len(path.toolpath) or not len(log.place):
@@ -25,7 +25,7 @@ def by_given_targets(log: ForceLog, path: RobotPath, added: AddedTargets) -> For
     which = added.numbered(highest)
     if which is None:
         raise Refused(Finding(
-            "CS4126", "error", f"the log names targets up to {highest}; the planned program has {planned}, the corrected one "
+            "CS4128", "error", f"the log names targets up to {highest}; the planned program has {planned}, the corrected one "
             f"{written}: from target {added.first} on a number means different targets in the two, and the log does not tell "
             "which was driven", file=log.source,
             hint="log until the last target is reached, or log path_mm or x_mm y_mm z_mm in place of target"))

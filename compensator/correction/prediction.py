@@ -94,7 +94,7 @@ def predict_path(loaded: LoadedPath) -> Prediction:
         position[places] = block.tool.position - forward(model.robot, theta[places], tool).position
         for part in chunks(len(places)):
             few = places[part]
-            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2
+            scatter = np.nan_to_num(loaded.forces.standard_error[targets[few]]) ** 2 + loaded.forces.zero_std**2
             columns = spring_columns(model.robot, theta[few], tool)
             adding = None if of_effects is None else of_effects.of(few)
             spread = model.covariance_by(columns, wrench[few], adding, rows=POSITION)

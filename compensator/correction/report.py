@@ -16,6 +16,7 @@ from compensator.correction.path_view import Quantity, components, path_view, sp
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
 from identification.common.chart import AXES, AXIS_COLOURS, Axis, Figure, Line, Panel
+from identification.common.findings import counted
 from identification.common.report import Page, ReportTable, View, render
 
 
@@ -59,6 +60,12 @@ def path_report(job: Predicted | Corrected, budget: Budget | None = None, offset
         if predicted.settings.correction.scale == EXACTLY_ONE:
             lead.append("The stiffnesses come from load tests at rest. In motion robots have been measured to give way more: "
                         "measure a corrected pass, and let verify set --scale.")
+        waits = figures["waiting"]
+        if waits["targets"]:
+            lead.append(f"{counted(waits['targets'], 'target')} wait for the log of this pass: by it up to "
+                        f"{waits['two_sigma_um']:.0f} um (2 sigma) fall to about {waits['two_sigma_then_um']:.0f}. Log it, and "
+                        "correct the planned program with --forces that log, --logged-with the offsets.csv of this correction "
+                        f"and --first-forces {predicted.forces.log.source}.")
         if corrected.advice is not None:
             lead += corrected.advice.lines()
         rows += [["intermediate targets", f"{figures['added_targets']}"],

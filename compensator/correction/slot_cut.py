@@ -53,10 +53,16 @@ def slots(path: RobotPath, force: Array, across: Array, stood: Array) -> Slots:
 def in_full_slot(share: Array, across: Array) -> Array:
     """The push across (N,) [N] of the full slot that each target stands in: the middle of its stretch, or what is there if that
     is more."""
-    edges = np.flatnonzero(np.diff(share > 0.5, prepend=False, append=False))
+    rows = np.flatnonzero(share > 0.5)
+    if not len(rows):
+        return across
+    stretch = np.cumsum(np.diff(rows, prepend=rows[0]) > 1)
+    count = np.bincount(stretch)
+    start = np.cumsum(count) - count
+    ascending = across[rows][np.lexsort((across[rows], stretch))]
+    middle = 0.5 * (ascending[start + (count - 1) // 2] + ascending[start + count // 2])
     full = across.copy()
-    for start, end in edges.reshape(-1, 2):
-        full[start:end] = np.maximum(across[start:end], np.median(across[start:end]))
+    full[rows] = np.maximum(across[rows], middle[stretch])
     return full
 
 

@@ -54,7 +54,7 @@ class TargetForces:
     log: by path length; where it names targets without its rows, which nobody asks for again. unknown (N, 3, 3) [N^2], base
     frame: covariance of forces that were predicted; follows (N, 3, 3) [N/m]: what those change by where the tool stands off
     its plan. None where they were logged. held (k,): targets all of whose samples stood still (health.py), of which no force
-    is known.
+    is known. zero_std [N]: 1 sigma of each axis of the sensor's zero, as moves in the air beside the tare show it.
     """
 
     wrench: Array
@@ -67,6 +67,7 @@ class TargetForces:
     unknown: Array | None = None
     follows: Array | None = None
     held: Indices = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    zero_std: float = 0.0
 
     @property
     def named(self) -> bool:
@@ -116,7 +117,7 @@ def place_forces(
         standard_error = np.hypot(standard_error, _misplaced(path.length, wrench[:, :3], spread))
     forces = TargetForces(np.where(forced[:, None], wrench, 0.0), rows.samples.astype(np.intp), standard_error, forced,
                           zero.bias, (), log.without_rows() if log.key == "target" else log,
-                          *_of_predicted(log, on, rows, forced))
+                          *_of_predicted(log, on, rows, forced), zero_std=_drifted(own_mean, path, rows, zero, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
                  *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
@@ -334,6 +335,24 @@ def _gaps(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]
             "where planned, each is a step in the surface", **_at(path, int(np.argmax(inside)) + 1),
             hint="log at a higher rate, or check that the log covers the whole cut"))
     return findings
+
+
+def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced: NDArray[np.bool_]) -> float:
+    """1 sigma [N] of each axis of the sensor's zero after a tare, over the time of the program: what the mean loads (N, 6) of
+    moves at the air feed show beyond their noise, and between them evenly. 0 without a tare, or where that is no drift."""
+    in_air = moves_in_air(path.toolpath)
+    air = np.flatnonzero(in_air & np.append(in_air[1:], True) & (rows.samples > 0))
+    if zero.bias is None or zero.noise is None or not len(air):
+        return 0.0
+    force = np.linalg.norm(mean[:, :3], axis=1)
+    size = force[air]
+    if np.median(size) > min(SMALL, SMALL_SHARE * float(force[forced].max(initial=0.0))):
+        return 0.0
+    noise = np.sum(zero.noise[:3] ** 2) / rows.samples[air]
+    drift = np.sqrt(np.maximum(size**2 - noise, 0.0))
+    # Samples are time.
+    time = np.cumsum(rows.samples)
+    return float(np.sqrt(np.average(np.interp(time, time[air], drift) ** 2, weights=np.maximum(rows.samples, 1e-9)) / 3))
 
 
 def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:

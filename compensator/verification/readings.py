@@ -69,7 +69,7 @@ class Readings:
             return self
         if which is None:
             return replace(self, findings=(*self.findings, Finding(
-                "CS6036", "warning", f"names targets up to {highest}: taken as the planned program numbers them; the corrected "
+                "CS6038", "warning", f"names targets up to {highest}: taken as the planned program numbers them; the corrected "
                 f"one has {len(added.given) - len(added.number)} more and numbers them otherwise from target {added.first} on",
                 file=self.source, hint="if they are the corrected program's, place the rows by x_mm y_mm z_mm (planned)")))
         own = np.isin(self.place[:, 0], added.number)

@@ -105,7 +105,7 @@ def test_a_log_that_ends_before_the_numbers_tell_is_refused(
     with pytest.raises(Refused) as refused:
         forces(job, short, offsets)
     (finding,) = [finding for finding in refused.value.findings if finding.level == "error"]
-    assert finding.code == "CS4126"
+    assert finding.code == "CS4128"
     assert f"from target {read_added(offsets).first} on" in finding.message
     # Nothing is in doubt before the first that was added.
     begun = job.folder / "begun.csv"
@@ -160,7 +160,7 @@ def test_readings_by_the_corrected_programs_numbers(job: MillingJob, offsets: Pa
     part = slice(added.first + 5, added.first + 60)
     some = measured(tmp_path, "some.csv", planned[part], 0.1 * off[part])
     answer = kit.run("verify", job.cell, before, some, "--predicted", offsets, "--json")
-    assert "CS6036" in kit.codes(answer)
+    assert "CS6038" in kit.codes(answer)
     assert answer.json["result"]["worse_points"] == 0
 
 

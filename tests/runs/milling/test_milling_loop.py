@@ -16,7 +16,7 @@ from tests.virtual_cell.cell import parse
 from tests.virtual_cell.endmill import PIECES, EndMill
 from tests.virtual_cell.files import PRIOR
 from tests.virtual_cell.milled_part import PLACES, SLOT_DEPTH, slot_and_pocket
-from tests.virtual_cell.milling import Pass
+from tests.virtual_cell.milling import Pass, Sensor
 
 # How the force on the wall follows the tool [N/m], over robots (docs/benchmarks.md).
 WALL = 25e3
@@ -225,6 +225,27 @@ def test_the_moving_robot_is_a_cause_until_a_scale_is_known(
     assert more == pytest.approx(0.05 * rms(size), rel=0.1)
 
 
+def test_a_zero_that_drifts_is_in_the_sigma(
+    job: MillingJob, stiffness: Path, log: Path, corrected: Correction, tmp_path: Path
+) -> None:
+    """The sensor's zero runs away from the tare at the start: by its rate, over the time of the program."""
+    duration = job.first.steps.duration_s(job.cutter.feed_mm_s)
+    drifted = np.linalg.norm(job.sensor.drift_n_min) * (np.cumsum(duration) - 0.5 * duration) / 60
+    expected = float(np.sqrt(np.average(drifted**2, weights=duration) / 3))
+    forces = corrected.job.predicted.forces
+    assert forces.zero_std == pytest.approx(expected, rel=0.25)
+    still = MillingJob(tmp_path, 1, sensor=Sensor(drift_n_min=(0.0, 0.0, 0.0)))
+    quiet = still.correct(still.log(still.first, still.planned, "log.csv"), stiffness)
+    assert quiet.job.predicted.forces.zero_std < 0.3 * expected
+    # By the arm's compliance it is part of what is stated, and nothing else has changed.
+    both = np.intersect1d(corrected.job.predicted.targets[corrected.job.predicted.targets < 40], quiet.job.predicted.targets)
+    wider, narrower = (one.sigma_um[both] for one in (corrected, quiet))
+    softness = np.median(np.sqrt(np.maximum(wider**2 - narrower**2, 0)) / forces.zero_std)
+    size, force = (np.linalg.norm(each, axis=1) for each in (
+        1e6 * corrected.job.predicted.prediction.position, forces.wrench[corrected.job.predicted.targets, :3]))
+    assert 0.5 < softness / np.median(size / force) < 2.5
+
+
 def test_causes_that_are_known_leave_nothing(job: MillingJob, stiffness: Path, log: Path, corrected: Correction) -> None:
     deeper = job.correct(log, stiffness, settings(depth_of_cut=4e-3))
     assert rms(deeper.job.left.cut) < 0.4 * rms(corrected.job.left.cut)
@@ -275,3 +296,31 @@ def test_a_hidden_backlash_is_diagnosed_and_corrected(tmp_path: Path) -> None:
     share = gone(job.first_with(named.part), job.mill(named.commands, part=named.part), "slot")
     assert share > gone(job.first_with(plain.part), ignored, "slot") + 0.05
     assert share > 0.95 * gone(job.first, truth, "slot")
+
+
+def test_places_that_wait_for_the_next_log_are_said_and_get_better_by_it(tmp_path: Path) -> None:
+    """A soft arm in steel with all depths stated: few places wait, corners and entries, and by the log of the corrected pass
+    what is really left there is a half or less."""
+    soft = MillingJob(tmp_path, 500, part=slot_and_pocket(0.5, 0.8), cutter=STEEL)
+    springs, known = soft.identify(), {"depth_of_cut": 0.8e-3, "slot_depth": SLOT_DEPTH * 1e-3}
+    log = soft.log(soft.first, soft.planned, "log.csv")
+    found = soft.correct(log, springs, settings(**known))
+    second = soft.mill(found.commands, part=found.part)
+    waits = found.job.waiting
+    assert 5 < len(waits.targets) < 0.1 * len(found.job.correction.targets)
+    places = {PLACES[place] for place in found.part.place[waits.targets]}
+    assert places <= {"sharp corner", "rolled corner", "slot ends", "roll in and out"}
+    (said,) = [finding for finding in found.job.findings if finding.code == "CS4115"]
+    assert f"at {len(waits.targets)} targets" in said.message
+    pass2 = soft.log(second, found.commands, "pass2.csv", part=found.part)
+    again = settings(logged_with=soft.offsets(found, "applied.csv"), first_forces=log, **known)
+    third = soft.correct(pass2, springs, again)
+    assert not len(third.job.waiting.targets)
+    done = soft.mill(third.commands, part=third.part)
+    ends = np.isin(np.arange(len(found.part.target_mm)), waits.targets)
+    steps, other = soft.first_with(found.part).steps, soft.first_with(third.part).steps
+    there = ends[steps.segment] | ends[steps.segment - 1]
+    now, then = np.linalg.norm(second.off_um, axis=1), np.linalg.norm(done.off_um, axis=1)
+    then = np.interp(np.cumsum(steps.length_mm), np.cumsum(other.length_mm), then)
+    assert rms(then[there]) < 0.5 * rms(now[there])
+    assert rms(now[there]) > 2 * rms(now[~there & (now > 0)])
