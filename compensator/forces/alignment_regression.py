@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compensator.forces.program_time import KINDS, ProgramTime
 from identification.common.arrays import Array
@@ -66,6 +67,14 @@ class Fit:
     residual: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the bins see of the program: engagement (n, 4) of ProgramTime, and the kind (n,) of the move."""
+
+    engagement: Array
+    kind: NDArray[np.int8]
+
+
 class Regression:
     """The regression on fine bins. An alignment x (4,): planned time at the log's middle [s], ln override, lead-in, lead-out
     [m]; slip (n,) [s] is added to the planned time of each bin."""
@@ -80,14 +89,24 @@ class Regression:
         """Planned time (n,) [s] of each bin without slip."""
         return np.asarray(x[0] + np.exp(x[1]) * (self.time - self.middle))
 
+    def seen(self, x: Array, slip: Array | float = 0.0) -> Seen:
+        """What each bin sees of the program."""
+        engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
+        return Seen(engagement, self.program.kind[move].astype(np.int8))
+
     def design(self, x: Array, slip: Array | float = 0.0) -> Array:
         """What the force (n, 3) is regressed on (n, 13)."""
-        engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
-        row = np.arange(len(move))
+        seen = self.seen(x, slip)
+        row = np.arange(len(seen.kind))
         design = np.zeros((len(row), 1 + 4 * (KINDS + 1)))
         design[:, 0] = 1.0
-        design[:, 1:].reshape(len(row), -1, 4)[row, self.program.kind[move]] = engagement
+        design[:, 1:].reshape(len(row), -1, 4)[row, seen.kind] = seen.engagement
         return design
+
+    def left(self, seen: Seen, coefficients: Array) -> Array:
+        """The force (n, 3) [N] less what these coefficients (13, 3) make of the program."""
+        of_kind = coefficients[1:].reshape(-1, 4, 3)[seen.kind]
+        return np.asarray(self.force - coefficients[0] - np.einsum("nj,njc->nc", seen.engagement, of_kind))
 
     def fit(self, x: Array, slip: Array | float = 0.0) -> Fit:
         """Least squares, with a ridge where the log sees no cut of some kind."""
