@@ -1,11 +1,15 @@
 """Placing a force log by time alone: error, coverage of the stated sigma, and what is refused.
 
     python benchmarks/time_placement.py [--runs 12]
+    python benchmarks/time_placement.py --passes 40 100 300 1000 [--targets 98] [--seed 0]
 
 The sample's force log (a milling model's, samples/cutting.py) loses its positions; its clock is shifted by seconds, the
 override set between 60 and 110 %, the robot slows down by up to 70 % within 6 mm of corners over 20 degrees (not what the
 package assumes of corners), and noise is added. The truth is the place in the sample's own log. Wrong programs: the sample's
 passes with other lengths, and a raster of 20 passes that are alike, logged whole and in part.
+
+--passes: programs of so many passes to and fro, 40 to 160 mm long, every seventh across, with so many targets each; every pass
+and every air move is driven 2 % (1 sigma) faster or slower than planned. Their logs, and each on the program of another seed.
 """
 
 from __future__ import annotations
@@ -77,6 +81,36 @@ def raster(passes: int = 20) -> ProgramTime:
     direction = np.concatenate([np.zeros((1, 3)), step / size[:, None]])
     return ProgramTime(np.append(0, np.cumsum(size / speed)), np.append(0, np.cumsum(size)), np.array(air),
                    np.zeros(len(points), dtype=np.intp), direction)
+
+
+def passes(count: int, targets: int, rng: np.random.Generator) -> ProgramTime:
+    """Passes to and fro of 40 to 160 mm, 5 mm apart, every seventh across, with so many targets each."""
+    points, air = [], []
+    for row in range(count):
+        along = np.linspace(-0.5, 0.5, targets) * rng.uniform(0.04, 0.16) * (-1) ** row
+        cut = np.zeros((targets, 3))
+        cut[:, 1] = 5e-3 * row
+        cut[:, int(row % 7 == 6)] += along
+        lifted = cut + np.array([0, 0, 0.05])
+        points += [lifted[:1], cut, lifted[-1:]]
+        air += [True, True, *[False] * (targets - 1), True]
+    step = np.diff(np.concatenate(points), axis=0, prepend=points[0])
+    size = np.linalg.norm(step, axis=1)
+    return ProgramTime(np.cumsum(size / np.where(air, 0.25, 0.03)), np.cumsum(size), np.array(air),
+                       np.zeros(len(size), dtype=np.intp), step / np.maximum(size, 1e-9)[:, None])
+
+
+def passes_log(program: ProgramTime, rng: np.random.Generator, override: float = 0.9) -> tuple[np.ndarray, ...]:
+    """Time, force and true path length of a log of such a program, 50 Hz."""
+    number = np.cumsum(np.append(0, np.diff(program.air.astype(int)) != 0))
+    driven = (1 + 0.02 * rng.standard_normal(number.max() + 1))[number]
+    reached = np.cumsum(np.diff(program.time, prepend=0.0) * driven) / override
+    time = np.arange(0, reached[-1], 1 / 50)
+    leg = np.clip(np.searchsorted(reached, time), 1, len(reached) - 1)
+    force = [-60.0, 70, -15] + program.direction[leg] @ np.array([[40.0, 30, 0], [-30, 40, 0], [0, 0, 10]])
+    force *= ~program.air[leg][:, None] * (1 + 0.1 * rng.standard_normal((len(time), 1)))
+    return (time + rng.uniform(0, 50), force + [2, -3, 4] + 5 * rng.standard_normal(force.shape),
+            np.interp(time, reached, program.length))
 
 
 def raster_log(program: ProgramTime, rng: np.random.Generator, first: float, last: float) -> tuple[np.ndarray, ...]:
@@ -160,7 +194,28 @@ def main(runs: int) -> None:
               f"{np.nanmedian(off):.2f} mm", flush=True)
 
 
+def many_passes(counts: list[int], targets: int, seed: int) -> None:
+    """Long programs, each with its own log and with that of another."""
+    for count in counts:
+        program, other = (passes(count, targets, np.random.default_rng((seed, count, k))) for k in (0, 1))
+        for name, driven in (("its own log", program), ("the log of another", other)):
+            logged, force, place = passes_log(driven, np.random.default_rng((seed, count, 2)))
+            before = time.process_time()
+            alignment = align(program, logged, force)
+            off = f"; error [mm] median {1e3 * np.nanmedian(np.abs(alignment.length - place)):.2f}, 95 % " \
+                  f"{1e3 * np.nanquantile(np.abs(alignment.length - place), 0.95):.2f}" if driven is program else ""
+            print(f"{len(program.time)} targets in {count} passes, {name} of {len(logged)} samples: {words(alignment)}{off}; "
+                  f"{time.process_time() - before:.1f} s of CPU; {'; '.join(alignment.against)}", flush=True)
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=12)
-    main(parser.parse_args().runs)
+    parser.add_argument("--passes", type=int, nargs="*", default=[])
+    parser.add_argument("--targets", type=int, default=98)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    if chosen.passes:
+        many_passes(chosen.passes, chosen.targets, chosen.seed)
+    else:
+        main(chosen.runs)

@@ -31,12 +31,13 @@ def leaps(regression: Regression, x: Array, slip: Array) -> tuple[tuple[float, f
     reach = max(REACH * period, LONGEST)
     states = np.linspace(-reach, reach, STATES)
     step = np.minimum(0.5 * ((states[:, None] - states) / (WALK * period)) ** 2, LEAP)
+    seen = [regression.seen(x, state) for state in states]
     for _ in range(ROUNDS):
         fit = regression.fit(x, slip)
         noise = np.sum(fit.residual**2) / independent_values(fit.residual)
         cost = np.column_stack([
-            np.bincount(number[inside], np.sum((regression.force - regression.design(x, state) @ fit.coefficients) ** 2,
-                                               axis=1)[inside], minlength=len(middles)) for state in states]) * 0.5 / noise
+            np.bincount(number[inside], np.sum(regression.left(each, fit.coefficients) ** 2, axis=1)[inside],
+                        minlength=len(middles)) for each in seen]) * 0.5 / noise
         path = states[_likeliest(cost, step)]
         slip = np.interp(planned, middles, path)
     size = np.diff(path)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
-from compensator.forces.program_time import KINDS, ProgramTime
+from compensator.forces.program_time import ProgramTime
 from identification.common.arrays import Array
 
 # Lead-in and lead-out are taken to be alike to this share of their sum (1 sigma), and at least this length [m].
@@ -60,10 +61,18 @@ def plateau_share(bins: Bins) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Coefficients (13, 3) and residual (n, 3) [N] of one alignment."""
+    """Coefficients (1 + 4 kinds of cut, 3) and residual (n, 3) [N] of one alignment."""
 
     coefficients: Array
     residual: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What the bins see of the program: engagement (n, 4) of ProgramTime, and the kind (n,) of the move."""
+
+    engagement: Array
+    kind: NDArray[np.int8]
 
 
 class Regression:
@@ -75,19 +84,30 @@ class Regression:
         self.program, self.time, self.middle = program, bins.time[kept], middle
         self.force = bins.force[kept] - bins.force[kept].mean(axis=0)
         self.energy = float(np.sum(self.force**2))
+        self._columns = 1 + 4 * (int(program.kind.max()) + 1)
 
     def planned(self, x: Array) -> Array:
         """Planned time (n,) [s] of each bin without slip."""
         return np.asarray(x[0] + np.exp(x[1]) * (self.time - self.middle))
 
-    def design(self, x: Array, slip: Array | float = 0.0) -> Array:
-        """What the force (n, 3) is regressed on (n, 13)."""
+    def seen(self, x: Array, slip: Array | float = 0.0) -> Seen:
+        """What each bin sees of the program."""
         engagement, move = self.program.engagement(self.planned(x) + slip, float(x[2]), float(x[3]))
-        row = np.arange(len(move))
-        design = np.zeros((len(row), 1 + 4 * (KINDS + 1)))
+        return Seen(engagement, self.program.kind[move].astype(np.int8))
+
+    def design(self, x: Array, slip: Array | float = 0.0) -> Array:
+        """What the force (n, 3) is regressed on (n, 1 + 4 kinds)."""
+        seen = self.seen(x, slip)
+        row = np.arange(len(seen.kind))
+        design = np.zeros((len(row), self._columns))
         design[:, 0] = 1.0
-        design[:, 1:].reshape(len(row), -1, 4)[row, self.program.kind[move]] = engagement
+        design[:, 1:].reshape(len(row), -1, 4)[row, seen.kind] = seen.engagement
         return design
+
+    def left(self, seen: Seen, coefficients: Array) -> Array:
+        """The force (n, 3) [N] less what these coefficients (1 + 4 kinds, 3) make of the program."""
+        of_kind = coefficients[1:].reshape(-1, 4, 3)[seen.kind]
+        return np.asarray(self.force - coefficients[0] - np.einsum("nj,njc->nc", seen.engagement, of_kind))
 
     def fit(self, x: Array, slip: Array | float = 0.0) -> Fit:
         """Least squares, with a ridge where the log sees no cut of some kind."""

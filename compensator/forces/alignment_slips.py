@@ -52,10 +52,11 @@ def stretch_slips(regression: Regression, x: Array) -> Slips:
         """Energy (k,) of a force (n, 3) over each stretch."""
         return np.asarray(np.bincount(number[inside], np.sum(force**2, axis=1)[inside], minlength=len(middles)))
 
+    seen = [regression.seen(x, state) for state in states]
     for _ in range(ROUNDS):
         fit = regression.fit(x, slip)
         noise = np.sum(fit.residual**2) / independent_values(fit.residual)
-        errors = np.array([energies(regression.force - regression.design(x, state) @ fit.coefficients) for state in states])
+        errors = np.array([energies(regression.left(each, fit.coefficients)) for each in seen])
         mean, spread = _smoothed(-0.5 * errors.T / noise, step, start, states)
         slip, std = np.interp(planned, middles, mean), np.interp(planned, middles, spread)
     fit = regression.fit(x, slip)

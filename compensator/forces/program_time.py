@@ -87,7 +87,7 @@ class ProgramTime:
         """What may carry force at planned times (n,) [s]: engaged, and engaged times direction, (n, 4), zero outside the
         program and over lead-in and lead-out [m]; and the move (n,)."""
         move = np.clip(np.searchsorted(self.time, planned, side="left"), 1, len(self.time) - 1)
-        s = np.interp(planned, self.time, self.length)
+        s = self.length[move - 1] + self.speed[move] * (planned - self.time[move - 1])
         first, last = self._ends
         engaged = (np.clip((s - first[move] - lead_in) / EDGE + 0.5, 0, 1)
                    * np.clip((last[move] - lead_out - s) / EDGE + 0.5, 0, 1))

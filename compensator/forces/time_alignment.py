@@ -22,8 +22,9 @@ from compensator.forces.alignment_slips import Slips, stretch_slips
 from compensator.forces.program_time import ProgramTime
 from identification.common.arrays import Array, read_only
 
-# Bins of the coarse and of the fine search, at most.
-COARSE, FINE = 1000, 3000
+# Bins of the coarse search at most, and of the fine one: so many, more where a program has so many stretches that as many bins
+# each are more, which its leads and the air between them are seen by; and never more than the last, so that memory is bounded.
+COARSE, FINE, BINS_A_STRETCH, FINEST = 1000, 3000, 12, 40_000
 # The smallest score, and share of the force's variance explained, that are believed (docs/benchmarks.md: logs of the right
 # program score 26 and more, others 5 at most). Where the program stood still for longer than stretches may slip, several are
 # odd.
@@ -122,7 +123,8 @@ def align(program: ProgramTime, time: Array, force: Array) -> TimeAlignment:
     span = float(time[-1] - time[0])
     coarse = int(np.clip(8 * span / max(program.period, 1e-3), 64, COARSE))
     middle = 0.5 * float(time[0] + time[-1])
-    regression = Regression(program, binned(time, force, max(span / FINE, 0.02)), middle)
+    fine = min(max(FINE, BINS_A_STRETCH * span / max(program.period, 1e-3)), FINEST)
+    regression = Regression(program, binned(time, force, max(span / fine, 0.02)), middle)
     refined = [_refined(regression, np.array([override * (middle - start), np.log(override), 0.0, 0.0]))
                for start, override in candidates(program, binned(time, force, span / coarse))]
     values = np.array([slips.value for _, slips in refined])

@@ -132,10 +132,9 @@ def dictionary_of(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) 
             shapes = effect.signatures(state, joint)
             entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
             signatures += shapes
-    moved = np.zeros((len(state), 3, len(signatures), WIDEST))
+    # One after the other: of long load tests all of them together are most of what is held.
+    columns = np.zeros((*sight.whitened(np.zeros((len(state), 3, 0))).shape[:2], len(signatures), WIDEST))
     for k, shape in enumerate(signatures):
-        moved[:, :, k, : shape.rows.shape[2]] = shape.rows * shape.scale
-    columns = sight.whitened(moved.reshape(len(state), 3, -1))
-    columns = columns.reshape(*columns.shape[:2], len(signatures), WIDEST)
+        columns[:, :, k, : shape.rows.shape[2]] = sight.whitened(shape.rows * shape.scale)
     return Dictionary(tuple(entries), tuple(signatures), columns, np.array([shape.rows.shape[2] for shape in signatures]),
                       np.array([shape.positive for shape in signatures]), left_out)

@@ -72,6 +72,8 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
             continue
         best, fitted = likeliest, candidate
         fits[as_weighed] = fitted
+        # Its dictionary makes room for that of the next.
+        del seen
 
 
 def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:

@@ -39,7 +39,8 @@ class Pattern:
         from scipy.stats import chi2
 
         own = np.einsum("ncm,ncm->m", self.columns, base.weights.apply(self.columns))
-        free = np.einsum("mm->m", base.gram(self.columns))
+        cross = base.cross(self.columns)
+        free = own - np.einsum("qm,qm->m", cross, base.inverse @ cross)
         kept = free > EXPLAINED * np.maximum(own, 1e-300)
         if not kept.any():
             return np.zeros(left.shape[1])
@@ -62,8 +63,9 @@ def patterns_of(state: LoadState, sight: Sight) -> tuple[Pattern, ...]:
                           *_of_tool(state, typical)):
         columns.setdefault(name, []).extend(members)
     patterns = []
-    for name, every in columns.items():
-        seen = [column for column in every if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
+    for name in list(columns):
+        # Each makes room for the next: those of single poses are as many as the poses.
+        seen = [column for column in columns.pop(name) if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
         if seen:
             patterns.append(Pattern(name, sight.whitened(np.stack(seen, axis=2))))
     return tuple(patterns)

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 PRIOR_SIZES = 1.5
 # Information under which an effect of its typical size stays far inside the noise: it can be neither named nor ruled out.
 INVISIBLE = 0.25
+# Signatures that are weighted at once.
+AT_ONCE = 64
 
 
 class Weighing(Protocol):
@@ -128,8 +130,13 @@ def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Sc
 def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
     """E^T W E (S, 3, 3) of every signature: whatever the model beside it, so that a search makes them once."""
     n, components, count, width = dictionary.columns.shape
-    weighted = weights.apply(dictionary.columns.reshape(n, components, -1)).reshape(-1, count, width)
-    return np.asarray(dictionary.columns.reshape(-1, count, width).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2))
+    grams = np.empty((count, width, width))
+    for start in range(0, count, AT_ONCE):
+        some = dictionary.columns[:, :, start: start + AT_ONCE]
+        weighted = weights.apply(some.reshape(n, components, -1)).reshape(n * components, -1, width)
+        grams[start: start + AT_ONCE] = (
+            some.reshape(weighted.shape).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2))
+    return grams
 
 
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:

@@ -42,6 +42,8 @@ USUAL_SETUP = 0.001
 USUAL_ODDS = 0.1
 # Rows of a visit whose memory of each other counts; a longer one is taken in stretches.
 REMEMBERED = 64
+# Rows that are multiplied at once.
+PIECE = 4096
 # A part this much (ln) smaller or larger than usual is as good as nothing or all there is.
 LARGEST_LOG = 7.0
 # Nor is a part of the noise under a hundredth of what is stated: readings that agree better come from a computer.
@@ -173,10 +175,26 @@ class NoiseModel:
         return order, np.searchsorted(self.visit[order], np.arange(self.visits))
 
     @cached_property
-    def rows_of_visits(self) -> list[NDArray[np.intp]]:
-        """The rows of each visit."""
+    def alike(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+        """The visits piece by piece, those of one length together: visits (v,), and their rows (v, length)."""
         order, starts = self._by_visit
-        return np.split(order, starts[1:])
+        length = np.diff(np.append(starts, len(order)))
+        pieces = []
+        for each in np.unique(length):
+            visits = np.flatnonzero(length == each)
+            for some in np.array_split(visits, -(-len(visits) * each // PIECE)):
+                if len(some):
+                    pieces.append((some, order[starts[some][:, None] + np.arange(each)]))
+        return pieces
+
+    def products(self, left: Array, right: Array) -> Array:
+        """left^T right (visits, p, q) over the rows of each visit, of left (n, 3, p) and right (n, 3, q): never more than a
+        piece of them at once."""
+        result = np.empty((self.visits, left.shape[2], right.shape[2]))
+        for visits, rows in self.alike:
+            side_by_side = left[rows].reshape(len(visits), -1, left.shape[2]).swapaxes(1, 2)
+            result[visits] = side_by_side @ right[rows].reshape(len(visits), -1, right.shape[2])
+        return result
 
     def by_visit(self, values: Array) -> Array:
         """Sums (visits, ...) of values (n, ...) over the rows of each visit."""
@@ -233,7 +251,7 @@ class NoiseModel:
         loading = self.loading * self.loading_scale(values)
         carried = own.solve(loading)
         # Woodbury, so written that a part of no size stays finite: (I + L^T P L)^-1.
-        inner = np.eye(loading.shape[2]) + self.by_visit(np.swapaxes(loading, 1, 2) @ carried)
+        inner = np.eye(loading.shape[2]) + self.products(loading, carried)
         log_total = float(own.log_determinant[0] + np.sum(np.linalg.slogdet(inner)[1]))
         return Weights(self, components, own, loading, carried, np.asarray(np.linalg.inv(inner), dtype=float), log_total)
 
@@ -278,10 +296,11 @@ class Weights:
     def apply(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), all in the model's coordinates."""
         solved = self.own.solve(columns)
-        for rows, inverse in zip(self.model.rows_of_visits, self.shared_inverse, strict=True):
-            carried, mine = self.carried[rows], columns[rows]
-            left = carried.reshape(-1, carried.shape[2])
-            solved[rows] -= (left @ (inverse @ (left.T @ mine.reshape(-1, mine.shape[2])))).reshape(mine.shape)
+        for visits, rows in self.model.alike:
+            carried = self.carried[rows].reshape(len(visits), -1, self.carried.shape[2])
+            mine = columns[rows].reshape(len(visits), -1, columns.shape[2])
+            common = self.shared_inverse[visits] @ (carried.swapaxes(1, 2) @ mine)
+            solved[rows] -= (carried @ common).reshape(*rows.shape, 3, -1)
         return solved
 
     def shared(self, residual: Array) -> Array:
@@ -295,7 +314,7 @@ class Weights:
         return np.asarray(self.components.offset * self.model.offset * common[:, :3, 0])
 
     def _by_visit(self, columns: Array) -> Array:
-        return self.model.by_visit(np.swapaxes(self.carried, 1, 2) @ columns)
+        return self.model.products(self.carried, columns)
 
 
 def force_error(noise: cells.Noise) -> tuple[Array, float]:

@@ -81,8 +81,9 @@ def judge_validation(fitted: Posterior, data: LoadTest, seed: int = 0) -> Valida
 def _single(rows: Measurements, outlying: NDArray[np.intp]) -> NDArray[np.intp]:
     """The outlying rows, by number, whose visit has more that are none."""
     out = np.isin(rows.row, outlying)
-    share = np.array([out[rows.visit == visit].mean() for visit in rows.visit])
-    return np.asarray(rows.row[out & (share < 0.5)])
+    visit = np.unique(rows.visit, return_inverse=True)[1]
+    share = np.bincount(visit, out) / np.bincount(visit)
+    return np.asarray(rows.row[out & (share[visit] < 0.5)])
 
 
 def _visits(fitted: Posterior, data: LoadTest, seed: int) -> tuple[BadVisit, ...]:

@@ -217,8 +217,8 @@ class _Others:
     def __init__(self, fitted: Posterior, noise: NoiseModel, row_weight: Array, inside: NDArray[np.bool_], design: Array,
                  residual: Array) -> None:
         weighted = noise.weights(fitted.components, row_weight).apply(design)
-        self._information = noise.by_visit(np.einsum("nip,niq->npq", weighted, design))
-        self._pull = noise.by_visit(np.einsum("nip,nib->npb", weighted, residual))
+        self._information = noise.products(weighted, design)
+        self._pull = noise.products(weighted, residual)
         self._fitted = noise.by_visit(inside.astype(float)) > 0
         self._total = self._information[self._fitted].sum(axis=0)
         parameters = len(fitted.map)

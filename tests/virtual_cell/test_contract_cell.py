@@ -24,9 +24,9 @@ def test_names() -> None:
 
 def test_each_effect_at_typical_size_is_some_micrometres() -> None:
     """Prints the table; each effect shows at one of its joints at least, and none breaks the robot."""
-    plain = simulate(2, noise="none").deflection_um
+    plain = simulate(2, "poses20", noise="none").deflection_um
     for name in (*DICTIONARY, *OUTSIDE, *NEAR):
-        found = {joint: simulate(2, hidden=[Hidden(name, joint)], noise="none").deflection_um for joint in places(name)}
+        found = {joint: simulate(2, "poses20", [Hidden(name, joint)], "none").deflection_um for joint in places(name)}
         rms = {joint: float(np.sqrt(np.mean((deflection - plain) ** 2))) for joint, deflection in found.items()}
         print(name.ljust(28), "  ".join(f"{joint or ''}: {size:.2f}" for joint, size in rms.items()))
         assert 0.2 < max(rms.values()) < 100
@@ -71,8 +71,8 @@ def test_noise_is_what_was_drawn() -> None:
 def test_designs() -> None:
     counts = {"paper5": (5, 4), "poses20": (20, 20), "ladder12": (252, 12)}
     for design, (rows, poses) in counts.items():
-        for seed in range(20):
-            case = simulate(seed, design, noise="none") if seed == 0 else simulate(seed, design)
+        for seed in range(6):
+            case = simulate(seed, design, noise="none")
             assert (len(case.theta), len(set(case.pose))) == (rows, poses)
             assert comfortable(case.theta).all()
             assert (np.diff(case.time) >= case.dwell[1:]).all()

@@ -160,7 +160,7 @@ def test_the_log_shows_the_pass(part: Part, milled: Pass) -> None:
 def test_the_log_begins_where_the_tool_touches(plant: Plant, part: Part) -> None:
     """The cutter's rim reaches the blank a radius before its edge, wherever the steps of the pass stand."""
     quiet = Sensor(noise_n=0.0, bias_n=(0.0, 0.0, 0.0), drift_n_min=(0.0, 0.0, 0.0), quantum_n=1e-6, place_noise_mm=0.0)
-    for step_mm in (0.55, 0.7, 0.8, 0.95):
+    for step_mm in (0.55, 0.95):
         done = mill(plant, part, planned(part), CUTTER, step_mm=step_mm)
         log = log_of(done, part, planned(part), CUTTER, quiet, np.random.default_rng(1))
         cut = np.flatnonzero(np.linalg.norm(log.force_n, axis=1) > 1.0)

@@ -16,11 +16,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.foreign_logs import foreign, played
-from benchmarks.time_placement import clock, other_lengths, raster, raster_log, stood_still
+from benchmarks.time_placement import clock, other_lengths, passes, passes_log, raster, raster_log, stood_still
 from benchmarks.time_placement import sample as sample_once
 from compensator.correction.correct import Corrected
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
+from compensator.forces import time_alignment
 from compensator.forces.alignment_regression import binned, plateau_share
 from compensator.forces.program_time import air_moves, program_time
 from compensator.forces.time_alignment import TimeAlignment, align
@@ -111,6 +112,16 @@ def test_logs_of_other_jobs_are_refused(job: str, seed: int) -> None:
     """Stretched, cut, scaled; the benchmark has the figures over many."""
     program = raster()
     assert not align(program, *foreign(job, program.duration, np.random.default_rng(seed))).believed
+
+
+def test_a_program_of_many_passes_is_seen_pass_by_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As few bins for a hundred passes as otherwise for a thousand: three a pass do not tell its ends from the air."""
+    monkeypatch.setattr(time_alignment, "FINE", 300)
+    program = passes(100, 4, np.random.default_rng(7))
+    time, force, place = passes_log(program, np.random.default_rng(9))
+    alignment = align(program, time, force)
+    assert alignment.believed, alignment.against
+    assert 1e3 * np.nanmedian(np.abs(alignment.length - place)) < 2
 
 
 def test_a_program_that_stood_still_is_noticed() -> None:
