@@ -207,7 +207,6 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     from compensator.correction.record import check_not_corrected
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
-    from compensator.toolpath import Move
 
     try:
         program = read_toolpath(file, cell, settings.posting)
@@ -227,7 +226,7 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     # What is asked about cell.yaml itself is said of it.
     own = (finding for finding in program.toolpath.findings if finding.code != "CS0117")
     # Where joint angles say where the robot goes no tool does.
-    posed = path.known & (program.toolpath.move != Move.ABSOLUTE)
+    posed = path.known & ~np.isnan(program.toolpath.position).any(axis=1)
     findings = (*own, *path.findings, *other_tools(path, posed, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
