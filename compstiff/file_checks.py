@@ -225,7 +225,9 @@ def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Fi
     words = f"{len(program.toolpath)} targets, {int(path.reached.sum())} reached, {length:.3g} m"
     # What is asked about cell.yaml itself is said of it.
     own = (finding for finding in program.toolpath.findings if finding.code != "CS0117")
-    findings = (*own, *path.findings, *other_tools(path, path.known, "of the program"))
+    # Where joint angles say where the robot goes no tool does.
+    posed = path.known & np.isnan(program.toolpath.joints).any(axis=1)
+    findings = (*own, *path.findings, *other_tools(path, posed, "of the program"))
     beyond = np.flatnonzero(path.known & ~path.reached)
     if len(beyond):
         first = int(beyond[0])

@@ -17,14 +17,16 @@ FEWEST, LEAST = 40, 3e-5
 # The positions stand off as the deflection does where it explains this share of their square, and they are so many times of it;
 # not as the offsets of --logged-with where they are under this share of them (engineering judgement).
 EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
+# What is left stands off by the same everywhere where its middle is as large [m]: corners cut and lag cancel in it.
+BESIDE = 1.5e-4
 
 
 def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
-    """Warnings (CS3075, CS3076). offsets (N, 3) [m], base frame, that the pass is said to have had; None: none."""
+    """Warnings (CS3075, CS3076, CS3120). offsets (N, 3) [m], base frame, that the pass is said to have had; None: none."""
     log, path, targets = planned.forces.log, planned.path, planned.targets
     if log.beside is None or path.axes.driven or any(finding.code == "CS3120" for finding in planned.findings):
         return ()
-    placed = np.isfinite(log.place)
+    placed = np.isfinite(log.place) & np.isfinite(log.beside).all(axis=1)
     target = nearest_target(path.length, log.place[placed])
     count: NDArray[np.intp] = np.bincount(target, minlength=len(path.toolpath)).astype(np.intp)
     total = np.column_stack([np.bincount(target, axis, len(count)) for axis in log.beside[placed].T])
@@ -36,24 +38,24 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
     def across(values: Array, which: NDArray[np.intp]) -> Array:
         return np.asarray(values - np.einsum("ni,ni->n", values, along[which])[:, None] * along[which])
 
-    known = count[targets] > 0
+    known = (count[targets] > 0) & np.isfinite(along[targets]).all(axis=1)
     which = np.asarray(targets[known], dtype=np.intp)
     if len(which) < FEWEST:
         return ()
     off, deflection = across(beside[which], which), across(planned.prediction.position[known], which)
+    size = 1e6 * rms(np.linalg.norm(off, axis=1))
     if offsets is not None:
         sent = across(offsets[which], which)
-        if rms(np.linalg.norm(sent, axis=1)) < LEAST or np.sum(off * sent) > HARDLY * np.sum(sent**2):
-            return ()
-        return (Finding(
-            "CS3076", "warning", f"the positions in the log stand {1e6 * rms(np.linalg.norm(off, axis=1)):.0f} um RMS off the "
-            f"planned path, and not as the offsets of --logged-with do ({1e6 * rms(np.linalg.norm(sent, axis=1)):.0f} um)",
-            file=log.source, hint="was it logged without them? Then leave --logged-with out"),)
-    if rms(np.linalg.norm(deflection, axis=1)) < LEAST:
-        return ()
-    times = float(np.sum(off * deflection) / np.sum(deflection**2))
-    if times * np.sum(off * deflection) < EXPLAINS * np.sum(off**2) or not TIMES[0] < abs(times) < TIMES[1]:
-        return ()
+        if rms(np.linalg.norm(sent, axis=1)) > LEAST and np.sum(off * sent) < HARDLY * np.sum(sent**2):
+            return (Finding(
+                "CS3076", "warning", f"the positions in the log stand {size:.0f} um RMS off the planned path, and not as the "
+                f"offsets of --logged-with do ({1e6 * rms(np.linalg.norm(sent, axis=1)):.0f} um)", file=log.source,
+                hint="was it logged without them? Then leave --logged-with out"),)
+        return _another_version(off - sent, log.source)
+    times = float(np.sum(off * deflection) / max(np.sum(deflection**2), 1e-30))
+    if (rms(np.linalg.norm(deflection, axis=1)) < LEAST or not TIMES[0] < abs(times) < TIMES[1]
+            or times * np.sum(off * deflection) < EXPLAINS * np.sum(off**2)):
+        return _another_version(off, log.source)
     if times < 0:
         what = "against the deflection, as those of a corrected pass do"
         hint = "name the offsets of that pass with --logged-with, and the planned program"
@@ -61,5 +63,15 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
         what = "by the deflection itself, as those of the planned pass do off a program that is corrected already"
         hint = ("give the planned program of the CAM system: nothing is corrected twice. Right where the log has the loaded "
                 "tool, measured from outside")
-    return (Finding("CS3075", "warning", f"the positions in the log stand {1e6 * rms(np.linalg.norm(off, axis=1)):.0f} um RMS "
-                    f"off the path, {what}", file=log.source, hint=hint),)
+    return (Finding("CS3075", "warning", f"the positions in the log stand {size:.0f} um RMS off the path, {what}",
+                    file=log.source, hint=hint),)
+
+
+def _another_version(off: Array, source: str) -> tuple[Finding, ...]:
+    """A pass that stands off its plan by (n, 3) [m] by the same everywhere (CS3120): less than any other program does."""
+    middle = np.median(off, axis=0)
+    if np.linalg.norm(middle) < BESIDE:
+        return ()
+    return (Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.2g} mm in the "
+                    f"middle of the cuts ({', '.join(f'{1e3 * axis:+.2f}' for axis in middle)} mm, base frame)", file=source,
+                    hint="is it the log of another version of this program, or of another TCP or work object?"),)

@@ -30,6 +30,8 @@ FEWEST_TARGETS = 40
 # by 0.7 of the push across over the depth, that is 0.1 of the force a millimetre. In conventional milling the push across may
 # fall by less (cut_kind.py); engineering judgement.
 FALLS = 50.0
+# No cut is deeper across the feed [m].
+DEEPEST = 0.2
 # The planned positions in an offsets file are this program's [m].
 SAME_PLACE = 2e-6
 OFFSETS, PLACES = ("ox_mm", "oy_mm", "oz_mm"), ("x_mm", "y_mm", "z_mm")
@@ -64,10 +66,10 @@ def known_before(
     is known but the force."""
     stated, cutting = predicted.settings.correction.cutting_stiffness, predicted.cell.cutting
     if stated is not None:
-        return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), ()
+        return CuttingStiffness(stated.value, stated.std, "stated", mean_std=stated.std), _too_soft(stated.value, predicted)
     if cutting.stiffness_n_per_mm is not None:
         value, std = 1e3 * cutting.stiffness_n_per_mm, 1e3 * (cutting.std_n_per_mm or 0.0)
-        return CuttingStiffness(value, std, "cell.yaml", mean_std=std), ()
+        return CuttingStiffness(value, std, "cell.yaml", mean_std=std), _too_soft(value, predicted)
     if cutting.material is None:
         return known_by_depth(predicted, offsets)
     feed = predicted.path.toolpath.feed[predicted.targets]
@@ -86,6 +88,17 @@ def known_before(
     return by_depth, (Finding("CS3202", "warning", f"cutting.material {cutting.material} does not tell how stiff the cut is "
                               f"without {' and '.join(missing)}", file=str(predicted.cell.source),
                               hint="state it, or the depth across the feed (--depth-of-cut)"), *findings)
+
+
+def _too_soft(value: float, predicted: Predicted) -> tuple[Finding, ...]:
+    """A warning (CS4126) for a cutting stiffness [N/m] by which the force would be that of a depth no cutter reaches."""
+    _, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
+    push = float(np.median(across[predicted.targets])) if len(predicted.targets) else 0.0
+    if push <= DEEPEST * value:
+        return ()
+    return (Finding("CS4126", "warning", f"with a cutting stiffness of {1e-3 * value:g} N/mm the push across of {push:.0f} N "
+                    f"would be that of a cut {1e3 * push / value:.0f} mm deep", file=str(predicted.cell.source),
+                    hint="the unit is newton per millimetre of depth; about force divided by depth of cut"),)
 
 
 def known_by_depth(

@@ -40,6 +40,9 @@ BACK, MOST_AGAIN = 5, 0.1
 MOST_LISTED = 6
 # A force in air under this [N], and under this share of the largest, is drift that is no more than worth a note.
 SMALL, SMALL_SHARE = 5.0, 0.05
+# A log shows no cut where under this share of the targets at the cutting feed, of so many at least, has a force, and one of
+# under so much in the middle [N].
+HARDLY_ANY, SOME, WEAK = 0.1, 50, 10.0
 # Middles of sixteen equal shares of a normal distribution, of unit variance.
 SHIFTS = np.array([NormalDist().inv_cdf((k + 0.5) / 16) for k in range(16)])
 SHIFTS /= SHIFTS.std()
@@ -120,6 +123,7 @@ def place_forces(
                           *_of_predicted(log, on, rows, forced), zero_std=_drifted(own_mean, path, rows, zero, forced))
     findings += [*zero.findings, *_without_force(path, forces, mean, zero),
                  *_weak(log, path, forces, target[on & log.saturated]), *_gaps(log, path, forces), *_in_air(log, path, forces),
+                 *_driven_in_air(log, path, forces),
                  *(said_of_feed(log, path, forced) if log.predicted is None else ()), *said_of_delay(log, path),
                  *(_direction(log, path, cell, forced, wrench, mean) if log.predicted is None else ())]
     held = held[forces.samples[held] == 0]
@@ -353,6 +357,18 @@ def _drifted(mean: Array, path: RobotPath, rows: TargetRows, zero: Zero, forced:
     # Samples are time.
     time = np.cumsum(rows.samples)
     return float(np.sqrt(np.average(np.interp(time, time[air], drift) ** 2, weights=np.maximum(rows.samples, 1e-9)) / 3))
+
+
+def _driven_in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:
+    """A pass that cut next to nothing: a trial run above the part."""
+    cuts = ~moves_in_air(path.toolpath) & (forces.samples > 0)
+    forced = cuts & forces.forced
+    size = float(np.median(np.linalg.norm(forces.wrench[forced, :3], axis=1))) if forced.any() else 0.0
+    if log.predicted is not None or cuts.sum() < SOME or forced.sum() > HARDLY_ANY * cuts.sum() or size > WEAK:
+        return []
+    return [Finding("CS3077", "warning", f"of {cuts.sum()} targets at the cutting feed {int(forced.sum()) or 'none'} with a "
+                    f"force{f', {size:.1f} N in the middle' if forced.any() else ''}: was this pass driven in the air?",
+                    file=log.source, hint="correct needs the log of a pass that cuts; right where it only grazes the part")]
 
 
 def _in_air(log: ForceLog, path: RobotPath, forces: TargetForces) -> list[Finding]:

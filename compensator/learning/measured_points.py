@@ -18,6 +18,8 @@ POSITION, DEVIATION, NORMAL = ("x_mm", "y_mm", "z_mm"), ("dx_um", "dy_um", "dz_u
 ALONG = ("dn_um", "d_um")
 # A part that is so far off [m] was not measured against this program, or not in micrometres.
 LARGEST = 20e-3
+# Points that stand in the table before are copies where there are so many, and so large a share of all.
+COPIES, SHARE = 3, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,19 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
                     file=table.source, line=int(table.line[row]), hint="deviations are in micrometres")
     return MeasuredPoints(table.source, 1e-3 * table.stack(*POSITION), _targets(table), table.line, normal,
                           point.astype(np.intp), directions[point, component].copy(),
-                          value, sigma[point], (*table.findings, *findings))
+                          value, sigma[point], (*table.findings, *findings, *_copied(table, values)))
+
+
+def _copied(table: Table, values: Array) -> list[Finding]:
+    """Points with the very same place and deviation (N, 1 or 3) as one before: they would count as measured again."""
+    rows = np.column_stack([table.stack(*POSITION), np.nan_to_num(values)])
+    _, first, same_as = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[np.ravel(same_as)] != np.arange(len(rows)))
+    if len(again) < max(COPIES, SHARE * len(rows)):
+        return []
+    return [Finding("CS0012", "warning", f"{len(again)} of {len(rows)} points stand in the table before, to the last digit: "
+                    "they count as measured again, and what is learned is stated too sure", file=table.source,
+                    line=int(table.line[again[0]]), hint="delete what was copied; a point measured again differs by its noise")]
 
 
 def _unit(table: Table) -> Array:

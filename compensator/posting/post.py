@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.posting.campath import CamPath
 from compensator.posting.module_text import module_text
+from compensator.posting.odd_places import said_of_places
 from compensator.posting.orientation import Orientations, orientations
 from compensator.posting.parked import as_parked, parked_values, said_of_parked
 from compensator.posting.settings import PostingSettings
@@ -97,7 +98,7 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     for name in ("tool.", "workobject."):
         findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
-    findings += _odd_feeds(cam_path)
+    findings += [*_odd_feeds(cam_path), *said_of_places(cam_path, cell.flange_from_tcp)]
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, external, settings)

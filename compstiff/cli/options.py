@@ -68,8 +68,8 @@ class ScaledEstimate(click.ParamType[Estimate]):
 
     name = "VALUE[:STD]"
 
-    def __init__(self, factor: float, most: float = math.inf) -> None:
-        self.factor, self.most = factor, most
+    def __init__(self, factor: float, least: float = 0.0, most: float = math.inf) -> None:
+        self.factor, self.least, self.most = factor, least, most
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Estimate:
         if isinstance(value, Estimate):
@@ -79,8 +79,10 @@ class ScaledEstimate(click.ParamType[Estimate]):
         estimate = Estimate(number.convert(size, param, ctx), number.convert(std or 0, param, ctx))
         if not estimate.value > 0:
             self.fail(f"'{value}' is not positive", param, ctx)
-        if estimate.value > self.most:
-            self.fail(f"'{value}' is over {self.most:g}: it is a factor, 1.1 for ten per cent more", param, ctx)
+        for beyond, limit, word in ((estimate.value > self.most, self.most, "over"),
+                                    (estimate.value < self.least, self.least, "under")):
+            if beyond:
+                self.fail(f"'{value}' is {word} {limit:g}: it is a factor, 1.1 for ten per cent more", param, ctx)
         return estimate
 
 
@@ -140,7 +142,7 @@ READING_OPTIONS: tuple[Decorator, ...] = (
 )
 LOG_OPTIONS: tuple[Decorator, ...] = (
     *READING_OPTIONS,
-    _correction("--scale", type=ScaledEstimate(1.0, most=10.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
+    _correction("--scale", type=ScaledEstimate(1.0, 0.2, 10.0), default=DEFAULTS.correction.scale, metavar="VALUE[:STD]",
                 help="Factor on the deflection at the joints, as verify finds it from a measured pass."),
     _correction("--accept-rejected", is_flag=True,
                 help="Use a stiffness file that its own measurements reject (identify says so); else it is refused, exit 3."),

@@ -1,6 +1,8 @@
 // What every report does in a browser: light or dark, commands to copy, pictures that become views where the browser can.
 "use strict";
 document.documentElement.classList.add("js");
+// Numbers are written alike in every language; and uPlot would not start in one that no page can read (LANG=C: en-US@posix).
+Object.defineProperty(navigator, "language", { value: "en-US" });
 
 function remembered(value) {
   try {

@@ -54,6 +54,9 @@ def test_a_right_log_is_left_in_peace_and_another_pass_is_told(planned: Predicte
     assert codes(beside(planned, offsets + errors), offsets) == []
     assert codes(beside(planned, offsets + errors), None) == ["CS3075 True"]
     assert codes(beside(planned, errors), offsets) == ["CS3076 True"]
+    for version in 3e-4 * np.eye(3)[1:]:        # along the passes, x, a version does not show
+        assert codes(beside(planned, errors + version), None) == ["CS3120 False"]
+        assert codes(beside(planned, errors + offsets + version), offsets) == ["CS3120 False"]
     assert codes(beside(planned, -offsets + errors), None) == ["CS3075 False"]
 
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import click
 import numpy as np
 import pytest
 
+from compensator.correction.correct import Corrected
 from compensator.correction.cutting_prior import MATERIALS, WIDTH, of_force, of_material
 from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair, of_either_sign, posterior
+from compensator.correction.logged_pass import known_before
 from compensator.correction.settings import Estimate
+from compstiff.cli.options import ScaledEstimate
 from identification.model.cell import CuttingFile
 from tests.virtual_cell.endmill import EndMill
 
@@ -148,3 +154,26 @@ def test_what_a_prior_needs() -> None:
     assert order == sorted(order)
     assert all(600 < material.specific < 5000 and 0.19 < material.exponent < 0.31 for material in MATERIALS.values())
     assert of_force(100.0, 1e-3).value == pytest.approx(75e3 * np.exp(0.32))
+
+
+def test_a_stiffness_in_another_unit_is_told(sample: Corrected) -> None:
+    """The ball of the sample is pushed across by some 200 N: any stiffness from 2 N/mm on is a cut, 0.009 N/mm is none."""
+    def said(n_per_mm: float) -> list[str]:
+        planned = sample.planned
+        correction = replace(planned.settings.correction, cutting_stiffness=Estimate(1e3 * n_per_mm, 0.0))
+        _, findings = known_before(replace(planned, settings=replace(planned.settings, correction=correction)))
+        return [finding.code for finding in findings]
+
+    for value in np.random.default_rng(4126).uniform(2, 500, 30):
+        assert said(float(value)) == []
+    assert said(0.009) == ["CS4126"]
+
+
+@pytest.mark.parametrize(("value", "word"), [("115", "is over 10"), ("0.1", "is under 0.2"), ("0.9", ""), ("1.6:0.1", "")])
+def test_a_scale_in_per_cent_is_refused(value: str, word: str) -> None:
+    kind = ScaledEstimate(1.0, 0.2, 10.0)
+    if not word:
+        assert kind.convert(value, None, None).value == float(value.partition(":")[0])
+        return
+    with pytest.raises(click.UsageError, match=word):
+        kind.convert(value, None, None)

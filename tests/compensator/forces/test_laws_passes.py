@@ -12,6 +12,7 @@ from benchmarks.passes import drawn, late, said, turned, written
 from compensator.correction.files import Inputs
 from compensator.forces.log import read_force_log
 from compensator.forces.placement import place_forces
+from compensator.forces.program_time import moves_in_air
 from compensator.forces.stock_side import stock_side
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
@@ -29,7 +30,7 @@ def test_right_logs_are_left_in_peace_and_wrong_ones_are_told(jobs: list, tmp_pa
     """Rasters and spirals of an end mill, chip by chip: benchmarks/passes.py has the figures over many."""
     told = {"late": [], "turned": [], "sign": []}
     for path, time, place, force in jobs:
-        assert not {"CS3068", "CS3073", "CS3074"} & set(said(path, time, place, force, tmp_path))
+        assert not {"CS3068", "CS3073", "CS3074", "CS3077"} & set(said(path, time, place, force, tmp_path))
         told["late"].append("CS3073" in said(path, time, place, late(force, 0.1), tmp_path))
         told["turned"] += [bool({"CS3068", "CS3074"} & set(said(path, time, place, turned(force, by), tmp_path)))
                            for by in (90, -90)]
@@ -37,6 +38,18 @@ def test_right_logs_are_left_in_peace_and_wrong_ones_are_told(jobs: list, tmp_pa
     assert np.mean(told["late"]) >= 0.25
     assert np.mean(told["turned"]) >= 0.5
     assert np.mean(told["sign"]) >= 0.75
+
+
+def test_a_pass_in_the_air_is_told(jobs: list, tmp_path: Path) -> None:
+    """Nothing but the sensor's noise, and a drift of some tenths of a newton."""
+    told = 0
+    for number, (path, time, place, force) in enumerate(jobs):
+        rng = np.random.default_rng((77, number))
+        drift = np.column_stack([np.interp(time, np.linspace(0, time[-1], 40), rng.normal(0, 0.2, 40)) for _ in range(3)])
+        if (~moves_in_air(path.toolpath)).sum() > 60:
+            assert "CS3077" in said(path, time, place, rng.normal(0, 2, force.shape) + drift, tmp_path)
+            told += 1
+    assert told > 3
 
 
 @pytest.mark.parametrize(("climbs", "side"), [(True, 1), (False, -1)])

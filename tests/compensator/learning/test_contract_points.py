@@ -66,3 +66,22 @@ def test_what_is_wrong_is_said_where_it_is(folder: Path, text: str, code: str, l
     finding = stopped.value.findings[0]
     assert (finding.code, finding.line) == (code, line)
     assert words in finding.message
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_points_that_were_copied_are_told(folder: Path, seed: int) -> None:
+    """Points measured twice at one place differ by their noise, and say nothing; a table that was appended to itself does."""
+    rng = np.random.default_rng((12, seed))
+    place = np.round(rng.uniform(0, 100, (int(rng.integers(5, 60)), 3)), 2)
+    header = "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um\n"
+
+    def rows(count: int) -> list[str]:
+        return [",".join(f"{x:g}" for x in (*place[k], *np.round(rng.normal(0, 30, 3), 1))) for k in range(count)]
+
+    def said(lines: list[str]) -> bool:
+        return "CS0012" in {finding.code for finding in read(folder, header + "\n".join(lines) + "\n").findings}
+
+    once = rows(len(place))
+    assert not said(once)
+    assert not said(once + rows(len(place)))
+    assert said(once + once)

@@ -58,9 +58,11 @@ class Opened:
     complaints: list[str] = field(default_factory=list)
 
 
-def opened(browser: Any, file: Path, *, width: int = 1200, height: int = 860, **options: Any) -> Opened:
-    """The page, when its views are ready."""
+def opened(browser: Any, file: Path, *, width: int = 1200, height: int = 860, before: str = "", **options: Any) -> Opened:
+    """The page, when its views are ready; before: a script that runs ahead of its own."""
     page = browser.new_page(viewport={"width": width, "height": height}, **options)
+    if before:
+        page.add_init_script(before)
     found = Opened(page)
     page.on("request", lambda request: found.requests.append(request.url))
     page.on("console", lambda message: found.complaints.append(f"{message.type}: {message.text}"))

@@ -94,6 +94,23 @@ def test_sentences_in_tables_have_room_on_a_telephone(browser: Any, folder: Path
     page.close()
 
 
+@pytest.mark.parametrize("language", ["en-US@posix", "de-DE", "ar-EG"])
+def test_the_path_is_there_in_every_language(browser: Any, folder: Path, language: str) -> None:
+    """One that no page can read, as a computer without a language has it (LANG=C), a comma for the decimals, other digits."""
+    said = f"Object.defineProperty(Navigator.prototype, 'language', {{ get: () => '{language}' }})"
+    pages = [opened(browser, folder / "correct.html", before=said, **({} if "@" in language else {"locale": language})),
+             opened(browser, folder / "correct.html")]
+    assert pages[0].complaints == []
+    texts, places = zip(*((
+        one.page.eval_on_selector_all("figure[data-view=path]", "all => all.map(one => one.innerText)"),
+        one.page.eval_on_selector("figure[data-view=path] input[type=number]", "one => Number(one.value)")) for one in pages),
+        strict=True)
+    assert texts[0] == texts[1]
+    assert places[0] == places[1] > 0
+    for one in pages:
+        one.page.close()
+
+
 def test_the_way_round(browser: Any, folder: Path) -> None:
     """An L, 80 along x then 30 along y, seen from above: it goes right, then up, at one scale."""
     found = opened(browser, folder / "corner.html")
