@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from compensator.correction.predict import Predicted
 from compensator.path.arc_length import nearest_target
-from identification.common.arrays import rms
+from identification.common.arrays import directions, rms
 from identification.common.findings import Finding
 
 Array = NDArray[np.float64]
@@ -32,8 +32,7 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
     total = np.column_stack([np.bincount(target, axis, len(count)) for axis in log.beside[placed].T])
     beside = path.axes.world_from_base.inverse().turn(total / np.maximum(count, 1)[:, None])
     # What lies along the path does not show: a sample is placed at the nearest point.
-    along = np.gradient(path.base_from_tcp.position, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    along = directions(np.gradient(path.base_from_tcp.position, axis=0))
 
     def across(values: Array, which: NDArray[np.intp]) -> Array:
         return np.asarray(values - np.einsum("ni,ni->n", values, along[which])[:, None] * along[which])

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from compensator.path.robot_path import RobotPath
-from identification.common.arrays import Array
+from identification.common.arrays import Array, directions
 
 # Angles of the force to the left of the feed [deg]: up to CLIMB it is climb milling, from SLOT to WIDE a slot's, from
 # CONVENTIONAL on neither.
@@ -55,10 +55,10 @@ def _against_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     along = np.zeros_like(force)
     known = np.flatnonzero(path.known)
     if len(known) > 1:
-        along[known] = np.gradient(path.base_from_tcp.position[known], axis=0)
+        along[known] = directions(np.gradient(path.base_from_tcp.position[known], axis=0))
     up = towards_spindle(path)
     along -= up * np.einsum("ni,ni->n", along, up)[:, None]
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    along = directions(along)
     forwards, left = np.einsum("ni,ni->n", force, along), np.einsum("ni,ni->n", force, np.cross(up, along))
     pushed_in = np.einsum("ni,ni->n", force, up) / np.maximum(np.hypot(forwards, left), 1e-300)
     return np.nan_to_num(np.degrees(np.arctan2(left, forwards))), np.nan_to_num(pushed_in, posinf=np.inf)

@@ -34,7 +34,7 @@ from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.slot_cut import Slots, slots
 from compensator.forces.placement import TargetForces
 from compensator.path.robot_path import RobotPath
-from identification.common.arrays import rms
+from identification.common.arrays import directions, rms
 from identification.common.findings import CompstiffError, Finding, Refused, counted
 from identification.model.kinematics import chunks, spring_columns
 
@@ -62,7 +62,7 @@ def across_feed(path: RobotPath, force: Array) -> tuple[Array, Array]:
     along = np.zeros_like(position)
     if len(known) > 1:
         along[known] = path.axes.turned_to_base(np.gradient(position[known], axis=0), known)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    along = directions(along)
     across = force - np.einsum("ni,ni->n", force, along)[:, None] * along
     size = np.linalg.norm(across, axis=1)
     enough = size > LEAST_ACROSS * np.linalg.norm(force, axis=1)

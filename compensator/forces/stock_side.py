@@ -20,19 +20,21 @@ def stock_side(point: Array, length: Array, feed: Array, left: Array, up: Array)
     """1 where the stock is on the right of the feed (the tool climbs), -1 on the left (conventional), 0 where the passes do not
     tell it: (n,) of the moves that cut, whose ends are at point (n, 3) [m] and path length (n,) [m], ascending; feed, left and
     up (n, 3) unit vectors."""
-    from scipy.spatial import cKDTree
-
     side = np.zeros(len(point), dtype=np.intp)
     if not np.isfinite(length).all():
         return side
     kept = np.flatnonzero(np.diff(np.floor(length / APART), prepend=-1.0) > 0)
-    tree = cKDTree(point[kept])
+    # In the order of the longest axis those within reach stand together.
+    along = point[kept][:, np.argmax(np.ptp(point[kept], axis=0))]
+    order = np.argsort(along, kind="stable")
     looked = np.unique(np.linspace(0, len(kept) - 1, PLACES).astype(np.intp))
-    for i, near in zip(kept[looked], tree.query_ball_point(point[kept[looked]], REACH), strict=True):
-        others = kept[near]
+    first, last = (np.searchsorted(along[order], along[looked] + by) for by in (-REACH, REACH))
+    for i, start, end in zip(kept[looked], first, last, strict=True):
+        others = np.sort(kept[order[start:end]])
         away = point[others] - point[i]
-        ahead, aside, above = np.abs(away @ feed[i]), away @ left[i], np.abs(away @ up[i])
         distance = np.linalg.norm(away, axis=1)
+        others, away, distance = (values[distance < REACH] for values in (others, away, distance))
+        ahead, aside, above = np.abs(away @ feed[i]), away @ left[i], np.abs(away @ up[i])
         beside = ((ahead < AHEAD * np.abs(aside) + APART) & (above < ABOVE * np.abs(aside))
                   & (np.abs(length[others] - length[i]) > DETOUR * distance) & (distance > 0))
         times = []

@@ -30,3 +30,10 @@ def read_only(*arrays: NDArray[np.generic]) -> None:
     """Makes the arrays of a result read-only, in place: whoever wants to change one copies it."""
     for array in arrays:
         array.flags.writeable = False
+
+
+def directions(vectors: Array) -> Array:
+    """Unit vectors (n, 3) of vectors (n, 3) of any size; zeros of those that are nothing."""
+    largest = np.maximum(np.abs(vectors).max(axis=1, keepdims=True), 1e-300)
+    scaled = vectors / largest
+    return np.asarray(scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-300))
