@@ -23,7 +23,7 @@ from identification.model.effects import effects
 from identification.model.stiffness_file import read_stiffness
 from tests.runs.hidden_effects.judge import answer, judge, truth_names
 from tests.second_cell.arm import G
-from tests.second_cell.cell import Case, Hidden, drawn, simulate
+from tests.second_cell.cell import FOREIGN, Case, Hidden, drawn, simulate
 from tests.second_cell.detectable import CLEAR, signal
 from tests.second_cell.effects import DICTIONARY
 
@@ -269,3 +269,12 @@ def test_a_bearing_that_stiffens_halfway_down_the_column_is_one_cause() -> None:
     fresh = at_fresh_poses(case, found)
     assert fresh.named < 0.2 * fresh.plain
     assert fresh.components[1] > 0.88
+
+
+@pytest.mark.parametrize(("seed", "label"), [(902015, "soft_zone[5]"), (902020, "base_rocking")])
+def test_a_robot_softer_than_its_file_says_has_no_wrong_unit(seed: int, label: str) -> None:
+    """Three and four times softer than the medians of a robot file, by the robot and by what is hidden in it: it had passed for
+    forces in pounds."""
+    hidden, weight = drawn(seed, "five", DICTIONARY, times=(1.0, 4.0), name=FOREIGN)
+    found = diagnosed(simulate(seed, "five", "near", hidden, FOREIGN, weight))
+    assert [cause.label for cause in found.causes] == [label]
