@@ -14,7 +14,7 @@ import numpy as np
 
 from compensator.forces.alignment_regression import Bins, Regression, binned
 from compensator.forces.log import ForceLog
-from compensator.forces.program_time import ProgramTime, kinds_of_cut, moves_in_air
+from compensator.forces.program_time import ProgramTime, kinds_of_cut, moves_in_air, travel_in_log
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
 from identification.common.findings import Finding
@@ -69,11 +69,7 @@ def said_of_delay(log: ForceLog, path: RobotPath) -> list[Finding]:
 def _by_length(path: RobotPath) -> ProgramTime:
     """The program over path length in place of time."""
     air = moves_in_air(path.toolpath)
-    step = path.steps
-    direction = step / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    if path.cell.force_log.kind != "base":
-        direction = np.einsum("nji,nj->ni", path.base_from_tcp.rotation, direction)
-    return ProgramTime(path.length, path.length, air, kinds_of_cut(path.toolpath.feed, air, path.length), direction)
+    return ProgramTime(path.length, path.length, air, kinds_of_cut(path.toolpath.feed, air, path.length), travel_in_log(path))
 
 
 def _cuts_of(bins: Bins, time: Array, place: Array, program: ProgramTime) -> Bins | None:

@@ -133,9 +133,15 @@ def program_time(path: RobotPath) -> ProgramTime:
                     hint=f"declare the speed in this file, or {HINT}")
     length = path.length
     air = moves_in_air(toolpath)
+    return ProgramTime(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), travel_in_log(path))
+
+
+def travel_in_log(path: RobotPath) -> Array:
+    """Unit vectors (N, 3) along the moves to each target, in the base frame or that of the tool, as the log's forces are; zeros
+    where there is no way."""
     step = path.steps
     direction = step / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
     if path.cell.force_log.kind != "base":
         # The sensor's frame turns with the tool's; a fixed rotation between them is part of what is estimated.
         direction = np.einsum("nji,nj->ni", path.base_from_tcp.rotation, direction)
-    return ProgramTime(robot_time.time, length, air, kinds_of_cut(toolpath.feed, air, length), direction)
+    return np.asarray(direction)

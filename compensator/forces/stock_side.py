@@ -25,23 +25,24 @@ def stock_side(point: Array, length: Array, feed: Array, left: Array, up: Array)
         return side
     kept = np.flatnonzero(np.diff(np.floor(length / APART), prepend=-1.0) > 0)
     # In the order of the longest axis those within reach stand together.
-    along = point[kept][:, np.argmax(np.ptp(point[kept], axis=0))]
-    order = np.argsort(along, kind="stable")
-    looked = np.unique(np.linspace(0, len(kept) - 1, PLACES).astype(np.intp))
-    first, last = (np.searchsorted(along[order], along[looked] + by) for by in (-REACH, REACH))
-    for i, start, end in zip(kept[looked], first, last, strict=True):
-        others = np.sort(kept[order[start:end]])
+    longest = int(np.argmax(np.ptp(point[kept], axis=0)))
+    ordered = kept[np.argsort(point[kept, longest], kind="stable")]
+    there = point[ordered]
+    looked = kept[np.unique(np.linspace(0, len(kept) - 1, PLACES).astype(np.intp))]
+    first, last = (np.searchsorted(there[:, longest], point[looked, longest] + by) for by in (-REACH, REACH))
+    for i, start, end in zip(looked, first, last, strict=True):
+        near = np.linalg.norm(there[start:end] - point[i], axis=1) < REACH
+        others = np.sort(ordered[start:end][near])
         away = point[others] - point[i]
         distance = np.linalg.norm(away, axis=1)
-        others, away, distance = (values[distance < REACH] for values in (others, away, distance))
         ahead, aside, above = np.abs(away @ feed[i]), away @ left[i], np.abs(away @ up[i])
         beside = ((ahead < AHEAD * np.abs(aside) + APART) & (above < ABOVE * np.abs(aside))
                   & (np.abs(length[others] - length[i]) > DETOUR * distance) & (distance > 0))
         times = []
         for sign in (1.0, -1.0):
-            there = np.flatnonzero(beside & (sign * aside > 0))
-            times.append(0.0 if not len(there) else
-                         np.sign(length[others[there[np.argmin(distance[there])]]] - length[i]))
+            these = np.flatnonzero(beside & (sign * aside > 0))
+            times.append(0.0 if not len(these) else
+                         np.sign(length[others[these[np.argmin(distance[these])]]] - length[i]))
         if times[0] * times[1] < 0:
             side[i] = int(times[1])
     return side
