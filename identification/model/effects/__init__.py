@@ -28,7 +28,8 @@ def effects() -> dict[str, Effect]:
     for module in sorted(f"{__name__}.{info.name}" for info in iter_modules(__path__)):
         own = [kind for kind in vars(import_module(module)).values() if getattr(kind, "__module__", "") == module]
         kinds = [kind for kind in own if isinstance(kind, type) and issubclass(kind, Effect) and not isabstract(kind)]
-        dictionary |= {kind.name: kind() for kind in kinds if not kind.law}
+        # What several laws have in common begins with an underscore.
+        dictionary |= {kind.name: kind() for kind in kinds if not kind.law and not kind.__name__.startswith("_")}
     for entry in entry_points(group=ENTRY_POINTS):
         loaded = entry.load()
         effect = loaded() if isinstance(loaded, type) else loaded

@@ -178,8 +178,12 @@ class Effect(ABC):
             fixed = np.array([0.0 if value is None else value for value in choice])
             columns = [self._slope(rows, joint, fixed, k) for k in linear]
             signatures.append(Signature(np.stack(columns, axis=2), scale, positive, _placed(fixed, linear), self))
-        return [*signatures, *(signature for law in self.other_laws if joint in law.places and not law.missing(rows)
-                               for signature in law.signatures(rows, joint))]
+        return [*signatures, *self.of_other_laws(rows, joint)]
+
+    def of_other_laws(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        """The signatures of its other laws at one place."""
+        return [signature for law in self.other_laws if joint in law.places and not law.missing(rows)
+                for signature in law.signatures(rows, joint)]
 
     def _slope(self, rows: LoadState, joint: int | None, fixed: Array, which: int) -> Array:
         """Contribution to the position (n, 3) for one unit of a linear parameter."""

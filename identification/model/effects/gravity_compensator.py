@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from identification.common.arrays import Array
 from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import GearTwist, SizeAndAngle
-from identification.model.load_state import LoadState
+from identification.model.effects.kinds import SofterAtAngles
 
 
-class GravityCompensator(SizeAndAngle, GearTwist):
-    """`J_2 tau_2 c_2 alpha cos(2 q2 + phi)`; linear in alpha cos phi and alpha sin phi."""
+class _Compensator(SofterAtAngles):
+    """What both laws have in common: linear in alpha cos phi and alpha sin phi."""
 
     carries_weight = True
     name = "gravity_compensator"
     joints = (2,)
-    gear_law = False
-    formula_source = ("A. Klimchik et al., Identification of geometrical and elastostatic parameters of heavy industrial "
-                      "robots, arXiv 1311.6810, 2013: compensators complicate the stiffness model; the second harmonic of "
-                      "the angle: engineering judgement")
     parameters = (
         Parameter("amplitude", "1", 0.27, 0.0, 1.0,
                   source="engineering judgement: 0.15 to 0.5, their geometric mean",
@@ -32,6 +24,20 @@ class GravityCompensator(SizeAndAngle, GearTwist):
     settles = ("look whether a spring or cylinder carries the lower arm: where the robot file has no links, a gear that grows "
                "stiffer under the arm's weight looks the same; measure at more angles of joint 2")
 
-    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
-        share = values[0] * np.cos(2 * rows.theta[:, i] + values[1])
-        return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)
+
+class OnceATurn(_Compensator):
+    """`J_2 tau_2 c_2 alpha cos(q2 + phi)`: a gear that is uneven itself, or a spring whose anchor lies near the axis."""
+
+    law = "once"
+    harmonic = 1
+    formula_source = "engineering judgement: the first harmonic of the angle, as uneven_gear"
+
+
+class GravityCompensator(_Compensator):
+    """`J_2 tau_2 c_2 alpha cos(2 q2 + phi)`."""
+
+    other_laws = (OnceATurn(),)
+    harmonic = 2
+    formula_source = ("A. Klimchik et al., Identification of geometrical and elastostatic parameters of heavy industrial "
+                      "robots, arXiv 1311.6810, 2013: compensators complicate the stiffness model; the second harmonic of "
+                      "the angle: engineering judgement")

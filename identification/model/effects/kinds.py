@@ -218,7 +218,23 @@ class SizeAndAngle(Effect):
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         columns = [self.contribution(rows, joint, np.array([1.0, angle]))[:, :3] for angle in (0.0, np.pi / 2)]
-        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, _polar, self)]
+        return [Signature(np.stack(columns, axis=2), np.full(2, self.parameters[0].typical), False, _polar, self),
+                *self.of_other_laws(rows, joint)]
+
+
+class SofterAtAngles(SizeAndAngle, GearTwist):
+    """`J_i tau_i c_i alpha cos(n q_i + phi)`, n the harmonic: the gear is softer at some angles of its joint than at others."""
+
+    gear_law = False
+
+    @property
+    @abstractmethod
+    def harmonic(self) -> int:
+        """How often the gear is as soft within a turn."""
+
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        share = values[0] * np.cos(self.harmonic * rows.theta[:, i] + values[1])
+        return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)
 
 
 def _polar(coefficients: Array) -> Array:

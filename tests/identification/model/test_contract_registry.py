@@ -19,8 +19,8 @@ from tests.support import random_poses, robot
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "effects.md").read_text()
 CONTRACT = [
     "backlash", "soft_zone", "hysteresis", "bearing_tilt", "link_bending", "base_rocking", "base_shift",
-    "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "wrist_coupling", "force_gain",
-    "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
+    "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "uneven_gear", "wrist_coupling",
+    "force_gain", "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
     "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step",
     "hook_offset", "swinging_weight", "transmission_error", "soft_track", "stand_compliance",
     "force_axis_gain", "force_crosstalk", "force_offset", "deflection_sensor_crosstalk", "encoder_zero"]
