@@ -20,6 +20,7 @@ from identification.fit.seating import moving_zero
 from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
 from identification.fit.visits import ALARM as VISIT_ALARM
 from identification.model.effects import effects
+from identification.model.effects.drift import PACE_S
 from identification.model.effects.kinds import OF_THE_KIND
 
 # So many checks, and causes that would not have been noticed, are told on the terminal.
@@ -332,6 +333,9 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
     for name, why in judgement.left_out.items():
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
+    if np.isnan(judgement.plain.load_state.time).all():
+        findings.append(Finding("CS1409", "note", f"drift was looked for in the order of the rows, {PACE_S:.0f} s each: time_s is "
+                                "not given", file=source))
     if judgement.verdict == "adequate":
         # The hook is no candidate where nothing hangs.
         loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (

@@ -9,8 +9,12 @@ from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import LoadState
 
 
+# Time [s] that one row is taken to last where no row has a time: half a minute until nothing creeps, and a reading.
+PACE_S = 60.0
+
+
 class Drift(OfReading):
-    """Rate times the time since the unloaded reference was taken."""
+    """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
 
     name = "drift"
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
@@ -22,17 +26,16 @@ class Drift(OfReading):
     sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
     settles = "leave the robot unloaded and read the sensors every ten minutes"
 
-    def missing(self, rows: LoadState) -> str:
-        return "time_s is not given" if np.isnan(rows.time).all() else ""
-
     def misread(self, rows: LoadState, values: Array) -> Array:
         return np.asarray(np.nan_to_num(since_reference(rows))[:, None] * values)
 
 
 def since_reference(rows: LoadState) -> Array:
-    """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones."""
-    since = rows.time.copy()
+    """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones.
+    Where no row has a time, PACE_S a row."""
+    time = PACE_S * (rows.row - 1.0) if np.isnan(rows.time).all() else rows.time
+    since = time.copy()
     for reference in np.unique(rows.reference)[1:]:
         members = rows.reference == reference
-        since[members] -= np.nanmin(rows.time[members])
+        since[members] -= np.nanmin(time[members])
     return since
