@@ -2,8 +2,8 @@
 
 Nothing is cut into levels here, and no integral is closed. Straight edges turn about the leaning axis while the ball's middle
 goes its way; every bit of an edge is a point in space with a velocity. It meets what stands between it and the ball as it was
-one tooth before, where the block is and none of the ways before went. The material is a block, less balls and their shanks along straight
-ways. Only the linear-edge law is shared. Not modelled: what the shank cuts, deflection, run-out.
+one tooth before, where the block is and none of the ways before went. The material is a block, less balls and their shanks
+along straight ways. Only the linear-edge law is shared. Not modelled: what the shank cuts, deflection, run-out.
 """
 
 from __future__ import annotations

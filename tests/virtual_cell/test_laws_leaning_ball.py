@@ -59,6 +59,6 @@ def test_above_a_way_the_shank_went() -> None:
     """A wall over a way at a depth is gone as high as it stands; the ball alone would have left it."""
     ball, feed = LeaningBall((0.0, 0.0, 1.0)), np.array([0.1, 0.0, 0.0])
     deep = np.array([[-50.0, 0.0, -20.0], [50.0, 0.0, -20.0]])
-    high = np.array([0.0, 0.0, 2.0])
+    high, beside = np.array([[0.0, 0.0, 2.0], [0.0, 9.0, 2.0]])
     assert not mean_force(ball, high, feed, BLOCK, [deep]).any()
-    assert np.linalg.norm(mean_force(ball, high + [0.0, 9.0, 0.0], feed, BLOCK, [deep])) > 50
+    assert np.linalg.norm(mean_force(ball, beside, feed, BLOCK, [deep])) > 50
