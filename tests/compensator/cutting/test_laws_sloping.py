@@ -22,7 +22,7 @@ STOCK = block(LOW, HIGH, tuple(np.arange(-12.0, 0.0, 0.1)), 0.25)
 
 def milled(corner: np.ndarray, axis: tuple[float, float, float] = UPRIGHT, stock: Stock = STOCK
            ) -> tuple[Track, Engagement, np.ndarray, np.ndarray]:
-    """Track, engagement, force (S, 3) [N] and middles of the steps (S, 3) [mm] of a ball; its lowest point goes along corner."""
+    """Track, engagement, force (S, 3) [N], middles of the steps (S, 3) [mm] of a ball whose lowest point goes along corner."""
     track = track_along(corner, CHIP)
     track = replace(track, axis=np.tile(axis, (len(track), 1)))
     engaged, _ = mill_through(stock, track, BALL)
