@@ -212,8 +212,7 @@ def _one_batch(material: Material, track: Track, cutter: Cutter, rows: Indices, 
         places = _places(stock, cutter, steps, layer, step)
         if len(places.step):
             rim = _rim(places, steps)
-            spot = np.concatenate([rim, np.broadcast_to((tip[places.step] + places.at)[:, None, None], (*rim.shape[:2], 1))],
-                                  axis=2)
+            spot = np.stack([rim[..., 0], rim[..., 1], np.broadcast_to((tip[places.step] + places.at)[:, None], rim.shape[:2])])
             _look(material, cutter, steps, places, rim, beside_ball(spot, places.step, first, last, ~steps.leans,
                                                                      cutter.radius), rows, into)
         go_along(material, cutter.radius, found)

@@ -50,38 +50,39 @@ def rings(foot: Array, thick: Array, radius: float, some: NDArray[np.bool_]) -> 
 
 
 def beyond_way(points: Array, first: Array, last: Array, shank: bool) -> Array:
-    """How far (...) [m] points (..., 3) are from the straight way of a ball's middle, first and last (3,); shank: or from what
-    stands above that."""
-    along, off = last - first, points - first
+    """How far (...) [m] points (3, ...) are from the straight way of a ball's middle, first and last (3,); shank: or from what
+    stands above that. On the level alone: (2, ...) and (2,)."""
+    along, off = last - first, [own - begin for own, begin in zip(points, first, strict=True)]
     square = float(along @ along)
-    share = np.clip(off @ along / square, 0.0, 1.0) if square > 0 else np.zeros(off.shape[:-1])
-    rest = off - share[..., None] * along
-    away = np.sqrt(np.einsum("...i,...i->...", rest, rest))
+    share = sum(own * step for own, step in zip(off, along, strict=True)) / (square or 1.0)
+    share = np.clip(share, 0.0, 1.0, out=share)
+    away = np.sqrt(sum((own - share * step) ** 2 for own, step in zip(off, along, strict=True)))
     if not shank:
         return np.asarray(away)
-    height = points[..., 2]
-    some = height > min(first[2], last[2])
-    if some.any():
+    some = np.nonzero(points[2] > min(first[2], last[2]))
+    if len(some[0]):
         # Above a place of its way is the shank that stands there: on the part of it that is lower.
-        flat = float(along[:2] @ along[:2])
-        climb = float(along[2])
-        level = off[some][:, :2] @ along[:2] / flat if flat > 0 else np.zeros(int(some.sum()))
-        lower = (height[some] - first[2]) / climb if climb else np.zeros(len(level))
-        low, high = (0.0, np.clip(lower, 0.0, 1.0)) if climb > 0 else (np.clip(lower, 0.0, 1.0), 1.0) if climb else (0.0, 1.0)
-        beside = off[some][:, :2] - np.clip(level, low, high)[:, None] * along[:2]
-        away[some] = np.minimum(away[some], np.hypot(beside[:, 0], beside[:, 1]))
+        x, y, z = (own[some] for own in off)
+        level = (x * along[0] + y * along[1]) / (float(along[:2] @ along[:2]) or 1.0)
+        lower = np.clip(z / along[2], 0.0, 1.0) if along[2] else 0.0
+        level = np.clip(level, lower if along[2] < 0 else 0.0, lower if along[2] > 0 else 1.0)
+        away[some] = np.minimum(away[some], np.hypot(x - level * along[0], y - level * along[1]))
     return np.asarray(away)
 
 
 def beside_ball(spot: Array, step: Indices, first: Array, last: Array, shank: NDArray[np.bool_], radius: float) -> Array:
-    """How far (M, P) [m] points (M, P, 3), each of a step (M,), are outside of the ways of the steps of this batch before: of a
+    """How far (M, P) [m] points (3, M, P), each of a step (M,), are outside of the ways of the steps of this batch before: of a
     ball's middle from first to last (K, 3) [m]; shank (K,): and of what stands above that."""
-    result = np.ones(spot.shape[:2])
+    order = np.argsort(step, kind="stable")
+    spot, ascending = spot[:, order], step[order]
+    result = np.ones(spot.shape[1:])
     for before in range(len(first) - 1):
-        later = np.flatnonzero(step > before)
-        away = beyond_way(spot[later], first[before], last[before], bool(shank[before])) - radius
-        result[later] = np.minimum(result[later], away)
-    return result
+        later = int(np.searchsorted(ascending, before, side="right"))
+        away = beyond_way(spot[:, later:], first[before], last[before], bool(shank[before])) - radius
+        np.minimum(result[later:], away, out=result[later:])
+    back = np.empty_like(order)
+    back[order] = np.arange(len(order))
+    return np.asarray(result[back])
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +109,9 @@ def standing(material: Material, radius: float, first: Array, last: Array, shank
     hi = np.ceil((high[:, :2].max(axis=0) + reach - stock.origin) / cell).astype(int) + 1
     (i0, i1), (j0, j1) = (np.clip([lo[k], hi[k]], 0, n) for k, n in ((0, nx), (1, ny)))
     x, y = stock.origin[0] + cell * np.arange(i0, i1), stock.origin[1] + cell * np.arange(j0, j1)
-    points = np.stack(np.meshgrid(x, y), axis=-1)
+    points = np.stack(np.meshgrid(x, y))
     # The lowest that any of the steps comes to in a column.
-    lowest = np.full(points.shape[:2], np.inf)
+    lowest = np.full(points.shape[1:], np.inf)
     for a, b, floor in zip(first, last, low[:, 2], strict=True):
         square = reach**2 - beyond_way(points, a[:2], b[:2], False) ** 2
         np.minimum(lowest, np.where(square > 0, floor - np.sqrt(np.maximum(square, 0.0)), np.inf), out=lowest)
@@ -120,7 +121,7 @@ def standing(material: Material, radius: float, first: Array, last: Array, shank
     stands &= layer_middle[box[0], None, None] >= lowest
     layer, row, column = np.nonzero(stands)
     layer, row, column = layer + within[0], row + j0, column + i0
-    points = np.column_stack([stock.origin[0] + cell * column, stock.origin[1] + cell * row, layer_middle[layer]])
+    points = np.stack([stock.origin[0] + cell * column, stock.origin[1] + cell * row, layer_middle[layer]])
     away = np.stack([beyond_way(points, a, b, bool(up)) for a, b, up in zip(first, last, shank, strict=True)])
     return Standing(layer, row, column, away)
 
