@@ -16,7 +16,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.cutting.chips import integrals, weights
+from compensator.cutting.arcs import FILM, Arcs, arcs_of
+from compensator.cutting.chips import weights
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.leaning import (
     MOST_LEAN,
@@ -29,16 +30,15 @@ from compensator.cutting.leaning import (
 )
 from compensator.cutting.sloping import beside_ball, front, go_along, met, rings, standing
 from compensator.cutting.stock import Stock
-from compensator.cutting.swept import Material, beside_own_way, distance, go_over, sampled, shanks_go_over
+from compensator.cutting.swept import Material, beside_own_way, between, distance, go_over, sampled, shanks_go_over
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
 from identification.common.progress import progress
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
-# Points of the half circle; steps of a batch; a film thinner than this is none [m]: the grid's error at an edge that the cutter
-# itself left is c^2 / 8R, 0.6 um for a grid of 0.2 mm and a radius of 8 mm.
-POINTS, BATCH, FILM = 61, 24, 2e-6
+# Points of the half circle; steps of a batch.
+POINTS, BATCH = 61, 24
 ANGLE = np.linspace(-np.pi / 2, np.pi / 2, POINTS)
 # A step that goes down by more than this in its length plunges [m/m]: the floor of the cutter cuts, which no end mill's
 # coefficients describe; a ball has none, and near its tip, which stands next to still, it plunges too. A step that climbs by so
@@ -46,6 +46,8 @@ ANGLE = np.linspace(-np.pi / 2, np.pi / 2, POINTS)
 STEEPEST, STEEPEST_BALL, LEVEL = np.tan(np.radians(5.0)), np.tan(np.radians(60.0)), 1e-9
 # So far up it is near its tip, in radii: there the feed turns the edges' speed on the way down.
 TIP = 0.15
+# Layers thinner than this, in radii, are samples of what slopes: between two of them it is in proportion.
+THIN = 1 / 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ class _Places:
     """M places to look at, each a step in a layer: step, of the K of a batch, and layer (M,); thick (M,) [m] of the layer above
     the tip, foot (M,) [m]: where that begins, above the tip; at (M,) [m] above the tip: where it is looked at; radius (M,) [m]
     and sine (M,) of the cutter there; gain (M,) [m]: of radius over the thickness, edge (M,) [m]; angle (M, P) [rad] of the
-    points of the front, from the feed."""
+    points of the front, from the feed; share (M,): of the layer above, NaN: what the layer says holds for all of it."""
 
     step: Indices
     layer: Indices
@@ -92,6 +94,7 @@ class _Places:
     gain: Array
     edge: Array
     angle: Array
+    share: Array
 
     def __getitem__(self, some: Indices) -> _Places:
         return _Places(*(getattr(self, field.name)[some] for field in fields(self)))
@@ -128,16 +131,6 @@ class _Steps:
     def middle(self) -> Array:
         """Of the tip (K, 3) [m]."""
         return np.asarray(0.5 * (self.start + self.end))
-
-
-@dataclass(frozen=True, eq=False)
-class _Arcs:
-    """Where M places cut: place (n,), from begin to stop (n,) [rad]; integral (M, 5) over all of a place."""
-
-    place: Indices
-    begin: Array
-    stop: Array
-    integral: Array
 
 
 def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
@@ -239,16 +232,19 @@ def _places(stock: Stock, cutter: Cutter, steps: _Steps, layer: Indices, step: I
     foot = np.maximum(bottom, tip) - tip
     thick = np.clip(top - np.maximum(bottom, tip), 0.0, top - bottom)
     at = np.maximum(0.5 * (top + bottom) - tip, 0.5 * thick)
+    share = np.full(len(step), np.nan)
     if cutter.ball and steps.travel[:, 2].any():
         own, fine_foot, fine_thick = rings(foot, thick, cutter.radius, steps.travel[step, 2] != 0)
         step, layer, at = step[own], layer[own], np.where(fine_thick < thick[own], fine_foot + 0.5 * fine_thick, at[own])
-        foot, thick = fine_foot, fine_thick
+        foot, thick, tip = fine_foot, fine_thick, tip[own]
+        layer, share = between(stock, tip + at, THIN * cutter.radius)
     radius, sine = cutter.radius_at(at), cutter.sine_at(at)
     least = -steps.chip[step] / (2 * cutter.radius) if cutter.ball else np.zeros(len(step))
     angle = ANGLE * (front(sine, steps.travel[step], least) / (0.5 * np.pi))[:, None]
     gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
     some = np.flatnonzero((thick > 0) & (radius > 0))
-    return _Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle)[some]
+    return _Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
+                   share)[some]
 
 
 def _rim(places: _Places, steps: _Steps) -> Array:
@@ -270,8 +266,9 @@ def _look(material: Material, cutter: Cutter, steps: _Steps, places: _Places, ri
         meets = some.copy()
         meets[some] = _shank_cuts(material, cutter, steps, places[np.flatnonzero(some)])
         into["beyond"][rows[step[meets]]] = True
-    blank = sampled(stock, stock.inside, places.layer, rim)
-    gone_over = (sampled(stock, material.swept, places.layer, rim), own)
+    share = None if np.isnan(places.share).any() else places.share
+    blank = sampled(stock, stock.inside, places.layer, rim, share)
+    gone_over = (sampled(stock, material.swept, places.layer, rim, share), own)
     turned = _add((blank, *gone_over), places, steps, cutter, rows, into)
     if material.aside:
         _add_moved(material, turned, blank, gone_over, rim, places, steps, cutter, rows, into["moved"])
@@ -296,25 +293,7 @@ def _shank_cuts(material: Material, cutter: Cutter, steps: _Steps, places: _Plac
     return np.asarray(((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
 
 
-def _arcs(distances: tuple[Array, ...], angle: Array) -> _Arcs:
-    """Which places cut, from where to where. distances, each (M, P) [m]: how far points of the front, at angles (M, P), are
-    within what the blank, and what each of the ways before, leaves; cut is where it is within all. Each passes zero by itself:
-    the least of two has a bend where they meet, and no straight line ends it rightly."""
-    first, last = (np.stack(distances)[:, :, some] - FILM for some in (slice(None, -1), slice(1, None)))
-    place, piece = np.nonzero(((first > 0) | (last > 0)).all(axis=0))
-    a, b = first[:, place, piece], last[:, place, piece]
-    low, high = angle[place, piece], angle[place, piece + 1]
-    share = np.maximum(a, b) / np.maximum(np.abs(a - b), 1e-15) * (high - low)
-    begin = np.where(a > 0, low, high - share).max(axis=0)
-    stop = np.where(b > 0, high, low + share).min(axis=0)
-    some = begin < stop
-    place, begin, stop = place[some], begin[some], stop[some]
-    integral = integrals(begin, stop)
-    summed = np.column_stack([np.bincount(place, column, minlength=len(angle)).astype(float) for column in integral.T])
-    return _Arcs(place, begin, stop, summed)
-
-
-def _turned(arcs: _Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array:
+def _turned(arcs: Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array:
     """Weights (M, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
     step = places.step
     level, rise = np.hypot(*steps.travel[:, :2].T)[step], steps.travel[step, 2]
@@ -336,7 +315,7 @@ def _turned(arcs: _Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Arra
 def _add(inside: tuple[Array, ...], places: _Places, steps: _Steps, cutter: Cutter, rows: Indices, into: dict[str, Array]
          ) -> Array:
     """Adds the cut of the places to the steps, and returns its weights (M, 3, 6)."""
-    arcs = _arcs(inside, places.angle)
+    arcs = arcs_of(inside, places.angle)
     summed, at = arcs.integral, rows[places.step]
     turned = np.zeros((len(at), 3, 6))
     cut = np.flatnonzero(summed[:, 4] > 0)
@@ -363,8 +342,9 @@ def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple
     def cut(some: Indices, other: Array) -> Array:
         """Weights (len(some), 3, 6) of places where the blank is `other`."""
         own = places[some]
-        return _turned(_arcs((other, *(one[some] for one in gone_over)), own.angle), own, steps, cutter)
+        return _turned(arcs_of((other, *(one[some] for one in gone_over)), own.angle), own, steps, cutter)
 
+    sloping = not np.isnan(places.share).any()
     # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
     reach = aside + places.radius * (places.angle[:, 1] - places.angle[:, 0])
     gone = np.minimum(*gone_over)
@@ -374,8 +354,19 @@ def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple
         if len(some):
             shift = np.zeros(2)
             shift[axis] = aside
-            change[some] = cut(some, sampled(stock, stock.inside, places.layer[some], rim[some] + shift))
+            change[some] = cut(some, sampled(stock, stock.inside, places.layer[some], rim[some] + shift,
+                                             places.share[some] if sloping else None))
         np.add.at(moved[axis], at, change)
+    if sloping:
+        # What stands a little higher, up to the top of it all.
+        lowest = steps.middle[places.step, 2] + places.foot + aside
+        under = np.clip((stock.height[-1] - lowest) / places.thick, 0.0, 1.0)
+        layer, share = between(stock, steps.middle[places.step, 2] + places.at + aside, THIN * cutter.radius)
+        some = np.flatnonzero((under > 0) & (turned.any(axis=(1, 2)) | (gone > 0).any(axis=1)))
+        if len(some):
+            np.add.at(moved[2], at[some], under[some, None, None] * cut(
+                some, sampled(stock, stock.inside, layer[some], rim[some], share[some])))
+        return
     # Up: what stands in this layer is the blank a little higher, and under its floor there is some more of it.
     height, kind, layer = stock.height, material.kind, places.layer
     tip = steps.middle[places.step, 2]

@@ -17,12 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.cutting.swept import Material
+from compensator.cutting.swept import AROUND, Material
 from identification.common.arrays import Array
 
 Indices = NDArray[np.intp]
-# Points of the grid matter so many cells around an edge: what lies between two of them is found from both.
-AROUND = 2.0
 # Near the tip the front turns fast with the height: a layer is looked at in pieces of so much of the normal's angle [rad].
 FINE = np.radians(2.5)
 
@@ -119,6 +117,10 @@ def standing(material: Material, radius: float, first: Array, last: Array, shank
     box = (slice(within[0], within[-1] + 1), slice(j0, j1), slice(i0, i1))
     stands = (stock.inside[box] > -AROUND * cell) & (material.swept[box] > -AROUND * cell)
     stands &= layer_middle[box[0], None, None] >= lowest
+    # What lies between two layers is found from both.
+    alone = stands.copy()
+    stands[1:] |= alone[:-1]
+    stands[:-1] |= alone[1:]
     layer, row, column = np.nonzero(stands)
     layer, row, column = layer + within[0], row + j0, column + i0
     points = np.stack([stock.origin[0] + cell * column, stock.origin[1] + cell * row, layer_middle[layer]])

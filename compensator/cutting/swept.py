@@ -14,6 +14,8 @@ from compensator.cutting.stock import Grid, Stock
 from identification.common.arrays import Array
 
 Flags = NDArray[np.bool_]
+# Points of the grid matter so many cells around an edge: what lies between two of them is found from both.
+AROUND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +63,24 @@ def distance(points: Array, first: Array, last: Array) -> Array:
     return np.asarray(np.hypot(off[..., 0], off[..., 1]))
 
 
-def sampled(stock: Stock, grid: Grid, layer: NDArray[np.intp], points: Array) -> Array:
+def between(stock: Stock, height: Array, thin: float) -> tuple[NDArray[np.intp], Array]:
+    """The layer (n,) whose middle is under heights (n,) [m], and the share (n,) of the one above it; of the nearer one all
+    where either is no thinner than `thin` [m], and what a layer says holds for all of it."""
+    middle, thick = 0.5 * (stock.height[1:] + stock.height[:-1]), np.diff(stock.height)
+    low = np.clip(np.searchsorted(middle, height, side="right") - 1, 0, max(len(middle) - 2, 0))
+    high = np.minimum(low + 1, len(middle) - 1)
+    share = np.clip((height - middle[low]) / np.maximum(middle[high] - middle[low], 1e-12), 0.0, 1.0)
+    return low, np.where(np.maximum(thick[low], thick[high]) < thin, share, height > stock.height[low + 1]) * (high > low)
+
+
+def sampled(stock: Stock, grid: Grid, layer: NDArray[np.intp], points: Array, share: Array | None = None) -> Array:
     """A distance (M, P) [m] at points (M, P, 2) in layers (M,), between the points of a layer's grid in proportion, grid
-    (L, ny, nx); outside of the grid there is nothing."""
+    (L, ny, nx); outside of the grid there is nothing. share (M,): of the layer above."""
+    if share is not None:
+        most = AROUND * stock.cell          # further from its edge a layer may not know of another's way
+        low, high = (np.minimum(sampled(stock, grid, one, points), most)
+                     for one in (layer, np.minimum(layer + 1, len(grid) - 1)))
+        return np.asarray(low + share[:, None] * (high - low))
     _, ny, nx = grid.shape
     x, y = ((points[..., k] - stock.origin[k]) / stock.cell for k in range(2))
     on = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1)

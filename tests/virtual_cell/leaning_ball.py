@@ -81,7 +81,7 @@ def _away(points: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray
     return np.asarray(np.linalg.norm(points - first - share[:, None] * along, axis=1))
 
 
-def _away_from_tool(points: np.ndarray, first: np.ndarray, last: np.ndarray, axis: np.ndarray, turns: int = 30) -> np.ndarray:
+def _away_from_tool(points: np.ndarray, first: np.ndarray, last: np.ndarray, axis: np.ndarray, turns: int = 20) -> np.ndarray:
     """From points (n, 3) to the ball's middle, or what of the axis is above that, as it went a straight way. Along the way that
     has one least value: what is not in its third is left out."""
     low, high = np.zeros(len(points)), np.ones(len(points))

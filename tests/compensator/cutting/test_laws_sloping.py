@@ -58,15 +58,16 @@ def test_the_force_is_that_of_the_edges(slope: float, y: float) -> None:
     check(force[-6], truth)
 
 
-@pytest.mark.parametrize("slope", [-40, -15, 15, 40])
+@pytest.mark.parametrize("slope", [-40, -15, -4, 4, 15, 40])
 def test_rows_of_a_finish(slope: float) -> None:
-    """A row down or up a slope 1 mm beside another, and 0.5 mm into what that left: it takes what stands, at entry too."""
-    across = np.array([0.0, 1.0, 0.0])
-    low, high = ramp(slope, 0.0, 0.5, 18.0, 12.0)
+    """A row down or up a slope 0.7 mm beside another takes what that left, to where it leaves the block; with layers of 0.1 mm
+    on slopes that rise by 0.03 mm a step too."""
+    across = np.array([0.0, 0.7, 0.0])
+    low, high = ramp(slope, 0.0, 1.0, 18.0, 12.0)
     row = np.stack([low, high])
     corner = np.concatenate([row, [high + 20 * np.array(UPRIGHT), low + 20 * np.array(UPRIGHT) + across], row + across])
     _, engaged, force, place = milled(corner)
-    second = np.flatnonzero((np.abs(place[:, 1] - 1) < 1e-6) & (place[:, 2] < corner[4:, 2].max()))
+    second = np.flatnonzero((np.abs(place[:, 1] - 0.7) < 1e-6) & (place[:, 2] < corner[4:, 2].max()))
     # Where it came down on its row it has cut by its shank.
     second = second[place[second, 0] > low[0] + RADIUS + 1][:-3:6]
     truth = np.array([mean_force(LeaningBall(UPRIGHT), place[k] + UP, CHIP * along(slope), (LOW, HIGH), [row + UP])
