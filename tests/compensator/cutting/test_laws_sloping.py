@@ -9,6 +9,7 @@ import pytest
 
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.removal import Engagement, mill_through
+from compensator.cutting.sloping import beyond_way
 from compensator.cutting.stock import Stock
 from compensator.cutting.track import Track
 from tests.compensator.cutting.milled import FLAT, MILL, block, force_of, track_along
@@ -151,3 +152,16 @@ def test_aside_on_a_slope_is_milled_anew(slope: float) -> None:
         anew = milled(corner + step * np.eye(3)[axis])[2][some] - here
         own = force_of(track, replace(engaged, weights=engaged.moved[axis], moved=None))[some] - here
         assert own == pytest.approx(anew, abs=0.15 * np.abs(anew).max() + 0.02 * np.abs(here).max()), "xyz"[axis]
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, 0.0), (1.0, 0.5, 0.0), (0.8, -0.3, 0.9), (0.8, -0.3, -0.9), (0.0, 0.0, -0.7)])
+def test_the_distance_to_a_way_is_the_least_to_its_places(way: tuple[float, float, float]) -> None:
+    """And, with a shank, to all that is above them: by looking at 4001 of them."""
+    rng = np.random.default_rng(3)
+    first, points = rng.normal(size=3), 1.5 * rng.normal(size=(3, 200))
+    place = first + np.linspace(0, 1, 4001)[:, None] * np.array(way)
+    off = points.T[:, None, :] - place
+    for shank in (False, True):
+        up = np.maximum(off[..., 2], 0.0) if shank else 0.0
+        least = np.sqrt(off[..., 0] ** 2 + off[..., 1] ** 2 + (off[..., 2] - up) ** 2).min(axis=1)
+        assert beyond_way(points, first, first + np.array(way), shank) == pytest.approx(least, abs=5e-4)
