@@ -59,6 +59,17 @@ def test_the_force_is_that_of_the_edges(slope: float, y: float) -> None:
     check(force[-6], truth)
 
 
+@pytest.mark.parametrize("slope", [-85.0, -75.0])
+def test_a_wall_is_finished_downwards_by_the_side_of_a_ball(slope: float) -> None:
+    """Its tip stands clear: what is a plunge with the tip in the cut is none here."""
+    _, engaged, force, place = milled(ramp(slope, 46.0, 7.9, 7.0, 0.5))
+    truth = mean_force(LeaningBall(UPRIGHT), place[-2] + UP, CHIP * along(slope), (LOW, HIGH))
+    assert np.linalg.norm(truth) > 100
+    assert engaged.cuts[-2]
+    assert not engaged.unknown[-2]
+    check(force[-2], truth)
+
+
 @pytest.mark.parametrize("slope", [-40, -15, -4, 4, 15, 40])
 def test_rows_of_a_finish(slope: float) -> None:
     """A row down or up a slope 0.7 mm beside another takes what that left, to where it leaves the block; with layers of 0.1 mm
