@@ -57,7 +57,9 @@ def write_stock(file: Path, tip: np.ndarray) -> None:
     away = np.hypot(*np.meshgrid(x, y))
     middle = 0.5 * (height[1:] + height[:-1]) + DOME
     radius = np.sqrt(np.maximum((DOME + ALLOWANCE) ** 2 - middle**2, 0.0))
-    inside = np.stack([np.minimum(edge, own - away) for own in radius]).astype(np.float32)
+    inside = np.empty((len(radius), *away.shape), dtype=np.float32)
+    for layer, own in zip(inside, radius, strict=True):
+        np.minimum(edge, own - away, out=layer, casting="same_kind")
     np.savez(file, format="compstiff-stock", version=1, origin_mm=np.array([x[0], y[0]]), cell_mm=np.array(cell),
              height_mm=height, inside_mm=inside, unknown_mm=np.zeros((0, 2, 3)), position_std_mm=np.array(0.1))
 
