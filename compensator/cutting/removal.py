@@ -12,6 +12,7 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,12 @@ class _Steps:
         return cls(start, end, feed, np.column_stack([-feed[:, 1], feed[:, 0]]), travel, np.nan_to_num(track.chip[rows]), axis,
                    leans(axis) & ~leans_too_far(axis) & cutter.ball)
 
-    @property
+    @cached_property
+    def sloping(self) -> bool:
+        """Whether any of them climbs or descends."""
+        return bool(self.travel[:, 2].any())
+
+    @cached_property
     def middle(self) -> Array:
         """Of the tip (K, 3) [m]."""
         return np.asarray(0.5 * (self.start + self.end))
@@ -233,15 +239,17 @@ def _places(stock: Stock, cutter: Cutter, steps: _Steps, layer: Indices, step: I
     thick = np.clip(top - np.maximum(bottom, tip), 0.0, top - bottom)
     at = np.maximum(0.5 * (top + bottom) - tip, 0.5 * thick)
     share = np.full(len(step), np.nan)
-    if cutter.ball and steps.travel[:, 2].any():
+    if cutter.ball and steps.sloping:
         own, fine_foot, fine_thick = rings(foot, thick, cutter.radius, steps.travel[step, 2] != 0)
         step, layer, at = step[own], layer[own], np.where(fine_thick < thick[own], fine_foot + 0.5 * fine_thick, at[own])
         foot, thick, tip = fine_foot, fine_thick, tip[own]
         layer, share = between(stock, tip + at, THIN * cutter.radius)
     radius, sine = cutter.radius_at(at), cutter.sine_at(at)
-    least = -steps.chip[step] / (2 * cutter.radius) if cutter.ball else np.zeros(len(step))
-    angle = ANGLE * (front(sine, steps.travel[step], least) / (0.5 * np.pi))[:, None]
-    gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
+    angle, gain = np.broadcast_to(ANGLE, (len(step), POINTS)), np.zeros(len(step))
+    if steps.sloping:
+        least = -steps.chip[step] / (2 * cutter.radius) if cutter.ball else np.zeros(len(step))
+        angle = ANGLE * (front(sine, steps.travel[step], least) / (0.5 * np.pi))[:, None]
+        gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
     some = np.flatnonzero((thick > 0) & (radius > 0))
     return _Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
                    share)[some]
@@ -296,8 +304,9 @@ def _shank_cuts(material: Material, cutter: Cutter, steps: _Steps, places: _Plac
 def _turned(arcs: Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array:
     """Weights (M, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
     step = places.step
-    level, rise = np.hypot(*steps.travel[:, :2].T)[step], steps.travel[step, 2]
-    local = weights(arcs.integral, places.thick, places.sine, places.edge, cutter.teeth, level, rise * places.gain)
+    rise = steps.travel[step, 2]
+    slope = (np.hypot(*steps.travel[:, :2].T)[step], rise * places.gain) if steps.sloping else ()
+    local = weights(arcs.integral, places.thick, places.sine, places.edge, cutter.teeth, *slope)
     turned = local.copy()
     turned[:, :2] = np.einsum("kai,kac->kic", np.stack([steps.feed, steps.left], axis=1)[step], local[:, :2])
     leaning = steps.leans[step] | ((rise < 0) & cutter.ball & (places.foot < TIP * cutter.radius))
