@@ -91,6 +91,7 @@ def main() -> None:
               f"{cut.left.words()}", flush=True)
         print(f"{cut.cuts.sum()} targets cut, of {(cut.cuts & cut.unknown).sum()} the force is not known: "
               f"{100 * np.mean(~cut.unknown[cut.cuts]):.1f} % predicted")
+        del cut
         (root / "table.json").write_text(json.dumps(compstiff.table_coefficients(cell, program).content()))
         model, started = job.springs("k.json", job.case.stiffness), time.process_time()
         found = predict_files(Inputs(root / "cut.yaml", root / "dome.mod", model, None), Settings.of(
