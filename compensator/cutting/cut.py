@@ -138,9 +138,9 @@ class Cut:
             where = ", ".join(str(toolpath.line[target]) for target in lost[:NAMED])
             found.append(self.path.finding(
                 int(lost[0]), "CS4708", "warning", f"the force of {counted(len(lost), 'target')} that may cut is not known and "
-                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges, a tool that leans by "
-                "over 1 degree (a ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls "
-                "unknown",
+                f"stays out (lines {where}{' ...' if len(lost) > NAMED else ''}): joint moves, plunges (down by over 5 "
+                "degrees, a bull-nose also up; a ball: down by over 60 on its tip), a tool that leans by over 1 degree (a "
+                "ball: by over 60, or that cuts above its ball), no feed, or a box that the stock file calls unknown",
                 "they stay where they are; log a pass to correct them too"))
         if not self.cuts.any():
             found.append(Finding("CS4709", "warning", "the program touches its stock nowhere", file=source,

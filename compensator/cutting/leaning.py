@@ -36,18 +36,17 @@ def leans_too_far(axis: Array) -> Flags:
 
 
 def above_the_ball(angle: Array, at: Array, radius: float, feed: Array, axis: Array) -> Flags:
-    """Points (K, P) of the rims at heights `at` (K,) [m] above the tip, at angles (P,) from the feed (K, 2), that are no points
-    of the ball: there the shank begins."""
+    """Points (K, P) of the rims at heights `at` (K,) [m] above the tip, at angles (K, P) from the feed (K, 2), that are no
+    points of the ball: there the shank begins."""
     cosine = np.clip(1 - at / radius, -1.0, 1.0)
-    normal = _normals(np.arccos(cosine)[:, None], angle[None, :], feed[:, None, :])
+    normal = _normals(np.arccos(cosine)[:, None], angle, feed[:, None, :])
     return np.asarray((np.einsum("kpi,ki->kp", normal, axis) > 0) | (at > radius)[:, None])
 
 
-def shank_rim(angle: Array, high: Array, radius: float, feed: Array, axis: Array) -> Array:
-    """Points (K, P, 2) [m] from the ball's middle on the half of the shank that faces the feed (K, 2), where it passes heights
-    `high` (K,) [m] over the middle; NaN where that is ball."""
-    along = np.column_stack([feed, np.zeros(len(feed))])
-    forward = along - np.einsum("ki,ki->k", along, axis)[:, None] * axis
+def shank_rim(angle: Array, high: Array, radius: float, travel: Array, axis: Array) -> Array:
+    """Points (K, P, 2) [m] from the ball's middle on the half of the shank that faces the feed, travel (K, 3), where it passes
+    heights `high` (K,) [m] over the middle; NaN where that is ball."""
+    forward = travel - np.einsum("ki,ki->k", travel, axis)[:, None] * axis
     forward /= np.maximum(np.linalg.norm(forward, axis=1), 1e-12)[:, None]
     across = np.cross(axis, forward)
     out = np.cos(angle)[None, :, None] * forward[:, None, :] + np.sin(angle)[None, :, None] * across[:, None, :]
@@ -62,10 +61,11 @@ def across_shank(points: Array, axis: Array) -> Array:
     return np.asarray(points - (1 - axis[2]) * (points @ lean)[..., None] * lean)
 
 
-def leaning_weights(begin: Array, stop: Array, foot: Array, thick: Array, cutter: Cutter, feed: Array, axis: Array, chip: Array
-                    ) -> Array:
+def leaning_weights(begin: Array, stop: Array, foot: Array, thick: Array, cutter: Cutter, feed: Array, travel: Array,
+                    axis: Array, chip: Array) -> Array:
     """Weights (M, 3, 6) as those of `chips.weights`, in the work object, of arcs from begin to stop (M,) [rad] in layers from
-    foot (M,) [m] above the lowest point, thick (M,) [m]; feed (M, 2), axis (M, 3) of the tool, chip (M,) [m]: feed a tooth."""
+    foot (M,) [m] above the lowest point, thick (M,) [m]; feed (M, 2), level, and travel (M, 3) with its slope, axis (M, 3) of
+    the tool, chip (M,) [m]: feed a tooth."""
     lower, upper = (np.arccos(np.clip(1 - height / cutter.radius, -1.0, 1.0)) for height in (foot, foot + thick))
     tip, width = np.arccos(np.clip(axis[:, 2], -1.0, 1.0)), upper - lower
     near = (tip > lower - width) & (tip < upper + width)
@@ -73,11 +73,12 @@ def leaning_weights(begin: Array, stop: Array, foot: Array, thick: Array, cutter
     for some, rings in ((near, RINGS_AT_TIP), (~near, RINGS)):
         edges = lower[some, None] + width[some, None] * np.linspace(0, 1, rings + 1)
         slip = cutter.teeth * chip[some] / (2 * np.pi * cutter.radius)
-        result[some] = _in_rings(edges, begin[some], stop[some], cutter, feed[some], axis[some], slip)
+        result[some] = _in_rings(edges, begin[some], stop[some], cutter, feed[some], travel[some], axis[some], slip)
     return result
 
 
-def _in_rings(edges: Array, begin: Array, stop: Array, cutter: Cutter, feed: Array, axis: Array, slip: Array) -> Array:
+def _in_rings(edges: Array, begin: Array, stop: Array, cutter: Cutter, feed: Array, travel: Array, axis: Array, slip: Array
+              ) -> Array:
     """The same for rings between polar angles edges (M, rings + 1) [rad]; slip (M,): feed by the equator's speed."""
     height = -cutter.radius * np.diff(np.cos(edges), axis=1)
     polar = 0.5 * (edges[:, 1:] + edges[:, :-1])
@@ -86,11 +87,11 @@ def _in_rings(edges: Array, begin: Array, stop: Array, cutter: Cutter, feed: Arr
     size = np.linalg.norm(turned, axis=2)
     # About the tip: the mean of 1 / s over a disc is that of half its radius.
     sine = np.maximum(size, 0.25 * np.diff(edges, axis=1))
-    against = turned - slip[:, None, None] * np.column_stack([feed, np.zeros(len(feed))])[:, None, :]
+    against = turned - slip[:, None, None] * travel[:, None, :]
     t = against / np.maximum(np.linalg.norm(against, axis=2), 1e-12)[..., None]
     u = (axis[:, None, :] - np.einsum("mi,mri->mr", axis, normal)[..., None] * normal) / np.maximum(size, 1e-12)[..., None]
     weight = cutter.teeth / (2 * np.pi) * height * (stop - begin)[:, None] / sine
-    chip = np.einsum("mri,mi->mr", normal[..., :2], feed)
+    chip = np.einsum("mri,mi->mr", normal, travel)
     vectors = np.stack([t, -normal, -u], axis=3)
     return np.concatenate([np.einsum("mr,mric->mic", of, vectors) for of in (weight * chip, weight)], axis=2)
 

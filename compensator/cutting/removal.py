@@ -11,12 +11,14 @@ too: along x and y anew at the steps that come near the blank's own edge, along 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.cutting.chips import integrals, weights
+from compensator.cutting.arcs import FILM, Arcs, arcs_of
+from compensator.cutting.chips import weights
 from compensator.cutting.cutter import Cutter
 from compensator.cutting.leaning import (
     MOST_LEAN,
@@ -27,20 +29,26 @@ from compensator.cutting.leaning import (
     leans_too_far,
     shank_rim,
 )
+from compensator.cutting.sloping import beside_ball, front, go_along, met, rings, standing
 from compensator.cutting.stock import Stock
-from compensator.cutting.swept import Material, beside_own_way, distance, go_over, sampled
+from compensator.cutting.swept import Material, beside_own_way, between, distance, go_over, sampled, shanks_go_over
 from compensator.cutting.track import Track
 from identification.common.arrays import Array, read_only
 from identification.common.progress import progress
 
 Flags = NDArray[np.bool_]
-# Points of the half circle; steps of a batch; a film thinner than this is none [m]: the grid's error at an edge that the cutter
-# itself left is c^2 / 8R, 0.6 um for a grid of 0.2 mm and a radius of 8 mm.
-POINTS, BATCH, FILM = 61, 24, 2e-6
+Indices = NDArray[np.intp]
+# Points of the half circle; steps of a batch.
+POINTS, BATCH = 61, 24
 ANGLE = np.linspace(-np.pi / 2, np.pi / 2, POINTS)
 # A step that goes down by more than this in its length plunges [m/m]: the floor of the cutter cuts, which no end mill's
-# coefficients describe.
-STEEPEST = np.tan(np.radians(5.0))
+# coefficients describe; a ball has none, and near its tip, which stands next to still, it plunges too. A step that climbs by so
+# much [m] is not level.
+STEEPEST, STEEPEST_BALL, LEVEL = np.tan(np.radians(5.0)), np.tan(np.radians(60.0)), 1e-9
+# So far up it is near its tip, in radii: there the feed turns the edges' speed on the way down.
+TIP = 0.15
+# Layers thinner than this, in radii, are samples of what slopes: between two of them it is in proportion.
+THIN = 1 / 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,45 +79,64 @@ class Engagement:
 
 
 @dataclass(frozen=True, eq=False)
-class _Slice:
-    """What of a cutter stands in one layer, at K steps: foot (above the tip), thick, radius, edge (K,) [m], sine (K,) as
-    `weights` wants them."""
+class _Places:
+    """M places to look at, each a step in a layer: step, of the K of a batch, and layer (M,); thick (M,) [m] of the layer above
+    the tip, foot (M,) [m]: where that begins, above the tip; at (M,) [m] above the tip: where it is looked at; radius (M,) [m]
+    and sine (M,) of the cutter there; gain (M,) [m]: of radius over the thickness, edge (M,) [m]; angle (M, P) [rad] of the
+    points of the front, from the feed; share (M,): of the layer above, NaN: what the layer says holds for all of it."""
 
-    foot: Array
+    step: Indices
+    layer: Indices
     thick: Array
+    foot: Array
+    at: Array
     radius: Array
     sine: Array
+    gain: Array
     edge: Array
+    angle: Array
+    share: Array
 
-    def at(self, some: NDArray[np.intp]) -> _Slice:
-        """At some of the steps."""
-        return _Slice(self.foot[some], self.thick[some], self.radius[some], self.sine[some], self.edge[some])
+    def __getitem__(self, some: Indices) -> _Places:
+        return _Places(*(getattr(self, field.name)[some] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Axes:
-    """Of K steps: feed and its left (K, 2), level; chip (K,) [m]: feed a tooth; the tool's axis (K, 3), and whether it leans
-    (K,) and is that of a ball."""
+class _Steps:
+    """K steps of a batch: start, end (K, 3) [m] of the tip; feed and its left (K, 2), level; travel (K, 3): the feed with its
+    slope; chip (K,) [m]: feed a tooth; the tool's axis (K, 3), and whether it leans (K,) and is that of a ball."""
 
+    start: Array
+    end: Array
     feed: Array
     left: Array
+    travel: Array
     chip: Array
     axis: Array
     leans: Flags
 
-    def at(self, some: NDArray[np.intp]) -> _Axes:
-        """At some of the steps."""
-        return _Axes(self.feed[some], self.left[some], self.chip[some], self.axis[some], self.leans[some])
+    @classmethod
+    def of(cls, track: Track, rows: Indices, cutter: Cutter) -> _Steps:
+        """Of a track."""
+        start, end, axis = track.start[rows], track.end[rows], track.axis[rows]
+        way = end - start
+        size = np.hypot(way[:, 0], way[:, 1])
+        feed = np.where((size > 1e-9)[:, None], way[:, :2] / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
+        level, rise = np.where(size > 1e-9, size, 0.0), way[:, 2]
+        full = np.maximum(np.hypot(level, rise), 1e-12)
+        travel = np.column_stack([(level / full)[:, None] * feed, rise / full])
+        return cls(start, end, feed, np.column_stack([-feed[:, 1], feed[:, 0]]), travel, np.nan_to_num(track.chip[rows]), axis,
+                   leans(axis) & ~leans_too_far(axis) & cutter.ball)
 
+    @cached_property
+    def sloping(self) -> bool:
+        """Whether any of them climbs or descends."""
+        return bool(self.travel[:, 2].any())
 
-@dataclass(frozen=True, eq=False)
-class _Arcs:
-    """Where K steps cut in a layer: step (M,), from begin to stop (M,) [rad]; integral (K, 5) over all of a step."""
-
-    step: NDArray[np.intp]
-    begin: Array
-    stop: Array
-    integral: Array
+    @cached_property
+    def middle(self) -> Array:
+        """Of the tip (K, 3) [m]."""
+        return np.asarray(0.5 * (self.start + self.end))
 
 
 def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0) -> tuple[Engagement, Stock]:
@@ -117,7 +144,7 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
     along x, y and up, each by itself."""
     count = len(track)
     arrays = {"weights": np.zeros((count, 3, 6)), "low": np.full(count, np.nan), "high": np.full(count, np.nan),
-              "depth": np.zeros(count), "width": np.zeros(count)}
+              "depth": np.zeros(count), "area": np.zeros(count), "tip": np.zeros(count, dtype=bool)}
     if aside:
         arrays["moved"] = np.zeros((3, count, 3, 6))
     if cutter.ball:
@@ -136,16 +163,21 @@ def mill_through(stock: Stock, track: Track, cutter: Cutter, aside: float = 0.0)
         reach = np.array([cutter.radius, cutter.radius, 0.0])
         in_a_box |= ((track.end >= low - reach) & (track.start <= high + reach)).all(axis=1)
     cuts = arrays["depth"] > 0
+    arrays["width"] = arrays.pop("area") / np.where(cuts, arrays["depth"], 1.0)
     # Where a ball leans so far that nothing is worked out, its shank may cut wherever there is stock.
     beyond = arrays.pop("beyond") | (near & leans_too_far(track.axis)) if cutter.ball else cuts & leans(track.axis)
-    unknown = (cuts & (track.joint | _plunges(track) | ~np.isfinite(track.chip))) | in_a_box | beyond
+    unknown = (cuts & (track.joint | _plunges(track, cutter, arrays.pop("tip")) | ~np.isfinite(track.chip))) | in_a_box | beyond
     return Engagement(unknown=unknown, **arrays), left
 
 
-def _plunges(track: Track) -> Flags:
-    """Steps (S,) that go down steeply."""
+def _plunges(track: Track, cutter: Cutter, tip: Flags) -> Flags:
+    """Steps (S,) that go down, or up, too steeply for the cutter; tip (S,): it cuts near its tip."""
     way = track.end - track.start
-    return np.asarray(-way[:, 2] > STEEPEST * np.hypot(way[:, 0], way[:, 1]))
+    size = np.hypot(way[:, 0], way[:, 1])
+    if cutter.ball:
+        return np.asarray(tip & (-way[:, 2] > STEEPEST_BALL * size))
+    # Rising, the floor cuts nothing, but the way of a rounding is known on the level alone.
+    return np.asarray((np.abs(way[:, 2]) if cutter.corner else -way[:, 2]) > STEEPEST * size)
 
 
 def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
@@ -162,172 +194,205 @@ def _near(stock: Stock, track: Track, cutter: Cutter) -> Flags:
                       & (np.minimum(track.start, track.end)[:, 2] < stock.height[-1]))
 
 
-def _one_batch(material: Material, track: Track, cutter: Cutter, rows: NDArray[np.intp], into: dict[str, Array]) -> None:
+def _one_batch(material: Material, track: Track, cutter: Cutter, rows: Indices, into: dict[str, Array]) -> None:
     """Looks at the steps `rows` (K,), then goes over them."""
-    stock = material.stock
-    start, end = track.start[rows], track.end[rows]
-    middle = 0.5 * (start + end)
-    way = (end - start)[:, :2]
-    size = np.hypot(way[:, 0], way[:, 1])
-    flat = size > 1e-9
-    feed = np.where(flat[:, None], way / np.maximum(size, 1e-12)[:, None], [1.0, 0.0])
-    left = np.column_stack([-feed[:, 1], feed[:, 0]])
-    axes = _Axes(feed, left, np.nan_to_num(track.chip[rows]), track.axis[rows],
-                 leans(track.axis[rows]) & ~leans_too_far(track.axis[rows]) & cutter.ball)
-    tip = middle[:, 2]
+    stock, steps = material.stock, _Steps.of(track, rows, cutter)
+    tip = steps.middle[:, 2]
     layer_middle = 0.5 * (stock.height[1:] + stock.height[:-1])
     within = np.flatnonzero(stock.height[1:] > tip.min())
+    if cutter.ball and len(within) and (np.abs(steps.start[:, 2] - steps.end[:, 2]) > LEVEL).any():
+        up = np.array([0.0, 0.0, cutter.radius])
+        first, last = steps.start + up, steps.end + up
+        found = standing(material, cutter.radius, first, last, ~steps.leans, within)
+        layer, step = met(found, cutter.radius, stock.cell, np.diff(stock.height))
+        if steps.leans.any():       # its shank may meet what the ball does not
+            other = np.array([(a, b) for a in within for b in np.flatnonzero(steps.leans)])
+            layer, step = np.unique(np.concatenate([np.column_stack([layer, step]), other]), axis=0).T
+        places = _places(stock, cutter, steps, layer, step)
+        if len(places.step):
+            rim = _rim(places, steps)
+            spot = np.stack([rim[..., 0], rim[..., 1], np.broadcast_to((tip[places.step] + places.at)[:, None], rim.shape[:2])])
+            _look(material, cutter, steps, places, rim, beside_ball(spot, places.step, first, last, ~steps.leans,
+                                                                     cutter.radius), rows, into)
+        go_along(material, cutter.radius, found)
+        shanks_go_over(material, cutter, steps.start, steps.end, steps.axis, steps.leans, layer_middle, within)
+        return
     rim_of: dict[bytes, tuple[Array, Array]] = {}
-    for layer in within:
-        bottom, top = stock.height[layer], stock.height[layer + 1]
-        # Of a layer that the tip stands in, the part above it.
-        thick = np.clip(top - np.maximum(bottom, tip), 0.0, top - bottom)
-        at = np.maximum(layer_middle[layer] - tip, 0.5 * thick)
-        radius, sine = cutter.radius_at(at), cutter.sine_at(at)
-        looking = (thick > 0) & (radius > 0)
-        if not looking.any():
+    for one in within:
+        places = _places(stock, cutter, steps, np.full(len(rows), one), np.arange(len(rows)))
+        if not len(places.step):
             continue
-        radius = np.where(looking, radius, 0.0)
-        gone = cutter.radius_at(layer_middle[layer] - tip)
-        key = radius.tobytes() + gone.tobytes()         # layers on the flank of a cutter are alike
-        if key in rim_of:
-            rim, own = rim_of[key]
-        else:
-            rim = (middle[:, None, :2] + radius[:, None, None] * (
-                np.cos(ANGLE)[None, :, None] * feed[:, None, :] + np.sin(ANGLE)[None, :, None] * left[:, None, :]))
-            own = beside_own_way(rim, start, end, gone)
-            rim_of[key] = (rim, own)
-        if axes.leans.any():
-            own = np.where(above_the_ball(ANGLE, at, cutter.radius, feed, axes.axis) & axes.leans[:, None], -1.0, own)
-            met = _shank_cuts(material, int(layer), cutter, middle, start, end, at, axes) & looking
-            into["beyond"][rows[met]] = True
-        blank = sampled(stock, stock.inside[layer], rim)
-        gone_over = (sampled(stock, material.swept[layer], rim), own)
-        foot = np.maximum(bottom, tip) - tip
-        piece = _Slice(foot, thick, radius, sine, cutter.edge_length(foot, foot + thick))
-        inside = np.where(looking[:, None], blank, -1.0)
-        turned = _add((inside, *gone_over), piece, axes, cutter, rows, into)
-        if material.aside:
-            _add_moved(material, int(layer), turned, blank, gone_over, rim, tip, piece, looking, axes, cutter, rows,
-                       into["moved"])
-    go_over(material, cutter, start, end, axes.axis, axes.leans, layer_middle, within)
+        gone = cutter.radius_at(layer_middle[one] - tip)
+        key = places.step.tobytes() + places.radius.tobytes() + gone.tobytes()  # layers on the flank of a cutter are alike
+        if key not in rim_of:
+            rim = _rim(places, steps)
+            rim_of[key] = (rim, beside_own_way(rim, places.step, steps.start, steps.end, gone))
+        _look(material, cutter, steps, places, *rim_of[key], rows, into)
+    go_over(material, cutter, steps.start, steps.end, steps.axis, steps.leans, layer_middle, within)
 
 
-def _shank_cuts(material: Material, layer: int, cutter: Cutter, middle: Array, start: Array, end: Array, at: Array, axes: _Axes
-                ) -> Flags:
-    """Steps (K,) at which what stands above the ball of a leaning tool meets material in a layer, at (K,) [m] above the tip."""
-    stock, high = material.stock, at - cutter.radius
-    rim = shank_rim(ANGLE, high, cutter.radius, axes.feed, axes.axis)
-    points = middle[:, None, :2] + np.nan_to_num(rim)
-    aside = np.maximum(high, 0.0)[:, None] * axes.axis[:, :2] / axes.axis[:, 2:]
+def _places(stock: Stock, cutter: Cutter, steps: _Steps, layer: Indices, step: Indices) -> _Places:
+    """Those of steps in layers (M,) where the cutter is."""
+    bottom, top, tip = stock.height[layer], stock.height[layer + 1], steps.middle[step, 2]
+    # Of a layer that the tip stands in, the part above it.
+    foot = np.maximum(bottom, tip) - tip
+    thick = np.clip(top - np.maximum(bottom, tip), 0.0, top - bottom)
+    at = np.maximum(0.5 * (top + bottom) - tip, 0.5 * thick)
+    share = np.full(len(step), np.nan)
+    if cutter.ball and steps.sloping:
+        own, fine_foot, fine_thick = rings(foot, thick, cutter.radius, steps.travel[step, 2] != 0)
+        step, layer, at = step[own], layer[own], np.where(fine_thick < thick[own], fine_foot + 0.5 * fine_thick, at[own])
+        foot, thick, tip = fine_foot, fine_thick, tip[own]
+        layer, share = between(stock, tip + at, THIN * cutter.radius)
+    radius, sine = cutter.radius_at(at), cutter.sine_at(at)
+    angle, gain = np.broadcast_to(ANGLE, (len(step), POINTS)), np.zeros(len(step))
+    if steps.sloping:
+        least = -steps.chip[step] / (2 * cutter.radius) if cutter.ball else np.zeros(len(step))
+        angle = ANGLE * (front(sine, steps.travel[step], least) / (0.5 * np.pi))[:, None]
+        gain = cutter.radius_at(np.minimum(foot + thick, cutter.flute)) - cutter.radius_at(np.minimum(foot, cutter.flute))
+    some = np.flatnonzero((thick > 0) & (radius > 0))
+    return _Places(step, layer, thick, foot, at, radius, sine, gain, cutter.edge_length(foot, foot + thick), angle,
+                   share)[some]
+
+
+def _rim(places: _Places, steps: _Steps) -> Array:
+    """Points (M, P, 2) [m] of the front."""
+    angle, step = places.angle[:, :, None], places.step
+    return np.asarray(steps.middle[step, None, :2] + places.radius[:, None, None] * (
+        np.cos(angle) * steps.feed[step, None, :] + np.sin(angle) * steps.left[step, None, :]))
+
+
+def _look(material: Material, cutter: Cutter, steps: _Steps, places: _Places, rim: Array, own: Array, rows: Indices,
+          into: dict[str, Array]) -> None:
+    """Adds what is cut at the places to the steps `rows` (K,); rim (M, P, 2) [m], own (M, P) [m]: how far that is outside of
+    the way of this batch."""
+    stock, step = material.stock, places.step
+    if steps.leans.any():
+        some = steps.leans[step]
+        own = np.where(above_the_ball(places.angle, places.at, cutter.radius, steps.feed[step], steps.axis[step])
+                       & some[:, None], -1.0, own)
+        meets = some.copy()
+        meets[some] = _shank_cuts(material, cutter, steps, places[np.flatnonzero(some)])
+        into["beyond"][rows[step[meets]]] = True
+    share = None if np.isnan(places.share).any() else places.share
+    blank = sampled(stock, stock.inside, places.layer, rim, share)
+    gone_over = (sampled(stock, material.swept, places.layer, rim, share), own)
+    turned = _add((blank, *gone_over), places, steps, cutter, rows, into)
+    if material.aside:
+        _add_moved(material, turned, blank, gone_over, rim, places, steps, cutter, rows, into["moved"])
+
+
+def _shank_cuts(material: Material, cutter: Cutter, steps: _Steps, places: _Places) -> Flags:
+    """Places (M,) of leaning tools at which what stands above the ball meets material."""
+    stock, step, high = material.stock, places.step, places.at - cutter.radius
+    rim = shank_rim(ANGLE, high, cutter.radius, steps.travel[step], steps.axis[step])
+    points = steps.middle[step, None, :2] + np.nan_to_num(rim)
     own = np.ones(points.shape[:2])
-    for before in np.flatnonzero(axes.leans[:-1] & (at[:-1] > cutter.radius)):
-        some, first, last = (across_shank(xy, axes.axis[before]) for xy in (
-            points[before + 1:], start[before, :2] + aside[before], end[before, :2] + aside[before]))
-        np.minimum(own[before + 1:], distance(some, first, last) - cutter.radius, out=own[before + 1:])
-    for grid in (stock.inside[layer], material.swept[layer]):
-        own = np.minimum(own, sampled(stock, grid, points))
-    return np.asarray(axes.leans & ((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
+    middle = 0.5 * (stock.height[places.layer] + stock.height[places.layer + 1])
+    for before in np.flatnonzero(steps.leans[:-1]):
+        height = middle - steps.middle[before, 2] - cutter.radius
+        some, axis = np.flatnonzero((step > before) & (height > 0)), steps.axis[before]
+        aside = height[some, None, None] * axis[:2] / axis[2]
+        squeezed, first, last = (across_shank(xy, axis) for xy in (
+            points[some] - aside, steps.start[before, :2], steps.end[before, :2]))
+        own[some] = np.minimum(own[some], distance(squeezed, first, last) - cutter.radius)
+    for grid in (stock.inside, material.swept):
+        own = np.minimum(own, sampled(stock, grid, places.layer, points))
+    return np.asarray(((own > FILM) & ~np.isnan(rim[..., 0])).any(axis=1))
 
 
-def _arcs(distances: tuple[Array, ...]) -> _Arcs:
-    """Which steps cut, from where to where. distances, each (K, P) [m]: how far the half circle is within what the blank, and
-    what each of the ways before, leaves; cut is where it is within all. Each passes zero by itself: the least of two has a bend
-    where they meet, and no straight line ends it rightly."""
-    first, last = (np.stack(distances)[:, :, some] - FILM for some in (slice(None, -1), slice(1, None)))
-    step, piece = np.nonzero(((first > 0) | (last > 0)).all(axis=0))
-    a, b = first[:, step, piece], last[:, step, piece]
-    low, high = ANGLE[piece], ANGLE[piece + 1]
-    share = np.maximum(a, b) / np.maximum(np.abs(a - b), 1e-15) * (high - low)
-    begin = np.where(a > 0, low, high - share).max(axis=0)
-    stop = np.where(b > 0, high, low + share).min(axis=0)
-    some = begin < stop
-    step, begin, stop = step[some], begin[some], stop[some]
-    integral = integrals(begin, stop)
-    summed = np.column_stack([np.bincount(step, column, minlength=len(distances[0])).astype(float) for column in integral.T])
-    return _Arcs(step, begin, stop, summed)
-
-
-def _turned(arcs: _Arcs, piece_of: _Slice, axes: _Axes, cutter: Cutter) -> Array:
-    """Weights (K, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
-    local = weights(arcs.integral, piece_of.thick, piece_of.sine, piece_of.edge, cutter.teeth)
+def _turned(arcs: Arcs, places: _Places, steps: _Steps, cutter: Cutter) -> Array:
+    """Weights (M, 3, 6) in the work object of what is cut; local axes are feed, left, up."""
+    step = places.step
+    rise = steps.travel[step, 2]
+    slope = (np.hypot(*steps.travel[:, :2].T)[step], rise * places.gain) if steps.sloping else ()
+    local = weights(arcs.integral, places.thick, places.sine, places.edge, cutter.teeth, *slope)
     turned = local.copy()
-    turned[:, :2] = np.einsum("kai,kac->kic", np.stack([axes.feed, axes.left], axis=1), local[:, :2])
-    if axes.leans.any():
-        some = np.flatnonzero(axes.leans[arcs.step])
-        step = arcs.step[some]
-        each = leaning_weights(arcs.begin[some], arcs.stop[some], piece_of.foot[step], piece_of.thick[step], cutter,
-                               axes.feed[step], axes.axis[step], axes.chip[step])
-        turned[axes.leans] = 0.0
-        np.add.at(turned, step, each)
+    turned[:, :2] = np.einsum("kai,kac->kic", np.stack([steps.feed, steps.left], axis=1)[step], local[:, :2])
+    leaning = steps.leans[step] | ((rise < 0) & cutter.ball & (places.foot < TIP * cutter.radius))
+    if leaning.any():
+        some = np.flatnonzero(leaning[arcs.place])
+        place = arcs.place[some]
+        own = step[place]
+        each = leaning_weights(arcs.begin[some], arcs.stop[some], places.foot[place], places.thick[place], cutter,
+                               steps.feed[own], steps.travel[own], steps.axis[own], steps.chip[own])
+        turned[leaning] = 0.0
+        np.add.at(turned, place, each)
     return turned
 
 
-def _add(inside: tuple[Array, ...], piece_of: _Slice, axes: _Axes, cutter: Cutter, rows: NDArray[np.intp],
-         into: dict[str, Array]) -> Array | None:
-    """Adds one layer's cut to the steps, and returns its weights; None where nothing is cut."""
-    arcs = _arcs(inside)
-    if not len(arcs.step):
-        return None
-    thick, summed = piece_of.thick, arcs.integral
-    turned = _turned(arcs, piece_of, axes, cutter)
-    into["weights"][rows] += turned
+def _add(inside: tuple[Array, ...], places: _Places, steps: _Steps, cutter: Cutter, rows: Indices, into: dict[str, Array]
+         ) -> Array:
+    """Adds the cut of the places to the steps, and returns its weights (M, 3, 6)."""
+    arcs = arcs_of(inside, places.angle)
+    summed, at = arcs.integral, rows[places.step]
+    turned = np.zeros((len(at), 3, 6))
     cut = np.flatnonzero(summed[:, 4] > 0)
-    at = rows[cut]
-    lowest, highest = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    np.minimum.at(lowest, arcs.step, arcs.begin)
-    np.maximum.at(highest, arcs.step, arcs.stop)
-    into["low"][at] = np.fmin(into["low"][at], lowest[cut])
-    into["high"][at] = np.fmax(into["high"][at], highest[cut])
-    depth = into["depth"][at] + thick[cut]
-    across = piece_of.radius[cut] * summed[cut, 2]
-    into["width"][at] += thick[cut] / depth * (across - into["width"][at])
-    into["depth"][at] = depth
+    if not len(cut):
+        return turned
+    turned = _turned(arcs, places, steps, cutter)
+    np.add.at(into["weights"], at[cut], turned[cut])
+    np.fmin.at(into["low"], at[arcs.place], arcs.begin)
+    np.fmax.at(into["high"], at[arcs.place], arcs.stop)
+    np.add.at(into["depth"], at[cut], places.thick[cut])
+    into["tip"][at[cut[places.foot[cut] < TIP * cutter.radius]]] = True
+    travel = steps.travel[places.step[cut]]
+    np.add.at(into["area"], at[cut], places.radius[cut] * (
+        np.hypot(*travel[:, :2].T) * places.thick[cut] * summed[cut, 2] - travel[:, 2] * places.gain[cut] * summed[cut, 4]))
     return turned
 
 
-def _add_moved(material: Material, layer: int, turned: Array | None, blank: Array, gone_over: tuple[Array, ...], rim: Array,
-               tip: Array, piece_of: _Slice, looking: Flags, axes: _Axes, cutter: Cutter, rows: NDArray[np.intp], moved: Array
-               ) -> None:
-    """Adds the cut of one layer with the tool aside along x, y and up, to moved (3, S, 3, 6). turned: its weights where it is
-    on its way; blank and each of gone_over (K, P) [m]: the distances there."""
-    stock, aside, count = material.stock, material.aside, len(rows)
+def _add_moved(material: Material, turned: Array, blank: Array, gone_over: tuple[Array, ...], rim: Array, places: _Places,
+               steps: _Steps, cutter: Cutter, rows: Indices, moved: Array) -> None:
+    """Adds the cut of the places with the tool aside along x, y and up, to moved (3, S, 3, 6). turned (M, 3, 6): its weights
+    where it is on its way; blank and each of gone_over (M, P) [m]: the distances there."""
+    stock, aside, at = material.stock, material.aside, rows[places.step]
 
-    def cut(some: NDArray[np.intp], other: Array) -> Array:
-        """Weights (len(some), 3, 6) of steps where the blank is `other`."""
-        return _turned(_arcs((other, *(one[some] for one in gone_over))), piece_of.at(some), axes.at(some), cutter)
+    def cut(some: Indices, other: Array) -> Array:
+        """Weights (len(some), 3, 6) of places where the blank is `other`."""
+        own = places[some]
+        return _turned(arcs_of((other, *(one[some] for one in gone_over)), own.angle), own, steps, cutter)
 
-    as_it_is = np.zeros((count, 3, 6)) if turned is None else turned
+    sloping = not np.isnan(places.share).any()
     # Two neighbours on the rim are so far apart: an edge that is further away than that does not pass between them.
-    reach = aside + piece_of.radius * (ANGLE[1] - ANGLE[0])
+    reach = aside + places.radius * (places.angle[:, 1] - places.angle[:, 0])
     gone = np.minimum(*gone_over)
-    feels = ((np.abs(blank) < reach[:, None]) & (blank - aside < gone) & (gone > -reach[:, None])).any(axis=1)
-    some = np.flatnonzero(looking & feels)
+    some = np.flatnonzero(((np.abs(blank) < reach[:, None]) & (blank - aside < gone) & (gone > -reach[:, None])).any(axis=1))
     for axis in range(2):
-        change = as_it_is.copy()
+        change = turned.copy()
         if len(some):
             shift = np.zeros(2)
             shift[axis] = aside
-            change[some] = cut(some, sampled(stock, stock.inside[layer], rim[some] + shift))
-        moved[axis, rows] += change
-    # Up: what stands in this layer is the blank a little higher, and under its floor there is some more of it.
-    height = stock.height
-    bottom, top = height[layer] - (aside if layer == 0 else 0.0), height[layer + 1]
-    from_foot = np.maximum(bottom, tip)
-    last = int(np.searchsorted(height, top + aside, side="left"))
-    share_of_kind: dict[int, Array] = {}
-    for other in range(layer, min(last, len(height) - 1)):
-        thick = np.maximum(np.minimum(top, height[other + 1] - aside) - np.maximum(from_foot, height[other] - aside), 0.0)
-        kind = int(material.kind[other])
-        share_of_kind[kind] = share_of_kind.get(kind, np.zeros(count)) + np.where(
-            looking, thick / np.maximum(piece_of.thick, 1e-12), 0.0)
-    for kind, share in share_of_kind.items():
-        if kind == material.kind[layer]:
-            moved[2, rows] += share[:, None, None] * as_it_is
-            continue
-        some = np.flatnonzero(share > 0)
+            change[some] = cut(some, sampled(stock, stock.inside, places.layer[some], rim[some] + shift,
+                                             places.share[some] if sloping else None))
+        np.add.at(moved[axis], at, change)
+    if sloping:
+        # What stands a little higher, up to the top of it all.
+        lowest = steps.middle[places.step, 2] + places.foot + aside
+        under = np.clip((stock.height[-1] - lowest) / places.thick, 0.0, 1.0)
+        layer, share = between(stock, steps.middle[places.step, 2] + places.at + aside, THIN * cutter.radius)
+        some = np.flatnonzero((under > 0) & (turned.any(axis=(1, 2)) | (gone > 0).any(axis=1)))
         if len(some):
-            grid = stock.inside[int(np.argmax(material.kind == kind))]
-            moved[2, rows[some]] += share[some, None, None] * cut(some, sampled(stock, grid, rim[some]))
-
-
+            np.add.at(moved[2], at[some], under[some, None, None] * cut(
+                some, sampled(stock, stock.inside, layer[some], rim[some], share[some])))
+        return
+    # Up: what stands in this layer is the blank a little higher, and under its floor there is some more of it.
+    height, kind, layer = stock.height, material.kind, places.layer
+    tip = steps.middle[places.step, 2]
+    from_foot = tip + places.foot
+    top = from_foot + places.thick
+    from_foot = np.where((layer == 0) & (from_foot <= height[0]), np.maximum(height[0] - aside, tip), from_foot)
+    for further in range(len(kind)):
+        above = np.flatnonzero((layer + further < len(kind)) & (height[np.minimum(layer + further, len(kind))] < top + aside))
+        if not len(above):
+            break
+        other = layer[above] + further
+        thick = np.minimum(top[above], height[other + 1] - aside) - np.maximum(from_foot[above], height[other] - aside)
+        share = np.maximum(thick, 0.0) / places.thick[above]
+        alike = kind[other] == kind[layer[above]]
+        np.add.at(moved[2], at[above[alike]], share[alike, None, None] * turned[above[alike]])
+        unlike = ~alike & (share > 0)
+        if unlike.any():
+            some = above[unlike]
+            np.add.at(moved[2], at[some], share[unlike, None, None] * cut(
+                some, sampled(stock, stock.inside, other[unlike], rim[some])))

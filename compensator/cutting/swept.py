@@ -14,6 +14,8 @@ from compensator.cutting.stock import Grid, Stock
 from identification.common.arrays import Array
 
 Flags = NDArray[np.bool_]
+# Points of the grid matter so many cells around an edge: what lies between two of them is found from both.
+AROUND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +41,14 @@ def _alike(one: Grid, other: Grid) -> bool:
     return one.__array_interface__["data"] == other.__array_interface__["data"] or np.array_equal(one, other)
 
 
-def beside_own_way(rim: Array, start: Array, end: Array, radius: Array) -> Array:
-    """How far (K, P) [m] points of the rim of each step, rim (K, P, 2), are outside of where the cutter was on the steps of
-    this batch before."""
+def beside_own_way(rim: Array, step: NDArray[np.intp], start: Array, end: Array, radius: Array) -> Array:
+    """How far (M, P) [m] points of the rim, rim (M, P, 2), each of a step (M,), ascending, are outside of where the cutter was
+    on the steps of this batch before; start, end (K, 3) and radius (K,) [m] of the steps."""
     result = np.ones(rim.shape[:2])
-    for before in np.flatnonzero(radius[:-1] > 0):
-        some = rim[before + 1:]
-        away = distance(some, start[before, :2], end[before, :2]) - radius[before]
-        np.minimum(result[before + 1:], away, out=result[before + 1:])
+    for before in np.flatnonzero(radius > 0):
+        later = int(np.searchsorted(step, before, side="right"))
+        away = distance(rim[later:], start[before, :2], end[before, :2]) - radius[before]
+        np.minimum(result[later:], away, out=result[later:])
     return result
 
 
@@ -61,16 +63,32 @@ def distance(points: Array, first: Array, last: Array) -> Array:
     return np.asarray(np.hypot(off[..., 0], off[..., 1]))
 
 
-def sampled(stock: Stock, grid: Grid, points: Array) -> Array:
-    """A distance (K, P) [m] at points (K, P, 2), between the points of one layer's grid (ny, nx) in proportion; outside of the
-    grid there is nothing."""
-    ny, nx = grid.shape
+def between(stock: Stock, height: Array, thin: float) -> tuple[NDArray[np.intp], Array]:
+    """The layer (n,) whose middle is under heights (n,) [m], and the share (n,) of the one above it; of the nearer one all
+    where either is no thinner than `thin` [m], and what a layer says holds for all of it."""
+    middle, thick = 0.5 * (stock.height[1:] + stock.height[:-1]), np.diff(stock.height)
+    low = np.clip(np.searchsorted(middle, height, side="right") - 1, 0, max(len(middle) - 2, 0))
+    high = np.minimum(low + 1, len(middle) - 1)
+    share = np.clip((height - middle[low]) / np.maximum(middle[high] - middle[low], 1e-12), 0.0, 1.0)
+    return low, np.where(np.maximum(thick[low], thick[high]) < thin, share, height > stock.height[low + 1]) * (high > low)
+
+
+def sampled(stock: Stock, grid: Grid, layer: NDArray[np.intp], points: Array, share: Array | None = None) -> Array:
+    """A distance (M, P) [m] at points (M, P, 2) in layers (M,), between the points of a layer's grid in proportion, grid
+    (L, ny, nx); outside of the grid there is nothing. share (M,): of the layer above."""
+    if share is not None:
+        most = AROUND * stock.cell          # further from its edge a layer may not know of another's way
+        low, high = (np.minimum(sampled(stock, grid, one, points), most)
+                     for one in (layer, np.minimum(layer + 1, len(grid) - 1)))
+        return np.asarray(low + share[:, None] * (high - low))
+    _, ny, nx = grid.shape
     x, y = ((points[..., k] - stock.origin[k]) / stock.cell for k in range(2))
     on = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1)
     i, j = (np.clip(v.astype(np.intp), 0, n - 2) for v, n in ((x, nx), (y, ny)))
     u, v = x - i, y - j
-    flat = grid.ravel()
-    base = j * nx + i
+    one = not grid.strides[0]       # the layers of a box are one array
+    flat = grid[0].ravel() if one else grid.reshape(-1)
+    base = (0 if one else layer[:, None] * (ny * nx)) + j * nx + i
     low = flat[base] * (1 - u) + flat[base + 1] * u
     high = flat[base + nx] * (1 - u) + flat[base + nx + 1] * u
     return np.asarray(np.where(on, low * (1 - v) + high * v, -stock.cell))
@@ -86,10 +104,20 @@ def go_over(material: Material, cutter: Cutter, start: Array, end: Array, axis: 
         height = layer_middle[within] - tip
         radius = cutter.radius_at(height)
         reached = radius > 0
-        # Above its ball a tool that leans stands aside, an ellipse about its axis.
-        above = reached & (height > cutter.radius) if leans[first] else np.zeros(len(within), dtype=bool)
-        level = reached & ~above
+        level = reached & ~((height > cutter.radius) & leans[first])
         _take(material, within[level], radius[level], start[first, :2], end[last, :2])
+    shanks_go_over(material, cutter, start, end, axis, leans, layer_middle, within)
+
+
+def shanks_go_over(material: Material, cutter: Cutter, start: Array, end: Array, axis: Array, leans: Flags, layer_middle: Array,
+                   within: NDArray[np.intp]) -> None:
+    """The same of what stands above the ball of a tool that leans: aside, an ellipse about its axis."""
+    for first, last in _straight_runs(start, end, axis) if leans.any() else ():
+        if not leans[first]:
+            continue
+        height = layer_middle[within] - 0.5 * (start[first, 2] + end[last, 2])
+        radius = cutter.radius_at(height)
+        above = (radius > 0) & (height > cutter.radius)
         for layer, own, up in zip(within[above], radius[above], height[above] - cutter.radius, strict=True):
             aside = up * axis[first, :2] / axis[first, 2]
             _take(material, np.array([layer]), np.array([own]), start[first, :2] + aside, end[last, :2] + aside,

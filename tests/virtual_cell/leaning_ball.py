@@ -1,9 +1,9 @@
-"""A ball-end mill whose axis leans, edge by edge in time: the truth for forces that are worked out from the stock in slices.
+"""A ball-end mill that leans, climbs or descends, edge by edge in time: the truth for forces from the stock in slices.
 
 Nothing is cut into levels here, and no integral is closed. Straight edges turn about the leaning axis while the ball's middle
 goes its way; every bit of an edge is a point in space with a velocity. It meets what stands between it and the ball as it was
-one tooth before, where the block is and none of the ways before went. The material is a block, less balls along straight ways.
-Only the linear-edge law is shared. Not modelled: the shank, deflection, run-out.
+one tooth before, where the block is and none of the ways before went. The material is a block, less balls and their shanks
+along straight ways. Only the linear-edge law is shared. Not modelled: what the shank cuts, deflection, run-out.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def mean_force(ball: LeaningBall, middle: np.ndarray, chip: np.ndarray, block: B
         inner = point - 0.5 * thick[:, None] * normal
         cuts = (thick > 0) & (inner > low).all(axis=1) & (inner < high).all(axis=1)
         for way in ways:
-            cuts &= _away(inner, way[0], way[1]) > ball.radius_mm
-        cuts &= _away(inner, middle - 1e3 * chip, middle - chip) > ball.radius_mm
+            cuts[cuts] = _away_from_tool(inner[cuts], way[0], way[1], axis) > ball.radius_mm
+        cuts[cuts] = _away(inner[cuts], middle - 1e3 * chip, middle - chip) > ball.radius_mm
         upward = np.cos(kappa)[:, None] * out + np.sin(kappa)[:, None] * axis
         force = (ktc * thick + kte)[:, None] * against - (krc * thick + kre)[:, None] * normal - (
             kac * thick + kae)[:, None] * upward
@@ -79,3 +79,20 @@ def _away(points: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray
     along = last - first
     share = np.clip((points - first) @ along / (along @ along), 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - first - share[:, None] * along, axis=1))
+
+
+def _away_from_tool(points: np.ndarray, first: np.ndarray, last: np.ndarray, axis: np.ndarray, turns: int = 20) -> np.ndarray:
+    """From points (n, 3) to the ball's middle, or what of the axis is above that, as it went a straight way. Along the way that
+    has one least value: what is not in its third is left out."""
+    low, high = np.zeros(len(points)), np.ones(len(points))
+
+    def away(share: np.ndarray) -> np.ndarray:
+        off = points - first - share[:, None] * (last - first)
+        up = np.maximum(off @ axis, 0.0)
+        return np.asarray(np.linalg.norm(off - up[:, None] * axis, axis=1))
+
+    for _ in range(turns):
+        one, other = low + (high - low) / 3, high - (high - low) / 3
+        less = away(one) < away(other)
+        low, high = np.where(less, low, one), np.where(less, other, high)
+    return away(0.5 * (low + high))

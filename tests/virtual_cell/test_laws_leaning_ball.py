@@ -42,3 +42,23 @@ def test_what_a_ball_went_over_is_no_more() -> None:
     aside = middle + np.array([0.0, 1.0, 0.0])
     beside, alone = (np.linalg.norm(mean_force(ball, aside, feed, BLOCK, ways)) for ways in ([way], []))
     assert 0.02 * alone < beside < 0.6 * alone
+
+
+def test_straight_down_it_has_the_closed_form() -> None:
+    """All of a ball that sinks along its axis cuts, chips alone: round about they cancel but along the axis."""
+    chip, radius, teeth = 0.05, 8.0, 3
+    krc = 169.0
+    ball = LeaningBall((0.0, 0.0, 1.0), shear_n_mm2=(0.0, krc, 0.0), edge_n_mm=(0.0, 0.0, 0.0))
+    force = mean_force(ball, np.array([0.0, 0.0, -0.2]), np.array([0.0, 0.0, -chip]), BLOCK)
+    # h = f cos(kappa), and over kappa the mean of cos^2; up, along -n.
+    expected = teeth * radius * chip * krc * np.pi / 4
+    assert force == pytest.approx([0.0, 0.0, expected], abs=0.01 * abs(expected))
+
+
+def test_above_a_way_the_shank_went() -> None:
+    """A wall over a way at a depth is gone as high as it stands; the ball alone would have left it."""
+    ball, feed = LeaningBall((0.0, 0.0, 1.0)), np.array([0.1, 0.0, 0.0])
+    deep = np.array([[-50.0, 0.0, -20.0], [50.0, 0.0, -20.0]])
+    high, beside = np.array([[0.0, 0.0, 2.0], [0.0, 9.0, 2.0]])
+    assert not mean_force(ball, high, feed, BLOCK, [deep]).any()
+    assert np.linalg.norm(mean_force(ball, beside, feed, BLOCK, [deep])) > 50

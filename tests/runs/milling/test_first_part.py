@@ -281,6 +281,41 @@ def test_a_ball_that_leans_is_predicted_from_its_program(shop: Shop, tmp_path: P
             assert [finding for finding in cut.findings() if finding.code == "CS4708"]
 
 
+def test_a_row_over_a_roof_is_predicted_from_its_program(shop: Shop, tmp_path: Path) -> None:
+    """Up 25 degrees and down again, upright ball: all of it is predicted, on both sides as the engine edge by edge says; with a
+    flat cutter the way down is listed."""
+    rise, chip, x = np.tan(np.radians(25.0)), 36.0 / 150 / 3, np.linspace(-75, 75, 301)
+    tip = np.column_stack([x, np.full(301, 5.0), -1.5 - rise * np.abs(x)])
+    text = shop.b.program.read_text().splitlines()
+    first = next(k for k, line in enumerate(text) if "MoveL" in line)
+    head, tail = text[first].split("]", 1)[0].rsplit("[", 1)[0], text[first].split("]", 1)[1].replace("vAir", "vCut")
+    moves = [f"{head}[{x:.5f},{y:.5f},{z:.5f}]{tail}" for x, y, z in tip]
+    program, stock = tmp_path / "roof.mod", tmp_path / "stock.yaml"
+    program.write_text("\n".join([*text[:first], *moves, "  ENDPROC", "ENDMODULE"]) + "\n")
+    stock.write_text("box: {from_mm: [-6, -40, -20], to_mm: [6, 40, 0]}\nposition_std_mm: 0.05\n")
+    for corner, known in ((8, True), (0, False)):
+        words = CUTTING.replace("teeth: 3", f"teeth: 3, corner_radius_mm: {corner}")
+        cell = read_cell(shop.a.cell_with(f"roof{corner}.yaml", words))
+        cut = cut_of(robot_path(read_toolpath(program, cell).toolpath, cell), stock, None)
+        assert cut.cuts.sum() > 20
+        assert cut.unknown.any() != known
+        if not known:
+            assert (1e3 * cut.path.toolpath.position[cut.unknown, 0] > -0.6).all()
+            assert [finding for finding in cut.findings() if finding.code == "CS4708"]
+            continue
+        true = np.array([*(1e6 * np.array(EndMill().shear_n_mm2)), *(1e3 * np.array(EndMill().edge_n_mm))])
+        place = 0.5e3 * (cut.track.start + cut.track.end)
+        for at, side in ((-2.0, 1.0), (3.0, -1.0)):
+            step = int(np.argmin(np.abs(place[:, 0] - at)))
+            feed = chip * np.array([1.0, 0.0, side * rise]) / np.hypot(1.0, rise)
+            before = [] if side > 0 else [np.array([[-75.0, 5.0, 6.5 - 75 * rise], [0.0, 5.0, 6.5]])]
+            truth = mean_force(LeaningBall((0.0, 0.0, 1.0)), place[step] + [0.0, 0.0, 8.0], feed,
+                               ((-6.0, -40.0, -20.0), (6.0, 40.0, 0.0)), before)
+            force = cut.per_step[step] @ true
+            assert np.linalg.norm(truth) > 10
+            assert force == pytest.approx(milling.BASE_FROM_OBJECT.apply(truth), abs=0.05 * np.linalg.norm(truth)), at
+
+
 def test_a_batch_takes_logs_and_stocks(shop: Shop, fitted: dict[str, Any], tmp_path: Path) -> None:
     """Each as if alone: predicted, by its log, by its log held against its stock; without either it is left alone."""
     assert fitted["grades"]
