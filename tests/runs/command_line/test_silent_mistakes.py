@@ -1,0 +1,57 @@
+"""Mistakes of a newcomer that had ended with exit code 0 and no word: each is made, and its right variant beside it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_mistakes import IDENTIFY, ROBOTS, call
+from tests.runs.command_line.workshop import workshop
+
+OFFSETS = ("ox_mm", "oy_mm", "oz_mm")
+
+
+def timed(text: str, step: float) -> str:
+    """A table of load tests with a row every `step` seconds."""
+    header, *rows = text.splitlines()
+    return "\n".join([f"{header},time_s,dwell_s", *(f"{row},{step * k:g},{step / 2:g}" for k, row in enumerate(rows))]) + "\n"
+
+
+@pytest.mark.parametrize(("step", "names"), [(20.0, []), (600.0, []), (20e3, ["time_s", "dwell_s"])])
+def test_times_in_milliseconds_are_said(tmp_path: Path, step: float, names: list[str]) -> None:
+    job = workshop(ROBOTS[0])
+    said = job.run(tmp_path, {"measurements.csv": timed(job.files["measurements.csv"], step)}, *IDENTIFY)
+    assert said.code == 0, said
+    told = [one["message"] for one in said.json["findings"] if one["code"] == "CS1026"]
+    assert [one.split()[1] for one in told] == names
+
+
+def edited(source: Path, to: Path, factor: float) -> Path:
+    """The offsets of `source` times a factor, as a spreadsheet writes them."""
+    with source.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    with to.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(row | {name: factor * float(row[name]) for name in OFFSETS} for row in rows)
+    return to
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_offsets_changed_after_correct_wrote_them_are_not_pushed(tmp_path: Path, robot: str) -> None:
+    """The record beside them has their SHA-256; under another name they are somebody's own."""
+    assert workshop(robot).run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    cell, offsets = tmp_path / "cell.yaml", tmp_path / "offsets.csv"
+    sound = kit.run("push", cell, offsets, "--any-program", "--json")
+    assert (sound.code, kit.codes(sound) & {"CS5025", "CS5026", "CS5027"}) == (0, set())
+    other = kit.run("push", cell, edited(offsets, tmp_path / "mine.csv", 2.0), "--any-program", "--json")
+    assert (other.code, kit.codes(other) & {"CS5026", "CS5027"}) == (0, {"CS5027"})
+    turned = kit.run("push", cell, edited(offsets, tmp_path / "mine.csv", -1.0), "--any-program", "--json")
+    assert "CS5027" in kit.codes(turned)
+    changed = kit.run("push", cell, edited(offsets, offsets, 2.0), "--any-program", "--json")
+    assert (changed.code, kit.codes(changed)) == (3, {"CS5026"})
+    (tmp_path / "out.mod.json").unlink()
+    assert kit.run("push", cell, offsets, "--any-program").code == 0
