@@ -120,8 +120,8 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         visit=_visits(table, theta), reference=run_numbers(table.texts.get("reference", np.full(count, "", dtype=object))),
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
-        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table), *_slow(table),
-                       *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
+        findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
+                       *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
                        *_not_moved(table, wrench, deflection)]))
 
 

@@ -69,7 +69,8 @@ def _upright(offsets: Offsets, offset: Array, deviation: Array, up: Array | None
     if size <= SMALL**2 * len(offset) or float(height @ offset) <= AGAINST * size:
         return ()
     return (_warned(offsets, "along z the offsets point with the deviation that this file predicts, not against it: is their "
-                    "sign turned over", row, "right only for a work object that hangs upside down; --program PROGRAM.mod tells"),)
+                    "sign turned over", row,
+                    "right only for a work object that hangs upside down; --program PROGRAM.mod tells"),)
 
 
 def _warned(offsets: Offsets, what: str, row: int, hint: str) -> Finding:

@@ -61,7 +61,8 @@ def test_without_the_program_an_upright_work_object_tells_the_sign(seed: int) ->
     offset = -in_world @ object_in_world
     assert check_deviation(offsets_of(offset, deviation), None, up) == ()
     told = check_deviation(offsets_of(-offset, deviation), None, up)
-    assert [one.code for one in told] == ["CS5027"] and "sign" in told[0].message
+    assert [one.code for one in told] == ["CS5027"]
+    assert "sign" in told[0].message
 
 
 @pytest.mark.parametrize("seed", range(40))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_mistakes import IDENTIFY, ROBOTS, call
+from tests.runs.command_line.test_mistakes import IDENTIFY, PLACED, ROBOTS, call, slot
 from tests.runs.command_line.workshop import workshop
 
 OFFSETS = ("ox_mm", "oy_mm", "oz_mm")
@@ -27,6 +27,18 @@ def test_times_in_milliseconds_are_said(tmp_path: Path, step: float, names: list
     assert said.code == 0, said
     told = [one["message"] for one in said.json["findings"] if one["code"] == "CS1026"]
     assert [one.split()[1] for one in told] == names
+
+
+@pytest.mark.parametrize(("feed", "odd"), [(40.0, False), (6.0, False), (2.4, True), (0.6, True)])
+def test_a_feed_in_metres_a_minute_is_said_where_the_cutter_is_stated(tmp_path: Path, feed: float, odd: bool) -> None:
+    """Of 16 mm at 9000 rpm; 2.4 m/min are 40 mm/s."""
+    shop = workshop(ROBOTS[0])
+    cutter = "cutting: {material: aluminium, tool_diameter_mm: 16}\n"
+    cell = shop.files["cell.yaml"].replace("sign: on_tool", "sign: on_tool, spindle_rpm: 9000") + PLACED + cutter
+    posted = shop.run(tmp_path, {"part.csv": slot(ROBOTS[0], feed, 200), "cell.yaml": cell}, "post", "@cell.yaml", "@part.csv",
+                      "-o", "@posted.mod")
+    assert posted.code == 0, posted
+    assert ("CS4307" in kit.codes(posted)) is odd
 
 
 def edited(source: Path, to: Path, factor: float) -> Path:
