@@ -38,7 +38,7 @@ def test_right_paths_are_left_in_peace_and_slips_are_told(seed: int) -> None:
     assert len(points) >= 10
     assert codes(path(points, rapid, unit=1e-6)) == ["CS4308"]
     # An engraving of 5 mm, whose moves in the air are as much nearer.
-    assert codes(path(points * [5 / np.ptp(points, axis=0).max(), 0.05, 1], rapid)) == []
+    assert codes(path(points * 5 / np.ptp(points, axis=0).max(), rapid)) == []
     if rapid.sum() >= 5:
         assert codes(path(points, ~rapid)) == ["CS4309"]
 
