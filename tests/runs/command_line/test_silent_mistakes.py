@@ -67,3 +67,21 @@ def test_offsets_changed_after_correct_wrote_them_are_not_pushed(tmp_path: Path,
     assert (changed.code, kit.codes(changed)) == (3, {"CS5026"})
     (tmp_path / "out.mod.json").unlink()
     assert kit.run("push", cell, offsets, "--any-program").code == 0
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ((), ""), (("--tool-mass", "80", "--spindle-rpm", "24000", "--deflection-std", "0.1"), ""),
+    (("--tool-mass", "80000"), "tool.mass_kg is 80000"), (("--deflection-std", "0.002"), "deflection_std_um is 0.002"),
+    (("--spindle-rpm", "9"), "spindle_rpm is 9"), (("--tool-tcp", "12000,0,250"), "1.2e+04 mm from the flange"),
+    (("--force-frame", "sensor", "--sensor-position", "0,0,0.08"), "sensor_position_mm is 0.08"),
+    (("--tool-quaternion", "0,0,0,1"), "read as x y z w it would be no turn")])
+def test_numbers_that_no_cell_has_are_said_by_init_and_check(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    known = {"CS0119", "CS0117"}
+    tcp = () if "--tool-tcp" in words else ("--tool-tcp", "120,0,250")
+    made = kit.run("init", tmp_path / "new", "--robot", ROBOTS[1], *tcp, *words, "--json")
+    checked = kit.run("check", tmp_path / "new" / "cell.yaml", "--json")
+    for run in (made, checked):
+        assert run.code == 0, run
+        told = [one for one in run.json["findings"] if one["code"] in known]
+        assert len(told) == bool(said), told
+        assert all(said in one["message"] and Path(one["file"]) == tmp_path / "new" / "cell.yaml" for one in told)
