@@ -85,3 +85,81 @@ def test_numbers_that_no_cell_has_are_said_by_init_and_check(tmp_path: Path, wor
         told = [one for one in run.json["findings"] if one["code"] in known]
         assert len(told) == bool(said), told
         assert all(said in one["message"] and Path(one["file"]) == tmp_path / "new" / "cell.yaml" for one in told)
+
+
+def test_a_prediction_is_no_measurement(tmp_path: Path) -> None:
+    """`verify` and `learn` with the offsets.csv of the correction itself in place of what was measured."""
+    shop = workshop(ROBOTS[0])
+    assert shop.run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    learn = ("learn", "@cell.yaml", "@part.mod", "@offsets.csv", "--stiffness", "@stiffness.json", "--forces", "@forces.csv",
+             "-o", "@learned.json")
+    for words in (("verify", "@cell.yaml", "@offsets.csv", "@offsets.csv"), learn):
+        run = shop.run(tmp_path, {}, *words)
+        assert (run.code, kit.codes(run)) == (1, {"CS6039"})
+    assert not (tmp_path / "learned.json").exists()
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, None), (1 / 25.4, "in mil"), (2.1, "of the diameter"),
+                                              (-1.0, "check sign")])
+def test_readings_in_another_unit_are_named(tmp_path: Path, factor: float, said: str | None) -> None:
+    """Before a correction, against what was predicted; the probe states its 1 sigma in the unit of its readings."""
+    shop = workshop(ROBOTS[0])
+    assert shop.run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    with (tmp_path / "offsets.csv").open(newline="") as stream:
+        rows = [row for row in csv.DictReader(stream) if row["note"] != "no force"]
+
+    def table(share: float) -> str:
+        lines = [",".join([row["target"], *(f"{factor * (share * float(row[name]) + 3 * (k % 3 - 1)):.6f}" for name in
+                                            ("dx_um", "dy_um", "dz_um")), *3 * [f"{abs(factor) * 2:.6f}"]])
+                 for k, row in enumerate(rows)]
+        return "\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *lines]) + "\n"
+
+    run = shop.run(tmp_path, {"before.csv": table(1.0), "after.csv": table(0.05)}, "verify", "@cell.yaml", "@before.csv",
+                   "@after.csv", "--predicted", str(tmp_path / "offsets.csv"))
+    told = [one["hint"] for one in run.json["findings"] if one["code"] == "CS6031"]
+    assert bool(told) == bool(said), run
+    assert all(str(said) in one for one in told)
+
+
+def test_passes_that_share_next_to_no_place_are_not_compared(tmp_path: Path) -> None:
+    """A part whose y is the other way round meets itself on a line only; half of a part is compared."""
+    shop = workshop(ROBOTS[0])
+    places = [(x, y) for x in range(0, 60, 5) for y in range(0, 50, 5)]
+
+    def table(which: list[tuple[int, int]], sign: int, size: int) -> str:
+        return "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um\n" + "".join(
+            f"{x},{sign * y},0,{size + x % 7},{y % 5 - size},{size}\n" for x, y in which)
+
+    before = table(places, 1, 100)
+    for after, answer in ((table(places, 1, 10), 0), (table(places[::2], 1, 10), 0), (table(places, -1, 10), 0),
+                          (table([(x, y) for x, y in places if y > 4 or x > 50], -1, 10), 1)):
+        run = shop.run(tmp_path, {"before.csv": before, "after.csv": after}, "verify", "@cell.yaml", "@before.csv",
+                       "@after.csv")
+        assert run.code == answer, run
+        assert ("CS6023" in kit.codes(run)) is bool(answer)
+
+
+def test_watch_once_says_what_it_did_not_take(tmp_path: Path) -> None:
+    """Logs of nearly the right name, a table, and nothing at all."""
+    shop = workshop(ROBOTS[0])
+    for name in ("cell.yaml", "stiffness.json"):
+        (tmp_path / name).write_text(shop.files[name])
+    (tmp_path / "in").mkdir()
+    words = ("watch", tmp_path / "in", tmp_path / "out", "--cell", tmp_path / "cell.yaml", "--stiffness",
+             tmp_path / "stiffness.json", "--once", "--settle", "0")
+    assert "nothing new to correct" in kit.run(*words).err
+    (tmp_path / "in" / "table.forces.csv").write_text(shop.files["forces.csv"])
+    assert "CS6013" in kit.run(*words).err
+    (tmp_path / "in" / "table.forces.csv").unlink()
+    (tmp_path / "in" / "part.mod").write_text(shop.files["part.mod"])
+    for name in ("part_forces.csv", "Part.Forces.csv"):
+        (tmp_path / "in" / name).write_text(shop.files["forces.csv"])
+        said = kit.run(*words).err
+        assert f"is it {name}? Then rename it" in said
+        (tmp_path / "in" / name).unlink()
+    (tmp_path / "in" / "part.forces.csv").write_text(shop.files["forces.csv"])
+    done = kit.run(*words).err
+    assert "12 targets corrected" in done
+    assert "nothing new" not in done
+    assert "CS6013" not in done
+    assert "nothing new to correct" in kit.run(*words).err
