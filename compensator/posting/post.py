@@ -27,6 +27,8 @@ MOST_SPEEDS_SHOWN = 8
 LEAST_FEED, MOST_FEED = 0.5, 500.0
 # And a feed a turn beyond these shares of the cutter's diameter: a tooth cuts 0.3 to 1 % of it, and there are 1 to 10 of them.
 LEAST_TURN, MOST_TURN = 0.002, 0.25
+# Cutters whose diameters differ by no more [mm] are one, ground again.
+SAME_CUTTER_MM = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,7 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     for name in ("tool.", "workobject."):
         findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
-    findings += [*_odd_feeds(cam_path, cell), *said_of_places(cam_path, cell.flange_from_tcp)]
+    findings += [*_odd_feeds(cam_path, cell), *_odd_cutters(cam_path, cell), *said_of_places(cam_path, cell.flange_from_tcp)]
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, external, settings)
@@ -134,6 +136,21 @@ def _odd_feeds(cam_path: CamPath, cell: Cell) -> list[Finding]:
         return []
     return [Finding("CS4307", "warning", f"at {middle:.3g} mm/s and {rpm:g} rpm the feed is {middle * 60 / rpm:.2g} mm a turn, "
                     f"of a cutter of {diameter:g} mm", file=cam_path.source, hint=f"{hint}; spindle, cutter: cell.yaml")]
+
+
+def _odd_cutters(cam_path: CamPath, cell: Cell) -> list[Finding]:
+    """Cutters of the file that are not the one of cell.yaml, or several of one tool (CS4316)."""
+    known = {round(1e3 * cutter.diameter, 3): cutter for cutter in cam_path.cutters if cutter.diameter > 0}
+    stated = cell.cutting.tool_diameter_mm
+    if len(known) > 1:
+        what = f"is cut with cutters of {' and '.join(f'{size:g}' for size in known)} mm, as one tool"
+    elif known and stated and abs(next(iter(known)) - stated) > SAME_CUTTER_MM:
+        what = f"is cut with a cutter of {next(iter(known)):g} mm; cutting.tool_diameter_mm in cell.yaml is {stated:g}"
+    else:
+        return []
+    return [Finding("CS4316", "warning", what, file=cam_path.source, line=list(known.values())[-1].line,
+                    hint="a program is posted for the one tool of cell.yaml: its TCP, its length and its cutter; a change of "
+                    "tools is read from LOADTL, LOAD/TOOL, TOOLNO and TURRET with a number")]
 
 
 def _check(
