@@ -15,8 +15,10 @@ from compstiff.outcome import call
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, error
-from identification.model.cell import FrameKind, read_cell
+from identification.model.cell import Cell, FrameKind, read_cell
+from identification.model.cell_sizes import odd_sizes
 from identification.model.controller import RAPID_MAKERS
+from identification.model.quaternion_order import said_of_order
 from identification.model.robot import built_in_robots
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -88,7 +90,7 @@ def new_cell(folder: str | Path, answers: CellAnswers, *, overwrite: bool = Fals
     contents = {folder / "cell.yaml": _rendered("cell.yaml", **values)}
     if robot_file:
         contents[folder / named] = robot_file.read_bytes()
-    maker, robot = _accepted(contents, folder)
+    maker, robot, odd = _accepted(contents, folder)
     rapid = maker.strip().upper() in RAPID_MAKERS
     values["rapid"] = rapid
     for name in ("measurements.csv", "Makefile", "chain.ps1"):
@@ -100,7 +102,7 @@ def new_cell(folder: str | Path, answers: CellAnswers, *, overwrite: bool = Fals
     except OSError as reason:
         raise error("CS0004", f"cannot be made: {reason.strerror}", file=str(folder)) from reason
     write_whole(contents)
-    return NewCell(folder, tuple(contents), robot, rapid, tuple(_left_open(answers, folder, rapid, robot)),
+    return NewCell(folder, tuple(contents), robot, rapid, (*odd, *_left_open(answers, folder, rapid, robot)),
                    tuple(_steps(folder, rapid, answers.weights)))
 
 
@@ -129,16 +131,24 @@ def _rendered(name: str, **values: Any) -> bytes:
     return environment.get_template(f"{name}.j2").render(**values).encode()
 
 
-def _accepted(contents: dict[Path, bytes], folder: Path) -> tuple[str, str]:
-    """Maker and name of the robot. Raises CompstiffError (CS0100) where the cell would not be read."""
+def _accepted(contents: dict[Path, bytes], folder: Path) -> tuple[str, str, list[Finding]]:
+    """Maker and name of the robot, and what is odd about the cell. Raises CompstiffError (CS0100) where it would not be
+    read."""
     with tempfile.TemporaryDirectory() as place:
         for path, content in contents.items():
             (Path(place) / path.name).write_bytes(content)
         try:
-            robot = read_cell(Path(place) / "cell.yaml").robot
+            cell = read_cell(Path(place) / "cell.yaml")
+            odd = [_of_answers(one, folder) for one in (*odd_sizes(cell), *_orders(cell))]
         except CompstiffError as stopped:
             raise CompstiffError(*(_of_answers(finding, folder) for finding in stopped.findings)) from stopped
-    return robot.manufacturer, robot.name
+    return cell.robot.manufacturer, cell.robot.name, odd
+
+
+def _orders(cell: Cell) -> list[Finding]:
+    """Quaternions that look like x y z w."""
+    return [finding for name, frame in cell.frames.items()
+            for finding in said_of_order(f"{name}quaternion", frame.rotation, str(cell.source))]
 
 
 def _of_answers(finding: Finding, folder: Path) -> Finding:

@@ -16,6 +16,7 @@ from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
 from identification.model.cell import Cell, ForceLogFile, read_cell
+from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, said_of_order
 
 # The distance between TCP and edge for which `push` states what the turn that is not sent costs; here nothing is sent.
@@ -148,9 +149,9 @@ def _checked(file: Path, cell: Cell | None, settings: Settings) -> FileCheck:
 
 def _of_cell(cell: Cell) -> tuple[str, tuple[Finding, ...]]:
     proved = cell.pendant is not None and cell.pendant.turn is not None
-    return _cell_in_words(cell), tuple(
-        finding for name, frame in cell.frames.items() if not (proved and name == "tool.")
-        for finding in said_of_order(f"{name}quaternion", frame.rotation, str(cell.source)))
+    orders = (finding for name, frame in cell.frames.items() if not (proved and name == "tool.")
+              for finding in said_of_order(f"{name}quaternion", frame.rotation, str(cell.source)))
+    return _cell_in_words(cell), (*odd_sizes(cell), *orders)
 
 
 def _cell_in_words(cell: Cell) -> str:

@@ -26,6 +26,8 @@ LARGEST_LOAD, SMALLEST_SIGMA = 1e9, 1e-15
 # The step of a gauge [um] from which on two readings of one load are often alike; engineering judgement: readings scatter by
 # about one.
 COARSE = 0.5
+# Nobody waits so long [s] for each row of a load test: seconds were taken for milliseconds (engineering judgement).
+LONGEST_ROW_S = 1800.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,7 @@ def read_measurements(file: str | Path, robot: RobotModel | Cell, *, planned: bo
         validate=purpose == "validate", machined_pass=table.texts.get("pass", np.full(count, "", dtype=object)),
         pose=table.texts.get("pose", np.full(count, "", dtype=object)), row=np.arange(1, count + 1), line=table.line,
         findings=fold([*table.findings, *([] if planned else _not_measured(table, deflection)), *_backwards(table),
-                       *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
+                       *_slow(table), *([] if planned else _repeated(table, wrench, deflection, _visits(table, theta))),
                        *_not_moved(table, wrench, deflection)]))
 
 
@@ -185,6 +187,20 @@ def _backwards(table: Table) -> list[Finding]:
     return [Finding("CS1008", "warning", "time_s runs backwards although rows stand in the order they were taken",
                     file=table.source, line=int(table.line[int(np.argmax(back)) + 1]),
                     hint="a new reading of the unloaded reference needs a new id in the column 'reference'")]
+
+
+def _slow(table: Table) -> list[Finding]:
+    """Rows or dwells that take hours each: times in milliseconds, or times of day as hours."""
+    found = []
+    for name, values in (("time_s", np.diff(table.numbers.get("time_s", np.zeros(0)))),
+                         ("dwell_s", table.numbers.get("dwell_s", np.zeros(0)))):
+        middle = float(np.median(np.abs(values[np.isfinite(values)]))) if np.isfinite(values).any() else 0.0
+        if middle > LONGEST_ROW_S:
+            found.append(Finding(
+                "CS1026", "warning", f"by {name} a row takes {middle / 3600:.3g} hours, in the middle: in milliseconds?",
+                file=table.source, line=int(table.line[0]), column=table.column(name),
+                hint=f"{name} is in seconds; creep, warming and drift are told by it"))
+    return found
 
 
 def _repeated(table: Table, wrench: Array, deflection: Array, visit: NDArray[np.intp]) -> list[Finding]:

@@ -97,7 +97,7 @@ class Corrected:
         added = [f"intermediate targets added: {figures['added_targets']}; from target {self.first_added} on the corrected "
                  "program counts otherwise (offsets.csv: added)"] if figures["added_targets"] else []
         return [
-            *self.planned.lines(), *added,
+            *self.planned.figure_lines(), *added,
             f"corrected: {figures['corrected']} targets; largest correction {offset['largest']:.4f} mm and "
             f"{figures['turn_deg']['largest']:.4f} deg",
             f"left after correction, by the same model: largest {residual['largest']:.2f} um, RMS {residual['rms']:.2f} um ("
@@ -114,6 +114,7 @@ class Corrected:
             *([f"forces predicted from the stock: {self.as_logged()}"] if self.logged.on_plan else []),
             *(self.advice.lines() if self.advice else []),
             *(self.feed.lines() if self.feed else []),
+            *self.planned.taken.lines(),
         ]
 
     def between_line(self) -> str:

@@ -94,7 +94,7 @@ def correct_files(
     check_distinct(read, files)
     corrected = replace(corrected, findings=(*corrected.findings, *of_parts))
     # The record first: killed between two renames, no program is left without what keeps it from being corrected again.
-    written: dict[Path, Content] = {outputs.record: json_bytes(record(corrected, files)), **files}
+    written: dict[Path, Content] = {outputs.record: json_bytes(record(corrected, files, outputs.offsets)), **files}
     if outputs.offsets:
         written[outputs.offsets] = offset_blocks(corrected)
     if outputs.report:

@@ -15,6 +15,7 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.log_numbers import by_given_targets
 from compensator.correction.prediction import Prediction, predict_path
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, SLOPE, Settings
+from compensator.correction.taken_as_given import TakenAsGiven, taken_as_given
 from compensator.cutting.coefficients import read_coefficients
 from compensator.cutting.predicted_log import in_base, predicted_log
 from compensator.forces.marks import has_marks, placed_by_marks
@@ -100,8 +101,17 @@ class Predicted:
                 1e6 * np.linalg.norm(self.prediction.learned, axis=1)),
         }
 
+    @property
+    def taken(self) -> TakenAsGiven:
+        """What no file of the job can prove."""
+        return taken_as_given(self.loaded, self.settings)
+
     def lines(self) -> list[str]:
         """The prediction for the terminal."""
+        return [*self.figure_lines(), *self.taken.lines()]
+
+    def figure_lines(self) -> list[str]:
+        """Its figures alone."""
         figures = self.as_dict()
         deviation, std, learned = figures["deviation_um"], figures["deviation_std_um"], figures["learned_um"]
         return [
@@ -229,7 +239,8 @@ def under_forces(
     except CompstiffError as stopped:
         # What was noticed before may be the reason: a work object taken from cell.yaml, a guessed configuration.
         raise type(stopped)(*stopped.findings, *noticed) from stopped
-    return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings))
+    told = taken_as_given(loaded, settings).finding(path.cell.cutting, settings.correction.depth_of_cut, placed.log.source)
+    return Predicted(settings, program, loaded, prediction, (*noticed, *left, *prediction.findings, *told))
 
 
 def _log(path: RobotPath, forces: str | Path | ForceLog | None, settings: Settings) -> ForceLog:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from compensator.correction.correct import Corrected
+from compensator.correction.offsets import offset_blocks
 from compensator.cutting.stock_file import named_by
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, fold
@@ -18,8 +20,9 @@ from identification.common.findings import Finding, Refused, fold
 RECORD = "compstiff-correction"
 
 
-def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
-    """What was made from what, JSON values. files: the program, and its parts where it was split."""
+def record(corrected: Corrected, files: dict[Path, bytes], offsets: Path | None = None) -> dict[str, Any]:
+    """What was made from what, JSON values. files: the program, and its parts where it was split; offsets: where those of
+    this correction are written."""
     predicted = corrected.predicted
     outputs = [{"file": path.name, "sha256": hashlib.sha256(content).hexdigest()} for path, content in files.items()]
     return {
@@ -27,6 +30,7 @@ def record(corrected: Corrected, files: dict[Path, bytes]) -> dict[str, Any]:
         "input": _named(predicted.program.source),
         "output": outputs[0],
         "parts": outputs[1:],
+        "offsets": {"file": offsets.name, "sha256": _digest(offset_blocks(corrected))} if offsets else None,
         "stiffness": _named(predicted.model.source),
         "cell": _named(predicted.cell.source),
         "forces": _named(Path(predicted.forces.log.source)),
@@ -51,6 +55,24 @@ def _blank(stock: Path | None) -> dict[str, Any]:
     return {"blank": _named(named[0])} if named else {}
 
 
+def _digest(blocks: Iterable[bytes]) -> str:
+    digest = hashlib.sha256()
+    for block in blocks:
+        digest.update(block)
+    return digest.hexdigest()
+
+
+def check_as_written(offsets: Path, digest: str) -> None:
+    """Refused (CS5026) where records beside an offsets file name it, and none has its content's SHA-256, `digest`."""
+    names = [(path.name, named) for path in sorted(offsets.parent.glob("*.json"))
+             if (content := _content(path)) is not None and isinstance(named := content.get("offsets"), dict)
+             and named.get("file") == offsets.name]
+    if names and all(named.get("sha256") != digest for _, named in names):
+        raise Refused(Finding("CS5026", "error", f"was changed after correct wrote it (record {names[-1][0]})",
+                              file=str(offsets), hint="nothing was sent; write it again with correct --offsets, or give a file "
+                              "that was changed on purpose another name"))
+
+
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:
     """Refused (CS4204) where a record in the toolpath's folder names this file, or its content, as an output, or where one in
     `folders` names its content."""
@@ -67,15 +89,21 @@ def check_not_corrected(toolpath: Path, *folders: Path) -> None:
                                   hint=f"correct the CAM system's program {source}; --correct-again if this really is one"))
 
 
-def _recorded(file: Path) -> list[tuple[str, str]] | None:
-    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
+def _content(file: Path) -> dict[str, Any] | None:
+    """A correction record; None where the file is none."""
     try:
         if file.stat().st_size > 64 << 20:
             return None
         record = json.loads(file.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(record, dict) or record.get("format") != RECORD:
+    return record if isinstance(record, dict) and record.get("format") == RECORD else None
+
+
+def _recorded(file: Path) -> list[tuple[str, str]] | None:
+    """Name and SHA-256 of the input, the output and its parts of a correction record; None where the file is no such record."""
+    record = _content(file)
+    if record is None:
         return None
     source, output = record.get("input"), record.get("output")
     if not (isinstance(source, dict) and isinstance(output, dict)):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compensator.forces.cut_direction import said_of_direction
+from compensator.forces.cut_direction import said_of_direction, travel
 from compensator.forces.detection import SIGMAS, over_noise, over_scatter, without_gaps
 from compensator.forces.driven_feed import said_of_feed
 from compensator.forces.late_forces import said_of_delay
@@ -18,6 +18,7 @@ from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.log_path import on_path
 from compensator.forces.program_time import moves_in_air
 from compensator.forces.scatter import of_blocks
+from compensator.forces.swapped_columns import swapped_columns
 from compensator.forces.tare_check import Range
 from compensator.forces.target_rows import TargetRows
 from compensator.forces.zero import Zero, base_from_log, of_six, zero_of
@@ -158,9 +159,11 @@ def _held(left: Indices, path: RobotPath) -> list[Finding]:
 def _direction(
     log: ForceLog, path: RobotPath, cell: Cell, forced: NDArray[np.bool_], wrench: Array, mean: Array
 ) -> list[Finding]:
-    """What the direction of logged forces tells of sign and frame."""
-    return said_of_direction(path, forced, _in_frames(wrench[:, :3], mean[:, :3], path, cell), cell.force_log.kind, log.source,
-                             sign_stated="sign" in cell.force_log.form.model_fields_set)
+    """What the direction of logged forces tells of sign, frame and the order of the columns."""
+    force, stated = wrench[:, :3], "sign" in cell.force_log.form.model_fields_set
+    return [*said_of_direction(path, forced, _in_frames(force, mean[:, :3], path, cell), cell.force_log.kind, log.source,
+                               sign_stated=stated),
+            *swapped_columns(travel(path, forced), force, base_from_log(path, cell).rotation, log.source)]
 
 
 def _of_predicted(

@@ -14,7 +14,7 @@ from compensator.forces.payload import TURN, Payload, estimate_payload, interval
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
 from identification.common.quantities import two_sigma
-from identification.model.cell import Cell, ForceLogFrame
+from identification.model.cell import FARTHEST_CENTRE, Cell, ForceLogFrame
 from identification.model.gravity import FREE_FALL, fall_in_base
 from identification.model.kinematics import forward
 from identification.model.rotations import Frame
@@ -28,6 +28,9 @@ LOOKED_AT = 64
 RESTLESS = 30.0
 # A payload that is uncertain by more than this [N] (1 sigma) is worth a warning.
 UNCERTAIN = 10.0
+# Where the force changes by so much from one orientation to the next [N], RMS, at most this share of it is no weight; and the
+# mass is within these shares of the one that cell.yaml states (engineering judgement: a tool has parts before its sensor).
+CHANGES, NO_WEIGHT, OF_STATED = 5.0, 0.25, (0.2, 1.25)
 # What is said of a spindle that turns; here it stands still.
 OF_THE_SPINDLE = ("CS3027", "CS3028", "CS3035")
 
@@ -100,7 +103,7 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     """Payload and bias from a log taken still at several joint angles.
 
     Raises CompstiffError: CS3037 (a log in the base frame, without joint angles, or with forces that vary as under load),
-    CS3034 (the orientations do not tell the mass from the bias), CS3042 (the mass is negative).
+    CS3034 (the orientations do not tell the mass from the bias), CS3042 (the mass is negative), CS3047 (the centre is too far).
 
     >>> cell = compstiff.read_cell("tare.yaml")
     >>> stills = compstiff.still_payload(compstiff.read_force_log("still.csv", cell.force_log.form), cell)
@@ -123,11 +126,16 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     if readings.between:
         findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} between the orientations not used",
                                 file=log.source))
-    findings += _doubts(payload, len(readings.load), log)
+    findings += [*_doubts(payload, readings, log), *_against_stated(payload, cell, log)]
     centre = centre_std = None
     if payload.centre is not None and payload.centre_std is not None:
         centre = flange_from_log.apply(payload.centre)
         centre_std = np.sqrt(flange_from_log.rotation**2 @ payload.centre_std**2)
+        away = 1e3 * float(np.linalg.norm(centre))
+        if away > FARTHEST_CENTRE:
+            raise error("CS3047", f"the centre of mass would be {1e-3 * away:.3g} m from the flange, with a mass of "
+                        f"{payload.mass:.3g} kg", file=log.source,
+                        hint="moments are in newton metres, forces in newtons: is one of them in another unit?")
     return Stills(payload, centre, centre_std, form.sign * payload.bias, payload.bias_std, len(readings.load),
                   tuple(findings))
 
@@ -187,7 +195,7 @@ def _groups(theta: Array) -> NDArray[np.intp]:
 
 def _payload(fall: Array, load: Array, log: ForceLog) -> Payload:
     """The estimate; fall (k, 3) [m/s^2] and load (k, 6) in the log's frame. Raises CompstiffError (CS3034, CS3042)."""
-    payload = estimate_payload(fall, load, has_moment=log.has_moment)
+    payload = estimate_payload(fall, load, has_moment=_has_moment(load, log))
     if payload is None:
         raise error("CS3034", f"{counted(len(load), 'orientation')} that turn the sensor against gravity by "
                     f"{np.degrees(turns(fall)[0]):.1f} deg (RMS) do not tell its payload from its bias; "
@@ -199,14 +207,31 @@ def _payload(fall: Array, load: Array, log: ForceLog) -> Payload:
     return payload
 
 
-def _doubts(payload: Payload, orientations: int, log: ForceLog) -> list[Finding]:
+def _has_moment(load: Array, log: ForceLog) -> bool:
+    """Columns of one value alone are of a sensor without moments."""
+    return log.has_moment and bool(np.any(np.ptp(load[:, 3:], axis=0) > 0))
+
+
+def _doubts(payload: Payload, readings: _StillReadings, log: ForceLog) -> list[Finding]:
     """What the orientations do not tell well."""
-    findings = []
-    if not payload.told_from_none:
+    findings, orientations = [], len(readings.load)
+    force = readings.load[:, :3]
+    change = float(np.sqrt(np.mean(np.sum((force - force.mean(axis=0)) ** 2, axis=1))))
+    share = np.sqrt(payload.force_dof / orientations) * payload.force_scatter / max(change, 1e-9)
+    if change > CHANGES and share > NO_WEIGHT:
+        findings.append(Finding(
+            "CS3048", "warning", f"from orientation to orientation the force changes by {change:.0f} N (RMS), and "
+            f"{100 * min(share, 1.0):.0f} % of that is not what any weight does", file=log.source,
+            hint="are the force columns in the order of the sensor's axes, the angles and their signs those of the controller, "
+            "force_log.frame right, and did the tool touch nothing? Do not use these numbers"))
+    elif log.has_moment and not _has_moment(readings.load, log):
+        findings.append(Finding("CS3044", "note", "the centre of mass is not estimated: the moments in the log never change",
+                                file=log.source))
+    elif not payload.told_from_none:
         findings.append(Finding("CS3043", "warning", f"a payload of {payload.mass:.3f} +- {two_sigma(payload.mass_std):.3f} "
                                 "kg (2 sigma) is not told from none: none is written", file=log.source,
                                 hint="does the log have its weight removed already?"))
-    if payload.centre is None and log.has_moment:
+    if payload.centre is None and _has_moment(readings.load, log) and share <= NO_WEIGHT:
         findings.append(Finding("CS3044", "warning", f"the centre of mass is not estimated: {orientations} orientations, the "
                                 f"least turn {np.degrees(payload.turn[1]):.1f} deg over two directions", file=log.source,
                                 hint="tilt the spindle about a second axis too, three orientations or more"))
@@ -215,3 +240,13 @@ def _doubts(payload: Payload, orientations: int, log: ForceLog) -> list[Finding]
         findings.append(Finding("CS3045", "warning", f"the payload is uncertain by {two_sigma(force_std):.0f} N (2 sigma): as "
                                 "much false cutting force", file=log.source, hint="more orientations, farther apart"))
     return findings
+
+
+def _against_stated(payload: Payload, cell: Cell, log: ForceLog) -> list[Finding]:
+    """A warning (CS3049) where the mass is far from the one that cell.yaml states."""
+    stated = cell.force_log.mass
+    if not stated or not payload.told_from_none or OF_STATED[0] < payload.mass / stated < OF_STATED[1]:
+        return []
+    return [Finding("CS3049", "warning", f"a mass of {payload.mass:.3g} kg hangs on the sensor; cell.yaml states {stated:g} kg",
+                    file=log.source,
+                    hint="are the forces in newtons (a force in kilograms is a tenth), the sensor's gain too?")]

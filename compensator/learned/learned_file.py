@@ -50,6 +50,7 @@ class _File(_Part):
     robot: str
     robot_sha256: str
     geometry_sha256: str
+    serial_number: str | None = None
     springs: int = Field(ge=6, le=200)
     prior: list[FiniteFloat]
     mean: list[FiniteFloat]
@@ -65,7 +66,8 @@ def learned_json(learned: Learned, cell: Cell) -> dict[str, Any]:
     frame, remainder, robot = learned.frame, learned.remainder, cell.robot
     return {
         "format": FORMAT, "version": 1, "robot": robot.name, "robot_sha256": robot.sha256,
-        "geometry_sha256": robot.geometry_sha256, "told": learned.told, "springs": learned.springs,
+        "geometry_sha256": robot.geometry_sha256, **({"serial_number": robot.serial_number} if robot.serial_number else {}),
+        "told": learned.told, "springs": learned.springs,
         "job": {"position_mm": (1e3 * frame.base_from_object.position).tolist(),
                 "quaternion": frame.base_from_object.quaternion.tolist(), "centre_mm": (1e3 * frame.centre).tolist(),
                 "radius_mm": 1e3 * frame.radius, "duration_s": frame.duration},
@@ -111,6 +113,9 @@ def read_learned(file: str | Path, cell: Cell) -> Learned:
             part.robot_sha256 != cell.robot.sha256 and part.geometry_sha256 != cell.robot.geometry_sha256):
         raise error("CS5321", f"was learned on robot '{part.robot}' (SHA-256 {part.robot_sha256[:12]}...), the cell's is "
                     f"'{cell.robot.name}' ({cell.robot.sha256[:12]}...)", file=name, hint="learn on this robot")
+    if part.serial_number and cell.robot.serial_number and part.serial_number != cell.robot.serial_number:
+        raise error("CS5321", f"was learned on the robot of serial number {part.serial_number}, the cell's is "
+                    f"{cell.robot.serial_number}", file=name, hint="learn on this robot")
     in_force = effects_named(part.effects, name)
     check_track(cell, in_force, name)
     own = sum(len(term.effect.parameters) for term in in_force)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
+from identification.common.predicted_tables import check_measured
 from identification.common.tables import Table, read_table
 from identification.model.cell import Cell
 
@@ -50,10 +51,12 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
     """Reads the measured points of a part: x_mm y_mm z_mm, and any of dx_um dy_um dz_um, or nx ny nz and dn_um (also called
     d_um); std_um and target where they are known.
 
-    Raises CompstiffError: CS0201 to CS0203 the table, CS5300 nothing measured, or both kinds, CS5301 numbers that no part has.
+    Raises CompstiffError: CS0201 to CS0203 the table, CS5300 nothing measured, or both kinds, CS5301 numbers that
+    no part has, CS6039 what `predict` or `correct` wrote.
     """
     table = read_table(file, required=POSITION, optional=("target", *DEVIATION, *ALONG, *NORMAL, "std_um"),
                        may_be_empty=(*DEVIATION, *ALONG, "target"), together=(NORMAL,))
+    check_measured(table, "as the offsets of the pass it goes to --logged-with")
     named = [name for name in ALONG if name in table.numbers]
     components = [name for name in DEVIATION if name in table.numbers]
     if len(named) + bool(components) != 1:

@@ -30,7 +30,7 @@ def refuse_wrong_factor(terms: Terms, noise: Sizes, predicted: Array, source: st
     if SANE[0] <= factor + SURE * error and factor - SURE * error <= SANE[1]:
         return
     raise Refused(Finding(
-        "CS5310", "error", f"the measured deviation is {factor:.2f} +- {two_sigma(error):.2f} times the predicted (2 sigma), "
+        "CS5310", "error", f"the measured deviation is {factor:.3g} +- {two_sigma(error):.2g} times the predicted (2 sigma), "
         f"expected {SANE[0]:g} to {SANE[1]:g}: nothing is learned", file=source,
         hint="sign: measured minus planned? frame: the work object? micrometres? the log of this very pass? force_log.sign; "
         "--logged-with where the pass had offsets"))

@@ -25,6 +25,10 @@ from identification.model.quaternion_order import said_of_order
 MOST_SPEEDS_SHOWN = 8
 # A cutting feed beyond these [mm/s] is likely in another unit; engineering judgement.
 LEAST_FEED, MOST_FEED = 0.5, 500.0
+# And a feed a turn beyond these shares of the cutter's diameter: a tooth cuts 0.3 to 1 % of it, and there are 1 to 10 of them.
+LEAST_TURN, MOST_TURN = 0.002, 0.25
+# Cutters whose diameters differ by no more [mm] are one, ground again.
+SAME_CUTTER_MM = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +57,26 @@ class Posted:
         cut = self.program.toolpath.position[~self.rapid]
         return 1e3 * np.ptp(cut, axis=0) if len(cut) else np.zeros(3)
 
+    @property
+    def minutes(self) -> float:
+        """How long the cuts take at their feeds, arcs by their chords: a wrong unit of the feed shows here."""
+        toolpath = self.program.toolpath
+        length = np.linalg.norm(np.diff(toolpath.position, axis=0), axis=1)
+        return float(np.nansum((length / toolpath.feed[1:])[~self.rapid[1:]])) / 60
+
     def lines(self) -> list[str]:
-        """Targets, size and speeds."""
+        """Targets, where and how large the cut is, speeds and time."""
+        cut = 1e3 * self.program.toolpath.position[~self.rapid]
+        place = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in zip(
+            "xyz", cut.min(axis=0), cut.max(axis=0), strict=True)) if len(cut) else "none"
         speeds = 1e3 * np.unique(self.program.toolpath.feed)
         shown = [f"{speed:.6g}" for speed in speeds[:MOST_SPEEDS_SHOWN]]
         if len(speeds) > MOST_SPEEDS_SHOWN:
             shown.append(f"and {len(speeds) - MOST_SPEEDS_SHOWN} more")
         return [f"targets: {len(self.program.toolpath)}, {int(self.rapid.sum())} in the air",
                 f"size of the cut: {' x '.join(f'{side:.6g}' for side in self.size)} mm",
-                f"speeds: {', '.join(shown)} mm/s"]
+                f"its place in the work object: {place} mm",
+                f"speeds: {', '.join(shown)} mm/s; the cuts take about {self.minutes:.3g} minutes"]
 
 
 def read_cam_path(file: Path, settings: PostingSettings) -> CamPath:
@@ -98,7 +113,7 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     for name in ("tool.", "workobject."):
         findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
-    findings += [*_odd_feeds(cam_path), *said_of_places(cam_path, cell.flange_from_tcp)]
+    findings += [*_odd_feeds(cam_path, cell), *_odd_cutters(cam_path, cell), *said_of_places(cam_path, cell.flange_from_tcp)]
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, external, settings)
@@ -106,15 +121,36 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
     return Posted(replace(program, toolpath=toolpath), content, cam_path.rapid, assumed)
 
 
-def _odd_feeds(cam_path: CamPath) -> list[Finding]:
-    """Cutting feeds that no robot mills at: mm/min under mm/s, or the other way round."""
+def _odd_feeds(cam_path: CamPath, cell: Cell) -> list[Finding]:
+    """Cutting feeds that no robot mills at, or no cutter of the cell: mm/min under mm/s, m/min, or the other way round."""
     feed = 1e3 * cam_path.feed[~cam_path.rapid]
     feed = feed[feed > 0]
-    if not len(feed) or (feed.max() <= MOST_FEED and feed.min() >= LEAST_FEED):
+    if not len(feed):
         return []
-    return [Finding("CS4307", "warning", f"cutting feeds from {feed.min():.3g} to {feed.max():.4g} mm/s: robots mill at "
-                    f"{LEAST_FEED:g} to {MOST_FEED:g}", file=cam_path.source,
-                    hint="a feed in mm/min is sixty times that in mm/s: check feed_mm_s, FEDRAT and its unit")]
+    hint = "a feed in mm/min is sixty times that in mm/s, m/min a seventeenth: check feed_mm_s, FEDRAT and its unit"
+    if feed.max() > MOST_FEED or feed.min() < LEAST_FEED:
+        return [Finding("CS4307", "warning", f"cutting feeds from {feed.min():.3g} to {feed.max():.4g} mm/s: robots mill at "
+                        f"{LEAST_FEED:g} to {MOST_FEED:g}", file=cam_path.source, hint=hint)]
+    rpm, diameter, middle = cell.force_log.form.spindle_rpm, cell.cutting.tool_diameter_mm, float(np.median(feed))
+    if not rpm or not diameter or LEAST_TURN < middle * 60 / rpm / diameter < MOST_TURN:
+        return []
+    return [Finding("CS4307", "warning", f"at {middle:.3g} mm/s and {rpm:g} rpm the feed is {middle * 60 / rpm:.2g} mm a turn, "
+                    f"of a cutter of {diameter:g} mm", file=cam_path.source, hint=f"{hint}; spindle, cutter: cell.yaml")]
+
+
+def _odd_cutters(cam_path: CamPath, cell: Cell) -> list[Finding]:
+    """Cutters of the file that are not the one of cell.yaml, or several of one tool (CS4316)."""
+    known = {round(1e3 * cutter.diameter, 3): cutter for cutter in cam_path.cutters if cutter.diameter > 0}
+    stated = cell.cutting.tool_diameter_mm
+    if len(known) > 1:
+        what = f"is cut with cutters of {' and '.join(f'{size:g}' for size in known)} mm, as one tool"
+    elif known and stated and abs(next(iter(known)) - stated) > SAME_CUTTER_MM:
+        what = f"is cut with a cutter of {next(iter(known)):g} mm; cutting.tool_diameter_mm in cell.yaml is {stated:g}"
+    else:
+        return []
+    return [Finding("CS4316", "warning", what, file=cam_path.source, line=list(known.values())[-1].line,
+                    hint="a program is posted for the one tool of cell.yaml: its TCP, its length and its cutter; a change of "
+                    "tools is read from LOADTL, LOAD/TOOL, TOOLNO and TURRET with a number")]
 
 
 def _check(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identification.common.added_targets import AddedTargets
 from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted, error
+from identification.common.predicted_tables import check_measured
 from identification.common.tables import Table, read_table
 from identification.model.cell import Cell
 
@@ -26,6 +27,9 @@ ENOUGH, TOO_QUIET = 10, 0.1
 # No probe reads a part better than to this 1 sigma, and no part that was milled is off by so much, RMS [m] (engineering
 # judgement: the best measuring machines state some tenths of a micrometre).
 FINEST, FARTHEST = 6e-9, 1e-2
+
+# Two passes over one part share at least this part of the smaller one's places: with fewer it is another part, or mirrored.
+FEWEST_PAIRS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +91,12 @@ class Readings:
 
 def read_readings(file: Path, cell: Cell) -> Readings:
     """Reads a measured pass (docs/formats.md, verify). Raises CompstiffError: CS0201 to CS0203, CS6020 nothing measured,
-    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit."""
+    or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit, CS6039
+    what `predict` or `correct` wrote."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
                                                     *NORMAL),
                        may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
+    check_measured(table, "it goes to --predicted")
     key, place = _placed(table)
     along_normal = "dn_um" in table.numbers
     if along_normal == any(name in table.numbers for name in DEVIATION):
@@ -190,8 +196,8 @@ def _in_order(readings: Readings, findings: list[Finding]) -> Readings:
 
 def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Indices]:
     """Rows of both that belong together, in the order of the first: the same target, or places that are each other's nearest
-    and at most `within` [m] apart. Raises CompstiffError: CS6020 other components, CS6021 placed by other columns, CS6023 no
-    pair."""
+    and at most `within` [m] apart. Raises CompstiffError: CS6020 other components, CS6021 placed by other columns, CS6023 next
+    to no pair."""
     if first.key != second.key:
         raise error("CS6021", f"is placed by {second.key}, {first.source} by {first.key}", file=second.source,
                     hint="place both by the same columns")
@@ -199,8 +205,10 @@ def pair(first: Readings, second: Readings, within: float) -> tuple[Indices, Ind
         raise error("CS6020", f"has the deviation along {' '.join(second.axes)}, {first.source} along {' '.join(first.axes)}",
                     file=second.source, hint="measure both passes alike")
     mine, other = nearest(first.place, second.place, 0.0 if first.key == "target" else within)
-    if not len(mine):
-        raise error("CS6023", f"no row belongs to a row of {first.source}" + (
+    count = min(len(first), len(second))
+    if len(mine) < FEWEST_PAIRS * count:
+        few = "no row belongs" if not len(mine) else f"only {len(mine)} of {count} rows belong"
+        raise error("CS6023", f"{few} to a row of {first.source}" + (
             "" if first.key == "target" else f" (nearest places, at most {1e3 * within:g} mm apart)"), file=second.source,
             hint="are both from the same program? --within-mm sets the distance")
     return mine, other

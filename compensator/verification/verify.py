@@ -17,6 +17,9 @@ from identification.common.arrays import Array
 from identification.common.findings import Finding, counted, error
 from identification.model.cell import Cell
 
+# What readings in another unit are of those in micrometres.
+UNITS = ((1 / 25.4, "in mil"), (1e-3, "in millimetres"), (1e3, "in nanometres"), (2.0, "of the diameter"))
+
 
 @dataclass(frozen=True, eq=False)
 class Verification:
@@ -158,7 +161,8 @@ def _scale_findings(scale: Scale, axis_scales: dict[str, Scale], source: str) ->
         low, high = SANE_SCALE
         findings.append(Finding("CS6031", "warning", f"the measured deviation is {_times(scale)} the predicted: no scale is "
                                 f"advised outside {low:g} to {high:g}, or where 0 is not ruled out", file=source,
-                                hint="check sign and frame of the forces and of the measurement (--frame)"))
+                                hint=_unit(scale.scale) + "check sign and frame of the forces and of the measurement "
+                                "(--frame)"))
     if scale.constant_shown and scale.with_constant is not None:
         constant = ", ".join(f"{x:.0f}" for x in scale.constant_um)
         findings.append(Finding("CS6029", "warning", f"a part of ({constant}) um does not follow the force; with it the "
@@ -210,3 +214,9 @@ def _scale_text(scale: Scale) -> str:
         return text + " 1 lies inside: no scale is needed" + (
             f"; correct {scale.option} tells that motion adds nothing beyond that." if scale.option else ".")
     return text + " No scale is advised; the findings say why."
+
+
+def _unit(scale: float) -> str:
+    """The unit that readings of such a share of what was predicted may be in; "" for none."""
+    near = [words for factor, words in UNITS if 0.7 < scale / factor < 1.4]
+    return f"are they in micrometres, or {near[0]}? Else " if near else ""

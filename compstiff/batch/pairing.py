@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from compensator.correction.files import Outputs
-from compensator.posting.suffixes import RAPID_SUFFIXES, TOOLPATH_SUFFIXES, toolpath_stem, toolpath_suffix
+from compensator.posting.suffixes import RAPID_SUFFIXES, TABLE_SUFFIXES, TOOLPATH_SUFFIXES, toolpath_stem, toolpath_suffix
 from identification.common.files import sha256
 from identification.common.findings import Finding, error
 
@@ -114,9 +114,31 @@ def no_log(program: Path, folder: Path | None, then: str, predicted: bool = Fals
     of it; predicted: forces are predicted where there is a stock, and there is none."""
     stem = toolpath_stem(program)
     stock = f", and no stock {stem}{STOCK_SUFFIXES[0]} (or .npz) beside it" if predicted else ""
+    near = _nearly_its_log(program, folder or program.parent)
     return Finding("CS6000", "warning", f"has no force log {stem}{LOG_SUFFIXES[0]} (or .parquet) in "
                    f"{folder or program.parent}{stock}; {then}", file=str(program),
-                   hint="log the forces of a first pass, or name the folder of the logs with --forces")
+                   hint=(f"is it {near}? Then rename it, capitals too; else " if near else "") +
+                   "log the forces of a first pass, or name the folder of the logs with --forces")
+
+
+def _nearly_its_log(program: Path, folder: Path) -> str:
+    """A table in the folder whose name begins as the program's, in whatever capitals; "" for none."""
+    stem = toolpath_stem(program).lower()
+    try:
+        names = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in TABLE_SUFFIXES)
+    except OSError:
+        return ""
+    return next((name for name in names if name.lower().startswith(stem) and "force" in name.lower()), "")
+
+
+def logs_without_program(folder: Path) -> list[Finding]:
+    """A warning (CS6013) for each force log of a folder beside which no program has its stem."""
+    stems = {toolpath_stem(program) for program in programs_in(folder)}
+    logs = {log: suffix for log in sorted(folder.iterdir()) for suffix in LOG_SUFFIXES if log.name.endswith(suffix)}
+    return [Finding("CS6013", "warning", f"is a force log, and no program {log.name.removesuffix(suffix)}.mod (or .apt) lies "
+                    "beside it", file=str(log), hint="names must be equal, capitals too; a table of targets (CSV) is posted "
+                    "first, and folders inside the folder are not looked into")
+            for log, suffix in logs.items() if log.name.removesuffix(suffix) not in stems]
 
 
 def paired(programs: Iterable[Path], logs: Path | None, folders: Folders, *, predicted: bool = False) -> list[ProgramFiles]:

@@ -48,6 +48,7 @@ def watch(
     """
     session.jobs = True
     from compstiff import Folders, Shared, watch_folder
+    from compstiff.batch.pairing import logs_without_program
     from compstiff.batch.programs import worst
     from compstiff.batch.watch import Rhythm
 
@@ -58,6 +59,11 @@ def watch(
                                    stopped=lambda: bool(signals), say=session.say):
             codes.append(result.code)
             _log(session, result)
+    if once and not signals:
+        for finding in logs_without_program(source):
+            session.say(str(finding))
+        if not codes:
+            session.say(f"nothing new to correct in {source}")
     return Outcome(exit_code=INTERRUPTED if signal.SIGINT in signals else worst(codes) if once else DONE)
 
 

@@ -218,7 +218,7 @@ def _wanted(item: Any) -> str:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return "must have keys of its own, such as {key: value}"
     if kind == "string_type":
-        return "must be text"
+        return "must be text (a number in quotes)"
     what = str(item["msg"].removeprefix("Value error, "))
     return what[0].lower() + what[1:]
 

@@ -209,6 +209,7 @@ class CellFile(Strict):
     """cell.yaml."""
 
     robot: str
+    serial_number: Annotated[str, Field(min_length=1, max_length=60)] | None = None
     tool: ToolFile
     pendant_poses: tuple[PendantPoseFile, ...] = ()
     base_frame: FrameFile = FrameFile()
@@ -335,7 +336,8 @@ def read_cell(file: str | Path, *, geometry: bool = True) -> Cell:
     if log.sensor_quaternion is not None and log.sensor_position_mm is not None:
         sensor = Frame.from_quaternion(1e-3 * np.array(log.sensor_position_mm), log.sensor_quaternion)
     units, world_from_base = mechanical_units(described.mechanical_units, str(file)), described.base_frame.frame()
-    robot = replace(_robot(described.robot, file, geometry), track=travel(units, world_from_base))
+    robot = replace(_robot(described.robot, file, geometry), track=travel(units, world_from_base),
+                    serial_number=described.serial_number or "")
     stiffness, relative_std = described.prior.stiffness_nm_per_rad, described.prior.relative_std
     prior = Prior(robot.prior.stiffness if stiffness is None else np.array(stiffness),
                   robot.prior.relative_std if relative_std is None else np.array(relative_std))

@@ -68,6 +68,7 @@ class RobotModel:
     sha256: str
     has_geometry: bool = True
     track: Array | None = None
+    serial_number: str = ""
 
     @cached_property
     def load_matrix(self) -> Array:

@@ -277,6 +277,7 @@ class IdentifiedModel:
         return {
             "format": FORMAT, "version": 1, "robot": self.robot.name, "load_path": self.robot.load_path,
             "robot_sha256": self.robot.sha256, "geometry_sha256": self.robot.geometry_sha256,
+            **({"serial_number": self.robot.serial_number} if self.robot.serial_number else {}),
             "tool": {"position_mm": (1e3 * tool.position).tolist(), "quaternion": tool.quaternion.tolist()},
             "parameters": parameters,
             "covariance": covariance.tolist(),

@@ -71,6 +71,7 @@ class StiffnessFile(_File):
     load_path: str | None = None
     robot_sha256: str | None = None
     geometry_sha256: str | None = None
+    serial_number: str | None = None
     tool: Any = None
     parameters: list[_Parameter] = Field(min_length=6)
     covariance: list[list[FiniteFloat]]
@@ -153,6 +154,9 @@ def _check_robot(file: StiffnessFile, cell: Cell, name: str) -> None:
     if file.load_path is not None and file.load_path != robot.load_path:
         raise error("CS1202", f"was identified with load_path '{file.load_path}', the cell's robot has "
                     f"'{robot.load_path}'", file=name, hint=hint)
+    if file.serial_number and robot.serial_number and file.serial_number != robot.serial_number:
+        raise error("CS1202", f"was identified on the robot of serial number {file.serial_number}, the cell's is "
+                    f"{robot.serial_number}", file=name, hint=hint)
     same = file.robot_sha256 in (None, robot.sha256) or file.geometry_sha256 == robot.geometry_sha256
     if not same:
         raise error("CS1202", f"was identified with another robot file of the name '{robot.name}': SHA-256 "

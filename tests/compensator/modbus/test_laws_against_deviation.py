@@ -40,12 +40,40 @@ def offsets_of(offset: np.ndarray, deviation: np.ndarray) -> Offsets:
     return Offsets("offsets.csv", 0, offset, np.zeros(len(offset)), np.arange(len(offset)) + 2, (), predicted=deviation)
 
 
+def middle(offset: np.ndarray, deviation: np.ndarray) -> float:
+    """How many times the deviation the offsets are, in the middle."""
+    size = np.linalg.norm(deviation, axis=1)
+    used = np.any(offset != 0, axis=1) & (size > 2e-6)
+    return float(np.median(np.linalg.norm(offset[used], axis=1) / size[used]))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_without_the_program_an_upright_work_object_tells_the_sign(seed: int) -> None:
+    """A work object turned about the vertical by any angle and tilted by up to 30 degrees, a robot that hangs or stands."""
+    rng = np.random.default_rng((5027, seed))
+    count, tilt, turned = int(rng.integers(20, 400)), np.radians(rng.uniform(-30, 30)), rng.uniform(-np.pi, np.pi)
+    c, s = np.cos([turned, tilt]), np.sin([turned, tilt])
+    object_in_world = np.array([[c[0], -s[0], 0], [s[0], c[0], 0], [0, 0, 1]]) @ np.array(
+        [[1, 0, 0], [0, c[1], -s[1]], [0, s[1], c[1]]])
+    up = np.array([0, 0, -1.0]) if seed % 2 else np.array([0, 0, 1.0])          # in the robot's base
+    in_world = rng.normal(0, 3e-5, (count, 3)) + np.array([0.5e-4, -0.5e-4, 2e-4])
+    deviation = in_world * (np.array([1, -1, -1.0]) if seed % 2 else 1.0)       # hanging: turned about x
+    offset = -in_world @ object_in_world
+    assert check_deviation(offsets_of(offset, deviation), None, up) == ()
+    told = check_deviation(offsets_of(-offset, deviation), None, up)
+    assert [one.code for one in told] == ["CS5027"]
+    assert "sign" in told[0].message
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_a_correction_is_left_in_peace_and_a_slip_is_refused(seed: int) -> None:
     offset, deviation, turn = drawn(np.random.default_rng((5025, seed)))
-    check_deviation(offsets_of(offset, deviation), turn)
+    assert check_deviation(offsets_of(offset, deviation), turn) == ()
     check_deviation(offsets_of(offset, deviation), None)
     check_deviation(offsets_of(0 * offset, deviation), turn)
+    for factor in (2.0, 0.5):
+        told = check_deviation(offsets_of(factor * offset, deviation), turn)
+        assert [one.code for one in told] == (["CS5027"] if not 0.6 <= factor * middle(offset, deviation) <= 1.6 else [])
     for wrong in (-offset, 1e3 * offset, 1e-3 * offset):
         with pytest.raises(Refused, match="CS5025"):
             check_deviation(offsets_of(wrong, deviation), turn)

@@ -1,4 +1,5 @@
-"""Places of a toolpath: right ones are left in peace, metres and a column rapid that is the wrong way round are told."""
+"""Places of a toolpath: right ones are left in peace, metres, a column rapid that is the wrong way round, a tool that points
+away from the part and rows that were sorted are told."""
 
 from __future__ import annotations
 
@@ -34,6 +35,42 @@ def test_right_paths_are_left_in_peace_and_slips_are_told(seed: int) -> None:
     x, y = points[:, 0] / rng.uniform(5, 60), points[:, 1] / rng.uniform(5, 60)
     points[~rapid, 2] += rng.uniform(0, 5) * (np.sin(x) * np.cos(y))[~rapid]
     assert codes(path(points, rapid)) == []
-    assert codes(path(points, rapid, unit=1e-6)) == (["CS4308"] if len(points) >= 10 else [])
+    assert len(points) >= 10
+    assert codes(path(points, rapid, unit=1e-6)) == ["CS4308"]
+    # An engraving of 5 mm, whose moves in the air are as much nearer.
+    assert codes(path(points * 5 / np.ptp(points, axis=0).max(), rapid)) == []
     if rapid.sum() >= 5:
         assert codes(path(points, ~rapid)) == ["CS4309"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_tool_that_points_away_from_the_part_is_told(seed: int) -> None:
+    """The quaternion of no turn in place of half a turn about x: the spindle under the part."""
+    points = drawn(np.random.default_rng((4309, seed))).points
+    rapid = points[:, 2] == SAFE_MM
+    upside = path(points, rapid)
+    assert upside.quaternion is not None
+    upside.quaternion.setflags(write=True)
+    upside.quaternion[:] = [1, 0, 0, 0]
+    assert codes(upside) == ["CS4309"]
+    turned = path(points, rapid)
+    assert codes(turned) == []
+
+
+@pytest.mark.parametrize("name", ["shuffled", "by height"])
+def test_rows_in_another_order_are_told(name: str) -> None:
+    """Of jobs with over 60 targets: as drawn by no order, or by the height of a surface that rises and falls, most are told."""
+    told, count = 0, 0
+    for seed in range(40):
+        rng = np.random.default_rng((4315, seed))
+        points = drawn(rng).points.copy()
+        rapid = points[:, 2] == SAFE_MM
+        if (~rapid).sum() < 60:
+            continue
+        points[:, 2] += 3 * np.sin(points[:, 0] / 9) * np.cos(points[:, 1] / 7) * ~rapid
+        order = rng.permutation(len(points)) if name == "shuffled" else np.argsort(points[:, 2], kind="stable")
+        said = codes(path(points[order], rapid[order]))
+        assert set(said) <= {"CS4315"}
+        told, count = told + len(said), count + 1
+    assert count >= 20
+    assert told >= 0.8 * count

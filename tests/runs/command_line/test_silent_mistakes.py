@@ -1,0 +1,165 @@
+"""Mistakes of a newcomer that had ended with exit code 0 and no word: each is made, and its right variant beside it."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_mistakes import IDENTIFY, PLACED, ROBOTS, call, slot
+from tests.runs.command_line.workshop import workshop
+
+OFFSETS = ("ox_mm", "oy_mm", "oz_mm")
+
+
+def timed(text: str, step: float) -> str:
+    """A table of load tests with a row every `step` seconds."""
+    header, *rows = text.splitlines()
+    return "\n".join([f"{header},time_s,dwell_s", *(f"{row},{step * k:g},{step / 2:g}" for k, row in enumerate(rows))]) + "\n"
+
+
+@pytest.mark.parametrize(("step", "names"), [(20.0, []), (600.0, []), (20e3, ["time_s", "dwell_s"])])
+def test_times_in_milliseconds_are_said(tmp_path: Path, step: float, names: list[str]) -> None:
+    job = workshop(ROBOTS[0])
+    said = job.run(tmp_path, {"measurements.csv": timed(job.files["measurements.csv"], step)}, *IDENTIFY)
+    assert said.code == 0, said
+    told = [one["message"] for one in said.json["findings"] if one["code"] == "CS1026"]
+    assert [one.split()[1] for one in told] == names
+
+
+@pytest.mark.parametrize(("feed", "odd"), [(40.0, False), (6.0, False), (2.4, True), (0.6, True)])
+def test_a_feed_in_metres_a_minute_is_said_where_the_cutter_is_stated(tmp_path: Path, feed: float, odd: bool) -> None:
+    """Of 16 mm at 9000 rpm; 2.4 m/min are 40 mm/s."""
+    shop = workshop(ROBOTS[0])
+    cutter = "cutting: {material: aluminium, tool_diameter_mm: 16}\n"
+    cell = shop.files["cell.yaml"].replace("sign: on_tool", "sign: on_tool, spindle_rpm: 9000") + PLACED + cutter
+    posted = shop.run(tmp_path, {"part.csv": slot(ROBOTS[0], feed, 200), "cell.yaml": cell}, "post", "@cell.yaml", "@part.csv",
+                      "-o", "@posted.mod")
+    assert posted.code == 0, posted
+    assert ("CS4307" in kit.codes(posted)) is odd
+
+
+def edited(source: Path, to: Path, factor: float) -> Path:
+    """The offsets of `source` times a factor, as a spreadsheet writes them."""
+    with source.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    with to.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(row | {name: factor * float(row[name]) for name in OFFSETS} for row in rows)
+    return to
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_offsets_changed_after_correct_wrote_them_are_not_pushed(tmp_path: Path, robot: str) -> None:
+    """The record beside them has their SHA-256; under another name they are somebody's own."""
+    assert workshop(robot).run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    cell, offsets = tmp_path / "cell.yaml", tmp_path / "offsets.csv"
+    sound = kit.run("push", cell, offsets, "--any-program", "--json")
+    assert (sound.code, kit.codes(sound) & {"CS5025", "CS5026", "CS5027"}) == (0, set())
+    other = kit.run("push", cell, edited(offsets, tmp_path / "mine.csv", 2.0), "--any-program", "--json")
+    assert (other.code, kit.codes(other) & {"CS5026", "CS5027"}) == (0, {"CS5027"})
+    turned = kit.run("push", cell, edited(offsets, tmp_path / "mine.csv", -1.0), "--any-program", "--json")
+    assert "CS5027" in kit.codes(turned)
+    changed = kit.run("push", cell, edited(offsets, offsets, 2.0), "--any-program", "--json")
+    assert (changed.code, kit.codes(changed)) == (3, {"CS5026"})
+    (tmp_path / "out.mod.json").unlink()
+    assert kit.run("push", cell, offsets, "--any-program").code == 0
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ((), ""), (("--tool-mass", "80", "--spindle-rpm", "24000", "--deflection-std", "0.1"), ""),
+    (("--tool-mass", "80000"), "tool.mass_kg is 80000"), (("--deflection-std", "0.002"), "deflection_std_um is 0.002"),
+    (("--spindle-rpm", "9"), "spindle_rpm is 9"), (("--tool-tcp", "12000,0,250"), "1.2e+04 mm from the flange"),
+    (("--force-frame", "sensor", "--sensor-position", "0,0,0.08"), "sensor_position_mm is 0.08"),
+    (("--tool-quaternion", "0,0,0,1"), "read as x y z w it would be no turn")])
+def test_numbers_that_no_cell_has_are_said_by_init_and_check(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    known = {"CS0119", "CS0117"}
+    tcp = () if "--tool-tcp" in words else ("--tool-tcp", "120,0,250")
+    made = kit.run("init", tmp_path / "new", "--robot", ROBOTS[1], *tcp, *words, "--json")
+    checked = kit.run("check", tmp_path / "new" / "cell.yaml", "--json")
+    for run in (made, checked):
+        assert run.code == 0, run
+        told = [one for one in run.json["findings"] if one["code"] in known]
+        assert len(told) == bool(said), told
+        assert all(said in one["message"] and Path(one["file"]) == tmp_path / "new" / "cell.yaml" for one in told)
+
+
+def test_a_prediction_is_no_measurement(tmp_path: Path) -> None:
+    """`verify` and `learn` with the offsets.csv of the correction itself in place of what was measured."""
+    shop = workshop(ROBOTS[0])
+    assert shop.run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    learn = ("learn", "@cell.yaml", "@part.mod", "@offsets.csv", "--stiffness", "@stiffness.json", "--forces", "@forces.csv",
+             "-o", "@learned.json")
+    for words in (("verify", "@cell.yaml", "@offsets.csv", "@offsets.csv"), learn):
+        run = shop.run(tmp_path, {}, *words)
+        assert (run.code, kit.codes(run)) == (1, {"CS6039"})
+    assert not (tmp_path / "learned.json").exists()
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, None), (1 / 25.4, "in mil"), (2.1, "of the diameter"),
+                                              (-1.0, "check sign")])
+def test_readings_in_another_unit_are_named(tmp_path: Path, factor: float, said: str | None) -> None:
+    """Before a correction, against what was predicted; the probe states its 1 sigma in the unit of its readings."""
+    shop = workshop(ROBOTS[0])
+    assert shop.run(tmp_path, {}, *call("--offsets", "@offsets.csv")).code == 0
+    with (tmp_path / "offsets.csv").open(newline="") as stream:
+        rows = [row for row in csv.DictReader(stream) if row["note"] != "no force"]
+
+    def table(share: float) -> str:
+        lines = [",".join([row["target"], *(f"{factor * (share * float(row[name]) + 3 * (k % 3 - 1)):.6f}" for name in
+                                            ("dx_um", "dy_um", "dz_um")), *3 * [f"{abs(factor) * 2:.6f}"]])
+                 for k, row in enumerate(rows)]
+        return "\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *lines]) + "\n"
+
+    run = shop.run(tmp_path, {"before.csv": table(1.0), "after.csv": table(0.05)}, "verify", "@cell.yaml", "@before.csv",
+                   "@after.csv", "--predicted", str(tmp_path / "offsets.csv"))
+    told = [one["hint"] for one in run.json["findings"] if one["code"] == "CS6031"]
+    assert bool(told) == bool(said), run
+    assert all(str(said) in one for one in told)
+
+
+def test_passes_that_share_next_to_no_place_are_not_compared(tmp_path: Path) -> None:
+    """A part whose y is the other way round meets itself on a line only; half of a part is compared."""
+    shop = workshop(ROBOTS[0])
+    places = [(x, y) for x in range(0, 60, 5) for y in range(0, 50, 5)]
+
+    def table(which: list[tuple[int, int]], sign: int, size: int) -> str:
+        return "x_mm,y_mm,z_mm,dx_um,dy_um,dz_um\n" + "".join(
+            f"{x},{sign * y},0,{size + x % 7},{y % 5 - size},{size}\n" for x, y in which)
+
+    before = table(places, 1, 100)
+    for after, answer in ((table(places, 1, 10), 0), (table(places[::2], 1, 10), 0), (table(places, -1, 10), 0),
+                          (table([(x, y) for x, y in places if y > 4 or x > 50], -1, 10), 1)):
+        run = shop.run(tmp_path, {"before.csv": before, "after.csv": after}, "verify", "@cell.yaml", "@before.csv",
+                       "@after.csv")
+        assert run.code == answer, run
+        assert ("CS6023" in kit.codes(run)) is bool(answer)
+
+
+def test_watch_once_says_what_it_did_not_take(tmp_path: Path) -> None:
+    """Logs of nearly the right name, a table, and nothing at all."""
+    shop = workshop(ROBOTS[0])
+    for name in ("cell.yaml", "stiffness.json"):
+        (tmp_path / name).write_text(shop.files[name])
+    (tmp_path / "in").mkdir()
+    words = ("watch", tmp_path / "in", tmp_path / "out", "--cell", tmp_path / "cell.yaml", "--stiffness",
+             tmp_path / "stiffness.json", "--once", "--settle", "0")
+    assert "nothing new to correct" in kit.run(*words).err
+    (tmp_path / "in" / "table.forces.csv").write_text(shop.files["forces.csv"])
+    assert "CS6013" in kit.run(*words).err
+    (tmp_path / "in" / "table.forces.csv").unlink()
+    (tmp_path / "in" / "part.mod").write_text(shop.files["part.mod"])
+    for name in ("part_forces.csv", "Part.Forces.csv"):
+        (tmp_path / "in" / name).write_text(shop.files["forces.csv"])
+        said = kit.run(*words).err
+        assert f"is it {name}? Then rename it" in said
+        (tmp_path / "in" / name).unlink()
+    (tmp_path / "in" / "part.forces.csv").write_text(shop.files["forces.csv"])
+    done = kit.run(*words).err
+    assert "12 targets corrected" in done
+    assert "nothing new" not in done
+    assert "CS6013" not in done
+    assert "nothing new to correct" in kit.run(*words).err

@@ -1,0 +1,66 @@
+"""`tare` with still readings of the virtual arm, right, and with the mistakes that are made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.workshop import TOOL, workshop
+from tests.virtual_cell.arm import ARMS
+
+ROBOT, MASS, CENTRE = "irb6700-200-2.60", 12.4, np.array([0.0, 0, 0.08])
+NAMES = [*(f"q{i}_deg" for i in range(1, 7)), *(f"f{axis}_n" for axis in "xyz"), *(f"m{axis}_nm" for axis in "xyz")]
+Stills = tuple[np.ndarray, np.ndarray, np.ndarray]
+Change = Callable[[np.ndarray, np.ndarray, np.ndarray], Stills]
+
+
+def stills(seed: int) -> Stills:
+    """Ten readings at each of six orientations: angles (60, 6) [deg], forces and moments (60, 3) in the tool's frame."""
+    rng = np.random.default_rng((3048, seed))
+    angles = np.array([[8 * k, 5.0, 20.0, 30 + 20 * k, (-1) ** k * (30 + 10 * k), 20.0 * k] for k in range(6)])
+    angles = np.repeat(np.round(angles + rng.uniform(-5, 5, (6, 6)), 3), 10, axis=0)
+    turns = np.array([kit.tcp_pose(ARMS[ROBOT], np.radians(q), TOOL).r.as_matrix() for q in angles])
+    weight = MASS * np.einsum("nji,j->ni", turns, [0, 0, -9.80665])
+    arm = CENTRE - TOOL.p
+    return (angles, weight + np.array([3, -5, 7]) + rng.normal(0, 0.5, weight.shape),
+            np.cross(arm, weight) + np.array([0.1, 0.2, -0.3]) + rng.normal(0, 0.05, weight.shape))
+
+
+def touched(q: np.ndarray, force: np.ndarray, moment: np.ndarray) -> Stills:
+    force = force.copy()
+    force[30:40, 2] += 150.0
+    return q, force, moment
+
+
+MISTAKES: dict[str, tuple[Change, str, int]] = {
+    "none": (lambda q, f, m: (q, f, m), "", 0),
+    "no moments": (lambda q, f, m: (q, f, 0 * m), "CS3044", 0),
+    "in kilograms": (lambda q, f, m: (q, f / 9.80665, m / 9.80665), "CS3049", 0),
+    "ten times the gain": (lambda q, f, m: (q, 10 * f, 10 * m), "CS3049", 0),
+    "in kilonewtons": (lambda q, f, m: (q, 1e-3 * f, m), "CS3047", 1),
+    "moments in N mm": (lambda q, f, m: (q, f, 1e3 * m), "CS3047", 1),
+    "y and z swapped": (lambda q, f, m: (q, f[:, [0, 2, 1]], m), "CS3048", 0),
+    "a joint's sign": (lambda q, f, m: (q * [1, 1, 1, 1, -1, 1], f, m), "CS3048", 0),
+    "the tool touched once": (touched, "CS3048", 0)}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("seed", range(3))
+def test_still_readings(tmp_path: Path, name: str, seed: int) -> None:
+    change, code, answer = MISTAKES[name]
+    cell = workshop(ROBOT).files["cell.yaml"].replace("frame: base", "frame: tool").replace(
+        "tool: {", "tool: {mass_kg: 15, centre_of_mass_mm: [0, 0, 80], ")
+    (tmp_path / "cell.yaml").write_text(cell)
+    rows = [",".join(f"{x:.5f}" for x in row) for row in np.column_stack(change(*stills(seed)))]
+    (tmp_path / "still.csv").write_text("\n".join([",".join(NAMES), *rows]) + "\n")
+    run = kit.run("tare", tmp_path / "cell.yaml", tmp_path / "still.csv", "--json")
+    assert run.code == answer, run
+    told = {one["code"] for one in run.json["findings"]} - {"CS3003", "CS3043", "CS3045"}
+    assert told == ({code} if code else set())
+    if not code:
+        mass = run.json["result"]["mass_kg"]
+        assert mass["interval_95"][0] - 0.05 < MASS < mass["interval_95"][1] + 0.05
