@@ -43,7 +43,9 @@ class NoiseGram:
         inner = np.eye(columns.shape[2] - q) + scale * summed[..., q:] * np.swapaxes(scale, 2, 3)
         inverse, log_inner = _inverse(inner)
         scaled = scale * summed[..., :q]
-        gram = gram - (np.swapaxes(scaled, 2, 3) @ (inverse @ scaled)).sum(axis=1)
+        # All visits in one product: one by one they would hold (q, q) numbers each.
+        stacked = scaled.reshape(len(gram), scaled.shape[1] * scaled.shape[2], q)
+        gram = gram - stacked.swapaxes(1, 2) @ (inverse @ scaled).reshape(stacked.shape)
         return gram, own.log_determinant + log_inner.sum(axis=1)
 
 

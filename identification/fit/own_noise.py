@@ -45,9 +45,14 @@ class RowsAlone:
         weighted = (self.precision.transpose(1, 2, 0, 3).reshape(n, -1, 3) @ columns).reshape(3 * n, -1)
         left = columns.reshape(3 * n, width)
         gram = (left[:, :q].T @ weighted).reshape(q, size, width)[..., :q]
-        ends = 3 * np.searchsorted(visit, np.arange(visit[-1] + 2))
-        products = np.array([left[start: end, q:].T @ weighted[start: end] for start, end in pairwise(ends)])
-        return gram.swapaxes(0, 1), products.reshape(len(ends) - 1, width - q, size, width).transpose(2, 0, 1, 3)
+        length = np.bincount(visit)
+        if np.all(length == length[0]):
+            shared = left[:, q:].reshape(len(length), 3 * length[0], width - q).swapaxes(1, 2)
+            products = shared @ weighted.reshape(len(length), 3 * length[0], size * width)
+        else:
+            ends = 3 * np.append(0, np.cumsum(length))
+            products = np.array([left[start: end, q:].T @ weighted[start: end] for start, end in pairwise(ends)])
+        return gram.swapaxes(0, 1), products.reshape(len(length), width - q, size, width).transpose(2, 0, 1, 3)
 
     def solve(self, columns: Array) -> Array:
         """Sigma^-1 columns (n, 3, q), of the first noise."""

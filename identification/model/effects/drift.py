@@ -8,7 +8,6 @@ from identification.common.arrays import Array
 from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import LoadState
 
-
 # Time [s] that one row is taken to last where no row has a time: half a minute until nothing creeps, and a reading.
 PACE_S = 60.0
 

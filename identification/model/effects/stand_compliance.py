@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.common.arrays import Array
@@ -10,7 +12,7 @@ from identification.model.load_state import LoadState
 
 
 class _Stand(OfReading):
-    """What the laws have in common: three compliances of either sign, one a direction in which the stand moves."""
+    """What the laws have in common: three compliances, one a direction in which the stand moves."""
 
     name = "stand_compliance"
     formula_source = ("engineering judgement: what the loading device stands on gives way in proportion to its load; where it "
@@ -52,8 +54,11 @@ class OfLoadsAlongZ(_OneLoad):
 
 
 class StandCompliance(_Stand):
-    """`(g_x f_x, g_y f_y, g_z f_z)`: each load moves the stand along itself."""
+    """`(g_x f_x, g_y f_y, g_z f_z)`: what pushes the tool pushes the stand the other way, so that the tool seems to give way
+    more."""
 
+    parameters = tuple(replace(parameter, low=0.0, bounds_source="engineering judgement: away from the tool, to 0.3 mm under "
+                                                                 "300 N, which is seen by eye") for parameter in _Stand.parameters)
     other_laws = (OfLoadsAlongX(), OfLoadsAlongY(), OfLoadsAlongZ())
 
     def misread(self, rows: LoadState, values: Array) -> Array:
