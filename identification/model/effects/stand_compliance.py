@@ -57,8 +57,9 @@ class StandCompliance(_Stand):
     """`(g_x f_x, g_y f_y, g_z f_z)`: what pushes the tool pushes the stand the other way, so that the tool seems to give way
     more."""
 
-    parameters = tuple(replace(parameter, low=0.0, bounds_source="engineering judgement: away from the tool, to 0.3 mm under "
-                                                                 "300 N, which is seen by eye") for parameter in _Stand.parameters)
+    parameters = tuple(
+        replace(parameter, low=0.0, bounds_source="engineering judgement: away from the tool, to 0.3 mm under 300 N, which is "
+                                                  "seen by eye") for parameter in _Stand.parameters)
     other_laws = (OfLoadsAlongX(), OfLoadsAlongY(), OfLoadsAlongZ())
 
     def misread(self, rows: LoadState, values: Array) -> Array:

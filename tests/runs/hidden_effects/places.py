@@ -36,7 +36,6 @@ MEASUREMENT = (
     place("target_curvature", None, 0, "drift"),
     place("drift", None, 2, "target_curvature"),
     place("sensor_step", None, 3, "drift"),
-    place("stand_compliance", None, 2, "base_shift"),
     place("force_axis_gain", None, 1, "stand_compliance"),
     place("force_crosstalk", None, 2, "force_misalignment"),
     place("force_offset", None, 0, "side_load"),

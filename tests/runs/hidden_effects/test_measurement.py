@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tests.runs.hidden_effects.hide_and_diagnose import Place, run
-from tests.runs.hidden_effects.places import CONFOUNDED, IN_MOTION, MEASUREMENT, NEVER_SEEN, check_confounder, check_named, each
+from tests.runs.hidden_effects.places import (
+    CONFOUNDED, IN_MOTION, MEASUREMENT, NEVER_SEEN, check_ambiguous, check_confounder, check_named, each,
+)
+from tests.virtual_cell.cell import Hidden
 
 
 @each(*MEASUREMENT)
@@ -27,6 +30,11 @@ def test_what_no_deflection_shows_is_not_named(where: Place) -> None:
 def test_what_shows_in_motion_only_is_said_not_to_be_offered(name: str) -> None:
     """Joint deflection logs show these (tests/identification/motion); load tests at rest must not seem to rule them out."""
     assert run(1).content["not_offered"][name] == "it shows only in logs taken in motion"
+
+
+def test_a_stand_that_goes_back_and_a_base_that_gives_way_are_one() -> None:
+    """To any load test: the gauge at the foot of the base tells them apart."""
+    check_ambiguous(2, Hidden("stand_compliance", factor=2.0), Hidden("base_shift"))
 
 
 def test_what_a_gear_gets_wrong_between_poses_is_not_carried() -> None:
