@@ -6,7 +6,14 @@ import pytest
 
 from tests.runs.hidden_effects.hide_and_diagnose import Place, run
 from tests.runs.hidden_effects.places import (
-    CONFOUNDED, IN_MOTION, MEASUREMENT, NEVER_SEEN, check_ambiguous, check_confounder, check_named, each,
+    CONFOUNDED,
+    IN_MOTION,
+    MEASUREMENT,
+    NEVER_SEEN,
+    check_ambiguous,
+    check_confounder,
+    check_named,
+    each,
 )
 from tests.virtual_cell.cell import Hidden
 
