@@ -123,7 +123,7 @@ def test_where_teeth_rest_anywhere_no_reading_is_bad() -> None:
 def test_a_small_cause_beside_a_named_one_is_told_and_stays_in_the_model() -> None:
     """It is too small for a name, and poses that were not fitted show it: without it the model is off by several of its sigmas
     at fresh poses."""
-    main, small = Hidden("deflection_sensor_rotation", 0, 1.5), Hidden("base_shift", 0, 0.3)
+    main, small = Hidden("deflection_sensor_rotation", 0, 1.5), Hidden("base_shift", 0, 0.2)
     case = simulate(98001, "cycles", "near", (main, small), weight="known")
     found = diagnosed(case)
     content, fresh = found.as_dict(), at_fresh_poses(case, found)
