@@ -13,7 +13,8 @@ from tests.test_house import PACKAGES, named
 ROOT = Path(__file__).parents[1]
 # Simulations that expected answers come from.
 JUDGES = [*(path for folder in ("virtual_cell", "second_cell") for path in (ROOT / "tests" / folder).glob("*.py")
-            if not path.name.startswith("test_")), ROOT / "tests/identification/motion/simulated_joint.py"]
+            if not path.name.startswith("test_")), ROOT / "tests/identification/motion/simulated_joint.py",
+          ROOT / "tests/desk_world.py"]
 # A sentence of the README, the page its figures are taken from, and how they stand there.
 FIGURES = (
     (r"of (\d+) causes that the plan can identify at all (\d+) were named right", "docs/benchmarks.md",

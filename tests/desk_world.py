@@ -1,0 +1,141 @@
+"""Load tests as one writes them at a desk: six springs by the Jacobian of the second cell's chain, one more term, even noise.
+
+No time, no dwell, no visits in half of them, poses and loads as they come: what a user has who kept no more. Terms are of a
+size that is drawn, on stiffnesses that are drawn about the published ones; nothing of it comes from the packages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.second_cell.robots import Robot, robot
+
+ROBOTS = ("irb6660-205-1.90", "irb6700-200-2.60", "irb4600-60-2.05", "irb4400-60", "irb6640-235-2.55")
+STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One load test in base axes: q (n, 6) [rad], force (n, 3) [N], tcp (n, 3) [m], jacobian (n, 3, 6), tool (n, 3, 3), whose
+    columns are the flange's axes, torque (n, 6) [N m], twist (n, 6) [rad] of the springs."""
+
+    q: np.ndarray
+    force: np.ndarray
+    tcp: np.ndarray
+    jacobian: np.ndarray
+    tool: np.ndarray
+    torque: np.ndarray
+    twist: np.ndarray
+
+
+@dataclass(frozen=True)
+class Desk:
+    """A load test and what was hidden: label (None: nothing), share of the deflection that it makes (RMS)."""
+
+    robot: str
+    tool_mm: np.ndarray
+    rows: np.ndarray
+    poses: np.ndarray | None
+    noise_um: float
+    stated: bool
+    hidden: str | None
+    share: float
+
+    def write(self, folder: Path) -> tuple[Path, Path]:
+        """cell.yaml and measurements.csv."""
+        cell, table = folder / "cell.yaml", folder / "measurements.csv"
+        noise = f"measurement: {{deflection_std_um: {[round(self.noise_um, 1)] * 3}}}\n" if self.stated else ""
+        tool = f"tool: {{position_mm: {self.tool_mm.tolist()}, quaternion: [1, 0, 0, 0]}}\n"
+        cell.write_text(f"robot: {self.robot}\n{tool}{noise}")
+        names = [f"q{i}_deg" for i in range(1, 7)] + [f"{what}{axis}_{unit}" for what, unit in (("f", "n"), ("d", "um"))
+                                                      for axis in "xyz"] + ["pose"] * (self.poses is not None)
+        lines = [",".join(f"{value:.4f}" for value in row) for row in self.rows]
+        if self.poses is not None:
+            lines = [f"{line},P{pose}" for line, pose in zip(lines, self.poses, strict=True)]
+        table.write_text("\n".join([",".join(names), *lines]) + "\n")
+        return cell, table
+
+
+Term = Callable[[Rows, np.random.Generator], tuple[str, np.ndarray]]
+
+
+def _each(force: np.ndarray, frame: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+    return np.asarray(np.einsum("nij,j,nkj,nk->ni", frame, compliance, frame, force))
+
+
+def _base_upright(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    return "base_shift", rows.force * np.array([1.0, 1.0, rng.uniform(0.2, 0.8)])
+
+
+def _base_rocks(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    about = np.append(rng.permutation([1.0, rng.uniform(0.1, 0.6)]), 0.0)
+    return "base_rocking", np.cross(np.cross(rows.tcp, rows.force) * about, rows.tcp)
+
+
+def _tool_pressed_in(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    return "spindle_compliance", _each(rows.force, rows.tool, np.array([1.0, 1.0, rng.uniform(0.3, 0.8)]))
+
+
+def _coupled(a: int, b: int) -> Term:
+    def term(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+        return "wrist_coupling", (rows.jacobian[:, :, a] * rows.torque[:, [b]] + rows.jacobian[:, :, b] * rows.torque[:, [a]])
+
+    return term
+
+
+def _uneven(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    joint, turns = int(rng.integers(1, 6)), int(rng.integers(1, 3))
+    share = np.cos(turns * rows.q[:, joint] + rng.uniform(0, 2 * np.pi))
+    name = "gravity_compensator" if joint == 1 else f"uneven_gear[{joint + 1}]"
+    return name, rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None]
+
+
+def _drift(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+    return "drift", np.arange(len(rows.q))[:, None] * rng.standard_normal(3)
+
+
+TERMS: dict[str, Term] = {
+    "a base that gives way upright too": _base_upright, "a base that rocks more to one side": _base_rocks,
+    "a tool pressed in": _tool_pressed_in, "axes 4 and 5 coupled": _coupled(3, 4), "axes 4 and 6 coupled": _coupled(3, 5),
+    "an uneven gear": _uneven, "drift without a clock": _drift}
+
+
+def desk(seed: int, term: str | None) -> Desk:
+    """A load test of 24 to 240 rows on one of five robots; the term makes 8 to 25 % of the deflection."""
+    rng = np.random.default_rng(seed)
+    name = ROBOTS[int(rng.integers(len(ROBOTS)))]
+    arm = robot(name)
+    tool = np.round(rng.uniform([0.1, 0.0, 0.15], [0.2, 0.05, 0.3]), 3)
+    poses, loads = int(rng.integers(12, 41)), int(rng.choice([1, 3, 6]))
+    loads = max(loads, 3) if poses * loads < 24 else loads
+    q = np.repeat(arm.poses(poses, tool, rng), loads, axis=0)
+    if loads == 6:
+        direction = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (poses, 1))
+    else:
+        direction = rng.standard_normal((len(q), 3))
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    force = np.round(rng.uniform(150, 400, (len(q), 1)) * direction, 1)
+    rows = _rows(arm, q, tool, force, arm.stiffness * np.exp(0.4 * rng.standard_normal(6)))
+    moved = np.einsum("nij,nj->ni", rows.jacobian, rows.twist)
+    share, hidden, noise = float(rng.uniform(0.08, 0.25)), None, float(rng.uniform(3e-6, 12e-6))
+    if term is not None:
+        hidden, added = TERMS[term](rows, rng)
+        moved = moved + added * share * np.sqrt(np.mean(moved**2) / np.mean(added**2))
+    table = np.hstack([np.degrees(q), force, 1e6 * (moved + noise * rng.standard_normal(moved.shape))])
+    stated, labelled = rng.random(2) < 0.5
+    return Desk(name, 1e3 * tool, table, np.repeat(np.arange(poses), loads) if labelled else None, 1e6 * noise, bool(stated),
+                hidden, share)
+
+
+def _rows(arm: Robot, q: np.ndarray, tool: np.ndarray, force: np.ndarray, stiffness: np.ndarray) -> Rows:
+    def slopes(along: np.ndarray, of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        return np.stack([(of(step) - of(-step)) / (2 * STEP) for step in STEP * along], axis=2)
+
+    jacobian = slopes(np.eye(6), lambda step: arm.tcp(q + step, tool))
+    torque = np.einsum("nij,ni->nj", jacobian, force)
+    return Rows(q, force, arm.tcp(q, tool), jacobian, slopes(np.eye(3), lambda step: arm.tcp(q, tool + step)), torque,
+                torque / stiffness)

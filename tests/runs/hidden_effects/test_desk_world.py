@@ -1,0 +1,30 @@
+"""Structures that real cells have, in load tests as one writes them at a desk: none is taken for something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import compstiff
+from tests.desk_world import TERMS, desk
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_it_is_named_or_in_the_set(term: str, tmp_path: Path) -> None:
+    case = desk(910001, term)
+    cell_file, table = case.write(tmp_path)
+    cell = compstiff.read_cell(cell_file)
+    judgement = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot)).judgement
+    assert judgement.verdict in ("named", "ambiguous")
+    found = judgement.causes if judgement.verdict == "named" else judgement.alternatives
+    labels = {cause.label.replace("gravity_compensator[2]", "gravity_compensator") for cause in found}
+    assert labels == {case.hidden} if judgement.verdict == "named" else case.hidden in labels
+
+
+def test_a_drift_without_a_clock_says_what_was_assumed(tmp_path: Path) -> None:
+    cell_file, table = desk(910002, "drift without a clock").write(tmp_path)
+    cell = compstiff.read_cell(cell_file)
+    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+    assert [cause.label for cause in found.causes] == ["drift"]
+    assert "CS1409" in {finding.code for finding in found.findings}
