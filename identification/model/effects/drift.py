@@ -32,7 +32,7 @@ class Drift(OfReading):
 def since_reference(rows: LoadState) -> Array:
     """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones.
     Where no row has a time, PACE_S a row."""
-    time = PACE_S * (rows.row - 1.0) if np.isnan(rows.time).all() else rows.time
+    time: Array = np.asarray(PACE_S * (rows.row - 1.0) if np.isnan(rows.time).all() else rows.time)
     since = time.copy()
     for reference in np.unique(rows.reference)[1:]:
         members = rows.reference == reference
