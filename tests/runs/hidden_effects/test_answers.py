@@ -23,7 +23,8 @@ EASY = (Hidden("hysteresis", 1, 1.5), Hidden("base_rocking", None, 1.5), Hidden(
 
 
 def test_every_effect_has_its_place() -> None:
-    assert {where.hidden.effect for where in ALL} == set(DICTIONARY)
+    # A stand that gives way has a test of its own: it stands in a set.
+    assert {where.hidden.effect for where in ALL} == set(DICTIONARY) - {"stand_compliance"}
     assert not set(IN_MOTION) & set(DICTIONARY)
 
 
