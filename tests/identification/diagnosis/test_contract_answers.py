@@ -46,7 +46,7 @@ def test_answers_do_not_contradict_themselves(design: str, seed: int, kind: str,
 
 
 def test_a_contradiction_never_leaves_the_program(tmp_path: Path) -> None:
-    found = diagnosed(simulate(40, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path).judgement
+    found = diagnosed(simulate(41, "poses20", [Hidden("base_rocking", None, 2.0)]), tmp_path).judgement
     assert found.verdict == "named"
     for wrong in ({"verdict": "ambiguous"}, {"verdict": "adequate"}, {"causes": ()}, {"withdrawn": {"creep": "no"}},
                   {"verdict": "unknown"}, {"alternatives": found.causes}):
