@@ -53,14 +53,28 @@ class OfLoadsAlongZ(_OneLoad):
     law, axis = "z", 2
 
 
-class StandCompliance(_Stand):
-    """`(g_x f_x, g_y f_y, g_z f_z)`: what pushes the tool pushes the stand the other way, so that the tool seems to give way
-    more."""
+class _Pushed(_Stand):
+    """What pushes the tool pushes the stand the other way, so that the tool seems to give way more."""
 
     parameters = tuple(
         replace(parameter, low=0.0, bounds_source="engineering judgement: away from the tool, to 0.3 mm under 300 N, which is "
                                                   "seen by eye") for parameter in _Stand.parameters)
-    other_laws = (OfLoadsAlongX(), OfLoadsAlongY(), OfLoadsAlongZ())
 
     def misread(self, rows: LoadState, values: Array) -> Array:
         return np.asarray(rows.wrench[:, :3] * values)
+
+
+class Upright(_Pushed):
+    """`(g_h f_x, g_h f_y, g_v f_z)`: alike to all sides, as a base may give way too."""
+
+    law = "upright"
+    parameters = tuple(replace(_Pushed.parameters[0], name=f"{way}_m_per_n") for way in ("sideways", "upright"))
+
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        return super().misread(rows, values[[0, 0, 1]])
+
+
+class StandCompliance(_Pushed):
+    """`(g_x f_x, g_y f_y, g_z f_z)`: each load moves the stand along itself."""
+
+    other_laws = (Upright(), OfLoadsAlongX(), OfLoadsAlongY(), OfLoadsAlongZ())
