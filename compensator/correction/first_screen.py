@@ -11,7 +11,6 @@ from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.predict import Predicted
 from compensator.correction.settings import EXACTLY_ONE
-from compensator.correction.taken_as_given import WITHIN
 from compensator.posting.suffixes import rapid_suffix, toolpath_stem
 from identification.common.arrays import Array, rms
 from identification.common.command_line import call
@@ -77,7 +76,7 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         assert isinstance(job, Predicted)
         keys += _worst(job, np.linalg.norm(job.prediction.at_rest, axis=1), "largest at")
         return [*keys, Key("uncertainty of that", f"{2 * std['largest']:.0f}", "µm", "2 sigma, largest"),
-                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}"), *_cut(job)]
+                Key("targets with force", f"{given['with_force']}", "", f"of {given['targets']}")]
     left = corrected.left
     keys.append(Key("expected on the part, corrected", f"{2e6 * rms(left.std):.0f}" if len(left.std) else "0", "µm",
                     f"2 sigma, RMS; {2e6 * float(left.std.max(initial=0.0)):.0f} µm at the worst place"))
@@ -88,16 +87,7 @@ def keys_of(job: Predicted | Corrected, budget: Budget | None) -> list[Key]:
         keys.append(Key("largest correction", f"{figures['offset_mm']['largest']:.3f}", "mm",
                         f"{figures['corrected']} targets" + (f", {figures['held_back']} held back" if figures["held_back"]
                                                              else "")))
-    return [*keys, *_worst(corrected.predicted, left.std, "most is left at"), *_cut(job)]
-
-
-def _cut(job: Predicted | Corrected) -> list[Key]:
-    """The cut that the forces are those of: what shows a wrong unit or gain."""
-    taken = _given(job).taken
-    return [] if taken.power is None else [Key(
-        "the forces are those of", " or ".join(f"{area:.2g}" for area in taken.sections.values()), "mm²",
-        f"depth x width in {' or '.join(name.replace('_', ' ') for name in taken.sections)}, within a factor of {WITHIN:g}; "
-        f"{1e-3 * taken.power:.2g} kW")]
+    return [*keys, *_worst(corrected.predicted, left.std, "most is left at")]
 
 
 def _given(job: Predicted | Corrected) -> Predicted:
@@ -139,8 +129,7 @@ def steps_of(job: Predicted | Corrected, budget: Budget | None, offsets: Path | 
         if left["model"] > 0.7 * left["rms"] and 2 * left["rms"] > job.planned.as_dict()["deviation_um"]["rms"]:
             unstated = [Step("Most of what is left is a stiffness that is not known well: its grade says of which joint; "
                              "compstiff design --add plans loads that tell it. Measure them, identify, and correct again.")]
-        taken = "; ".join(job.planned.taken.words)
-        return [*unstated, Step(f"No file proves these; compare them with what you know: {taken}."),
+        return [*unstated,
                 Step("Drive the corrected program in the air first, at low speed. Then mill, measure before and after at the "
                      f"same places, and ask what the correction was worth{scale}"
                      + ("" if offsets else f" ({Path(stem).name}.offsets.csv: what --offsets writes)") + ":",
