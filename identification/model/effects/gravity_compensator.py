@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import SofterAtAngles
+from identification.model.effects.kinds import SofterAtAngles, amplitude_and_phase
 
 
 class _Compensator(SofterAtAngles):
-    """What both laws have in common: linear in alpha cos phi and alpha sin phi."""
+    """What both laws have in common."""
 
     carries_weight = True
     name = "gravity_compensator"
     joints = (2,)
-    parameters = (
-        Parameter("amplitude", "1", 0.27, 0.0, 1.0,
-                  source="engineering judgement: 0.15 to 0.5, their geometric mean",
-                  bounds_source="engineering judgement: beyond 1 the joint's compliance would be negative at some angle"),
-        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
-                  source="engineering judgement: no angle is more likely than another",
-                  bounds_source="engineering judgement: any direction, a full turn"),
-    )
+    parameters = amplitude_and_phase(0.27, "engineering judgement: 0.15 to 0.5, their geometric mean")
     sentence = "joint 2 is stiffer at some of its angles than at others, as a gravity compensator makes it"
     settles = ("look whether a spring or cylinder carries the lower arm: where the robot file has no links, a gear that grows "
                "stiffer under the arm's weight looks the same; measure at more angles of joint 2")

@@ -223,7 +223,8 @@ class SizeAndAngle(Effect):
 
 
 class SofterAtAngles(SizeAndAngle, GearTwist):
-    """`J_i tau_i c_i alpha cos(n q_i + phi)`, n the harmonic: the gear is softer at some angles of its joint than at others."""
+    """`J_i tau_i c_i alpha cos(n q_i + phi)`, n the harmonic, linear in alpha cos phi and alpha sin phi: the gear is softer at
+    some angles of its joint than at others."""
 
     gear_law = False
 
@@ -235,6 +236,17 @@ class SofterAtAngles(SizeAndAngle, GearTwist):
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         share = values[0] * np.cos(self.harmonic * rows.theta[:, i] + values[1])
         return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)
+
+
+def amplitude_and_phase(typical: float, source: str) -> tuple[Parameter, Parameter]:
+    """Those of SofterAtAngles; typical: amplitude, and where it comes from."""
+    return (
+        Parameter("amplitude", "1", typical, 0.0, 1.0, source=source,
+                  bounds_source="engineering judgement: beyond 1 the joint's compliance would be negative at some angle"),
+        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
+                  source="engineering judgement: no angle is more likely than another",
+                  bounds_source="engineering judgement: any direction, a full turn"),
+    )
 
 
 def _polar(coefficients: Array) -> Array:

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from identification.model.effects.base import Parameter
-from identification.model.effects.kinds import SofterAtAngles
+from identification.model.effects.kinds import SofterAtAngles, amplitude_and_phase
 
 
 class _Uneven(SofterAtAngles):
-    """What both laws have in common: linear in alpha cos phi and alpha sin phi."""
+    """What both laws have in common."""
 
     name = "uneven_gear"
     joints = (1, 3, 4, 5, 6)
-    parameters = (
-        Parameter("amplitude", "1", 0.2, 0.0, 1.0,
-                  source="engineering judgement: a wheel out of true, teeth worn where the joint works most; 0.1 to 0.4",
-                  bounds_source="engineering judgement: beyond 1 the joint's compliance would be negative at some angle"),
-        Parameter("phase_rad", "rad", 1.0, -3.1416, 3.1416, shape=True,
-                  source="engineering judgement: no angle is more likely than another",
-                  bounds_source="engineering judgement: any direction, a full turn"),
-    )
+    parameters = amplitude_and_phase(
+        0.2, "engineering judgement: a wheel out of true, teeth worn where the joint works most; 0.1 to 0.4")
     sentence = "the gear of joint {joint} is softer at some of its angles than at others"
     settles = "the same load at several angles of that joint, the other joints as they are"
 
