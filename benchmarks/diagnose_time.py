@@ -99,7 +99,8 @@ def measured(folder: Path) -> tuple[str, float, float]:
 
 def answered(record: dict[str, Any]) -> str:
     """The verdict with its names."""
-    return " ".join([record["verdict"], *(cause["label"] for cause in record["causes"])])
+    names = (f"{cause['effect']}[{cause['joint']}]" if cause["joint"] else cause["effect"] for cause in record["causes"])
+    return " ".join([record["verdict"], *names])
 
 
 def main() -> None:
