@@ -271,7 +271,7 @@ class Procedure:
             return self.unknown(judgement, seen, judgement.detection,
                                 dict.fromkeys((cause.label for cause in causes), SCATTER_IN_WORDS))
         odds = log_odds(judgement, len(seen.dictionary.entries))
-        doubt = doubt_of(judgement.detection, self.alarm, odds)
+        doubt = doubt_of(judgement.detection, odds)
         if doubt:
             return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in causes})
         measured = gain(self.data, judgement.plain, extended, self.rng)
@@ -317,10 +317,10 @@ def log_posterior(found: Search, extended: Posterior, entries: int) -> float:
     return log_evidence(extended) + log_prior(len(extended.terms), entries)
 
 
-def doubt_of(detection: Detection, alarm: float, odds: tuple[float, float]) -> str:
+def doubt_of(detection: Detection, odds: tuple[float, float]) -> str:
     """Why what is named may be nothing, in words, "" where it may not. odds: ln, against nothing, at least and at most."""
     least, most = odds
-    if max(NAMING, detection.resolution) < detection.p_value <= alarm and least < CERTAINLY:
+    if detection.p_value > max(NAMING, detection.resolution) and least < CERTAINLY:
         return CHANCE_IN_WORDS.format(detection.p_value)
     return NO_LIKELIER if most < 0 else ""
 
