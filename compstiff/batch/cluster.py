@@ -30,6 +30,7 @@ from identification.common.findings import CompstiffError, error
 
 if TYPE_CHECKING:
     from distributed import Client
+    from distributed import Future as Task
 
 # [s] for a scheduler to answer, and for its first worker to come.
 PATIENCE = 10.0
@@ -55,12 +56,10 @@ def on_cluster(
     with connected(scheduler) as client:
         from distributed import KilledWorker
 
-        workers, pool = checked(client, there, scheduler), client.get_executor()
+        workers = checked(client, there, scheduler)
 
         def submit(files: ProgramFiles, again: str = "") -> Future[ProgramResult]:
-            given: Future[ProgramResult] = pool.submit(
-                correct_as_new, there, _absolute(files), new[files], key=_key(files, there) + again)
-            return given
+            return _settled(client.submit(correct_as_new, there, _absolute(files), new[files], key=_key(files, there) + again))
 
         # One for each worker: what waits at a worker that is lost counts as having been lost with it.
         for files, future in handed_out(programs, submit, workers, stopped):
@@ -77,6 +76,21 @@ def on_cluster(
             else:
                 yield files, result
             yielded += 1
+
+
+def _settled(task: Task[ProgramResult]) -> Future[ProgramResult]:
+    """What comes of the task. Dask's own executor asks for its status once more after the result has come; a worker that was
+    lost in between makes it take the result for an exception."""
+    given: Future[ProgramResult] = Future()
+
+    def settle(task: Task[ProgramResult]) -> None:
+        try:
+            given.set_result(task.result())
+        except BaseException as reason:     # CancelledError too is for whoever asks for the result
+            given.set_exception(reason)
+
+    task.add_done_callback(settle)
+    return given
 
 
 @contextmanager

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 
 PATIENCE_S = 60.0
+# Who only asks whether a lock is held, as a health check does, has it for a moment itself.
+MOMENT_S = 1.0
 
 
 class Taken(Exception):
@@ -21,12 +23,13 @@ class Taken(Exception):
 
 
 def lock(file: Path) -> BaseFileLock:
-    """Takes the lock of this file, which is made if need be and stays; `release()` gives it back. Raises Taken, OSError."""
+    """Takes the lock of this file, which is made if need be and stays; `release()` gives it back. Waits for a moment;
+    then raises Taken. Raises OSError."""
     from filelock import FileLock, Timeout
 
-    held = FileLock(file, timeout=0)
+    held = FileLock(file, timeout=MOMENT_S)
     try:
-        held.acquire()
+        held.acquire(poll_interval=0.02)
     except Timeout as reason:
         raise Taken(str(file)) from reason
     return held

@@ -18,6 +18,7 @@ import dask
 import pytest
 import trustme
 from click.testing import Result
+from distributed import Client, Future
 
 from compstiff.batch.cluster import standing
 from compstiff.batch.pairing import Folders, paired, share_of
@@ -83,6 +84,24 @@ def test_the_same_bytes_and_a_worker_that_dies_takes_nothing_with_it(place: Shop
         assert again.exit_code == 1
         assert [[finding["code"] for finding in json.loads(line)["findings"] if finding["level"] == "error"]
                 for line in again.stdout.splitlines()] == [["CS0003"]] * len(names)
+
+
+def test_a_worker_lost_right_after_its_result_came(place: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scheduler's word that the data are lost follows the data themselves."""
+    place.put("a", "b")
+    gather = Client._gather
+
+    async def lost(self: Client, futures: list[Future[object]], *more: object, **named: object) -> object:
+        results = await gather(self, futures, *more, **named)
+        for future in futures:
+            self._handle_lost_data(key=future.key)
+        return results
+
+    with cluster(place.folder, 1) as address:
+        monkeypatch.setattr(Client, "_gather", lost)
+        done = on(place, address)
+        assert done.exit_code == 0, done.output
+    assert {path.read_bytes() for path in (place.folder / "out").glob("*.mod")} == {place.alone()}
 
 
 def test_a_scheduler_that_is_lost_is_said_and_the_next_call_completes(place: Shop) -> None:
