@@ -60,52 +60,172 @@ class Desk:
         return cell, table
 
 
-Term = Callable[[Rows, np.random.Generator], tuple[str, np.ndarray]]
+@dataclass(frozen=True)
+class Hidden:
+    """What a term adds (n, 3), to be scaled, and the factor beyond which no real robot does it."""
+
+    label: str
+    added: np.ndarray
+    most: float = np.inf
+
+
+Term = Callable[[Rows, np.random.Generator], Hidden]
 
 
 def _each(force: np.ndarray, frame: np.ndarray, compliance: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("nij,j,nkj,nk->ni", frame, compliance, frame, force))
 
 
-def _base_upright(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-    return "base_shift", rows.force * np.array([1.0, 1.0, rng.uniform(0.2, 0.8)])
+def _base_slides(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("base_shift", rows.force * np.array([1.0, 1.0, 0.0]))
 
 
-def _base_rocks(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-    about = np.append(rng.permutation([1.0, rng.uniform(0.1, 0.6)]), 0.0)
-    return "base_rocking", np.cross(np.cross(rows.tcp, rows.force) * about, rows.tcp)
+def _base_upright(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("base_shift", rows.force * np.array([1.0, 1.0, rng.uniform(0.2, 0.8)]))
 
 
-def _tool_pressed_in(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-    return "spindle_compliance", _each(rows.force, rows.tool, np.array([1.0, 1.0, rng.uniform(0.3, 0.8)]))
+def _base_tips(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("base_rocking", _tipped(rows, np.array([1.0, 1.0, 0.0])))
+
+
+def _base_rocks(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("base_rocking", _tipped(rows, np.append(rng.permutation([1.0, rng.uniform(0.1, 0.6)]), 0.0)))
+
+
+def _tipped(rows: Rows, about: np.ndarray) -> np.ndarray:
+    return np.asarray(np.cross(np.cross(rows.tcp, rows.force) * about, rows.tcp))
+
+
+def _tool_bends(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("spindle_compliance", _each(rows.force, rows.tool, np.array([1.0, 1.0, 0.0])))
+
+
+def _tool_pressed_in(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("spindle_compliance", _each(rows.force, rows.tool, np.array([1.0, 1.0, rng.uniform(0.3, 0.8)])))
 
 
 def _coupled(a: int, b: int) -> Term:
-    def term(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-        return "wrist_coupling", (rows.jacobian[:, :, a] * rows.torque[:, [b]] + rows.jacobian[:, :, b] * rows.torque[:, [a]])
+    def term(rows: Rows, rng: np.random.Generator) -> Hidden:
+        return Hidden("wrist_coupling",
+                      rows.jacobian[:, :, a] * rows.torque[:, [b]] + rows.jacobian[:, :, b] * rows.torque[:, [a]])
 
     return term
 
 
-def _uneven(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
+def _uneven(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """Softer at some angles, by at most nine tenths."""
     joint, turns = int(rng.integers(1, 6)), int(rng.integers(1, 3))
     share = np.cos(turns * rows.q[:, joint] + rng.uniform(0, 2 * np.pi))
     name = "gravity_compensator" if joint == 1 else f"uneven_gear[{joint + 1}]"
-    return name, rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None]
+    return Hidden(name, rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None], 0.9)
 
 
-def _drift(rows: Rows, rng: np.random.Generator) -> tuple[str, np.ndarray]:
-    return "drift", np.arange(len(rows.q))[:, None] * rng.standard_normal(3)
+def _free_play(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """A joint that jumps by its play when its torque changes sign; a tenth of a degree is a gear that is broken."""
+    joint = int(rng.integers(6))
+    return Hidden(f"backlash[{joint + 1}]", rows.jacobian[:, :, joint] * np.sign(rows.torque[:, [joint]]), 1e-3)
+
+
+def _softer_near_zero(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """A gear that yields up to two and a half times as much under small torques."""
+    joint = int(rng.integers(6))
+    torque, twist = rows.torque[:, joint], rows.twist[:, joint]
+    knee = np.abs(torque).max() * rng.uniform(0.1, 0.3)
+    largest = int(np.argmax(np.abs(torque)))
+    return Hidden(f"soft_zone[{joint + 1}]", rows.jacobian[:, :, joint] * np.tanh(torque / knee)[:, None],
+                  1.5 * knee * twist[largest] / torque[largest])
+
+
+def _other_force(label: str, error: Callable[[Rows, np.random.Generator], np.ndarray]) -> Term:
+    """The springs answer to another force than was written down: by `error` (n, 3)."""
+    def term(rows: Rows, rng: np.random.Generator) -> Hidden:
+        torque = np.einsum("nij,ni->nj", rows.jacobian, error(rows, rng))
+        largest = np.argmax(np.abs(rows.torque), axis=0), np.arange(6)
+        compliance = rows.twist[largest] / rows.torque[largest]
+        return Hidden(label, np.einsum("nij,nj->ni", rows.jacobian, torque * compliance))
+
+    return term
+
+
+def _turned_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    return np.asarray(np.cross(rng.standard_normal(3), rows.force))
+
+
+def _constant_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    return np.tile(rng.standard_normal(3), (len(rows.q), 1))
+
+
+def _one_axis_of_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    return np.asarray(rows.force * np.eye(3)[rng.integers(3)])
+
+
+def _gauge_scale(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("deflection_sensor_gain", _moved(rows) * np.eye(3)[rng.integers(3)], 0.29)
+
+
+def _gauges_turned(rows: Rows, rng: np.random.Generator) -> Hidden:
+    about = rng.standard_normal(3)
+    return Hidden("deflection_sensor_rotation", np.cross(about, _moved(rows)), 0.19 / np.abs(about).max())
+
+
+def _gauge_zero(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("sensor_step", np.tile(rng.standard_normal(3), (len(rows.q), 1)))
+
+
+def _from_then_on(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    return np.arange(len(rows.q))[:, None] >= rng.integers(len(rows.q) // 4, 3 * len(rows.q) // 4)
+
+
+def _gauge_bumped(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("sensor_step", _from_then_on(rows, rng) * rng.standard_normal(3))
+
+
+def _joint_off(rows: Rows, rng: np.random.Generator) -> Hidden:
+    joint = int(rng.integers(6))
+    return Hidden(f"encoder_zero[{joint + 1}]", rows.jacobian[:, :, joint])
+
+
+def _joint_off_later(rows: Rows, rng: np.random.Generator) -> Hidden:
+    joint = int(rng.integers(6))
+    return Hidden(f"encoder_zero[{joint + 1}]", rows.jacobian[:, :, joint] * _from_then_on(rows, rng))
+
+
+def _wave(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """Once to six times a turn, whole or not."""
+    joint, turns = int(rng.integers(6)), float(rng.uniform(1, 6))
+    turns = np.round(turns) if rng.random() < 0.5 else turns
+    return Hidden(f"transmission_error[{joint + 1}]",
+                  rows.jacobian[:, :, joint] * np.sin(turns * rows.q[:, [joint]] + rng.uniform(0, 2 * np.pi)))
+
+
+def _drift(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("drift", np.arange(len(rows.q))[:, None] * rng.standard_normal(3))
+
+
+def _softens(rows: Rows, rng: np.random.Generator) -> Hidden:
+    return Hidden("softening", _moved(rows) * np.arange(len(rows.q))[:, None])
+
+
+def _moved(rows: Rows) -> np.ndarray:
+    return np.asarray(np.einsum("nij,nj->ni", rows.jacobian, rows.twist))
 
 
 TERMS: dict[str, Term] = {
     "a base that gives way upright too": _base_upright, "a base that rocks more to one side": _base_rocks,
     "a tool pressed in": _tool_pressed_in, "axes 4 and 5 coupled": _coupled(3, 4), "axes 4 and 6 coupled": _coupled(3, 5),
-    "an uneven gear": _uneven, "drift without a clock": _drift}
+    "an uneven gear": _uneven, "drift without a clock": _drift, "free play": _free_play,
+    "a gear softer near zero": _softer_near_zero, "a base that slides": _base_slides, "a base that tips": _base_tips,
+    "a tool that bends": _tool_bends, "axes 5 and 6 coupled": _coupled(4, 5),
+    "a force frame turned": _other_force("force_misalignment", _turned_force),
+    "a force zero": _other_force("force_offset", _constant_force),
+    "one axis of the force": _other_force("force_axis_gain", _one_axis_of_force), "one gauge's scale": _gauge_scale,
+    "gauges turned": _gauges_turned, "a gauge zero": _gauge_zero, "a gauge bumped": _gauge_bumped, "a joint off": _joint_off,
+    "a joint off later": _joint_off_later, "a wave over the angle": _wave, "a robot that softens": _softens}
 
 
 def desk(seed: int, term: str | None) -> Desk:
-    """A load test of 24 to 240 rows on one of five robots; the term makes 8 to 25 % of the deflection."""
+    """A load test of 24 to 240 rows on one of five robots; the term makes 8 to 25 % of the deflection, or what a real
+    robot does at most."""
     rng = np.random.default_rng(seed)
     name = ROBOTS[int(rng.integers(len(ROBOTS)))]
     arm = robot(name)
@@ -120,11 +240,13 @@ def desk(seed: int, term: str | None) -> Desk:
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     force = np.round(rng.uniform(150, 400, (len(q), 1)) * direction, 1)
     rows = _rows(arm, q, tool, force, arm.stiffness * np.exp(0.4 * rng.standard_normal(6)))
-    moved = np.einsum("nij,nj->ni", rows.jacobian, rows.twist)
+    moved = _moved(rows)
     share, hidden, noise = float(rng.uniform(0.08, 0.25)), None, float(rng.uniform(3e-6, 12e-6))
     if term is not None:
-        hidden, added = TERMS[term](rows, rng)
-        moved = moved + added * share * np.sqrt(np.mean(moved**2) / np.mean(added**2))
+        told = TERMS[term](rows, rng)
+        hidden, factor = told.label, min(share * np.sqrt(np.mean(moved**2) / np.mean(told.added**2)), told.most)
+        share = float(factor * np.sqrt(np.mean(told.added**2) / np.mean(moved**2)))
+        moved = moved + factor * told.added
     table = np.hstack([np.degrees(q), force, 1e6 * (moved + noise * rng.standard_normal(moved.shape))])
     stated, labelled = rng.random(2) < 0.5
     return Desk(name, 1e3 * tool, table, np.repeat(np.arange(poses), loads) if labelled else None, 1e6 * noise, bool(stated),

@@ -14,6 +14,7 @@ from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, survey
 from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
+from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 from identification.model.effects_in_force import SPRINGS
@@ -34,6 +35,10 @@ BESIDE = 0.15
 AGAINST = -3.0
 # How often the best set of causes is fitted and the dictionary looked through again from there.
 MAX_ROUNDS = 4
+# Of other sets of causes that are likely too so many are fitted, where the best does not explain the rows.
+MOST_TRIED = 4
+# ln of how much likelier such a fit must be.
+LIKELIER = 3.0
 # So many sets whose fit does not converge, and there is no use in trying further.
 MOST_LOST = 8
 
@@ -49,13 +54,16 @@ class Named:
     lost: tuple[str, ...] = ()
 
 
-def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> Named:
-    """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best."""
+def converged(
+    fitted: Posterior, catalogue: dict[str, Effect], levels: int, rejected: frozenset[frozenset[int]] = frozenset(),
+) -> Named:
+    """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best.
+    rejected: sets that are no candidates, because what they leave is not noise."""
     fits: dict[tuple[frozenset[int], tuple[float, ...]], Posterior] = {}
     lost: dict[frozenset[int], str] = {}
     best = None
     while True:
-        seen = survey(fitted, catalogue, levels).without(set(lost))
+        seen = survey(fitted, catalogue, levels).without({*lost, *rejected})
         if not seen.hypotheses:
             return Named(seen, best, fitted, tuple(lost.values()))
         likeliest = seen.hypotheses[0]
@@ -74,6 +82,20 @@ def converged(fitted: Posterior, catalogue: dict[str, Effect], levels: int) -> N
         fits[as_weighed] = fitted
         # Its dictionary makes room for that of the next.
         del seen
+
+
+def likelier_fit(found: Named) -> Posterior | None:
+    """Of the other sets of as many causes that are likely too, the one whose fit is likelier than the best one's; None where
+    there is none. A noise that has grown for want of the cause takes up what tells them apart: each is held against its own."""
+    if found.best is None:
+        return None
+    others = [hypothesis for hypothesis in found.seen.hypotheses
+              if hypothesis.probability >= OPEN_LAW and len(hypothesis.entries) == len(found.best.entries)
+              and hypothesis.key != found.best.key]
+    tried = (attempt(found.fitted.data, found.seen.terms(hypothesis), found.fitted) for hypothesis in others[:MOST_TRIED])
+    values = [(log_evidence(fitted), fitted) for fitted in tried if fitted is not None]
+    value, likeliest = max(values, key=lambda pair: pair[0], default=(-np.inf, found.fitted))
+    return likeliest if value > log_evidence(found.fitted) + LIKELIER else None
 
 
 def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator) -> tuple[Posterior, frozenset[str]]:

@@ -23,6 +23,7 @@ from identification.diagnosis.naming import (
     credible,
     inclusion,
     kindred,
+    likelier_fit,
     of_nothing,
     only_local,
     with_free_laws,
@@ -211,6 +212,10 @@ class Procedure:
         usual = posterior(plain.data, (), plain, usual_noise=True)
         found = converged(usual, self.catalogue, 2)
         adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+        other = likelier_fit(found) if adequacy.p_value <= INADEQUATE else None
+        if found.best is not None and other is not None:
+            found = converged(other, self.catalogue, 2, frozenset((found.best.key,)))
+            adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         if adequacy.p_value <= INADEQUATE:
             again = converged(found.fitted, self.catalogue, MOST_CAUSES)
             found = replace(again, lost=tuple(dict.fromkeys((*found.lost, *again.lost))))

@@ -29,10 +29,14 @@ class Drift(OfReading):
         return np.asarray(np.nan_to_num(since_reference(rows))[:, None] * values)
 
 
+def clock(rows: LoadState) -> Array:
+    """The file's own time (n,) [s], NaN where it has none; where no row has one, PACE_S a row."""
+    return np.asarray(PACE_S * (rows.row - 1.0) if np.isnan(rows.time).all() else rows.time)
+
+
 def since_reference(rows: LoadState) -> Array:
-    """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones.
-    Where no row has a time, PACE_S a row."""
-    time: Array = np.asarray(PACE_S * (rows.row - 1.0) if np.isnan(rows.time).all() else rows.time)
+    """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones."""
+    time = clock(rows)
     since = time.copy()
     for reference in np.unique(rows.reference)[1:]:
         members = rows.reference == reference

@@ -1,4 +1,4 @@
-"""A joint's zero moved between two poses: from there on the joint stands off by the same angle."""
+"""A joint's zero is off: from a pose on, or at all poses, the joint stands off by the same angle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class EncoderZero(AtJoint):
     parameters = (Parameter("zero_rad", "rad", 2e-5, -5e-3, 5e-3,
                             source="engineering judgement: 0.07 arcmin, 30 um at 1.5 m, as a brake or a restart leaves it",
                             bounds_source="docs/real-data.md: 2.4 mrad between two records on one axis; twice that"),)
-    sentence = "the zero of joint {joint} moved between two poses: from there on it stands off by the same angle"
+    sentence = "the zero of joint {joint} is off: from one pose on, or at all of them, it stands off by the same angle"
     settles = "go back to the first pose and read without a load; check the joint's calibration marks"
 
     def __init__(self, row: int = 1) -> None:
@@ -48,6 +48,7 @@ class EncoderZero(AtJoint):
 
     @staticmethod
     def _starts(rows: LoadState) -> np.ndarray:
-        """First rows, as numbers in their file, of the poses that share their reference with the one before."""
-        first = np.flatnonzero(rows.starts)[1:]
-        return np.asarray(rows.row[first[rows.reference[first] == rows.reference[first - 1]]])
+        """First rows, as numbers in their file, of the poses that share their reference with another."""
+        first = np.flatnonzero(rows.starts)
+        references, count = np.unique(rows.reference[first], return_counts=True)
+        return np.asarray(rows.row[first[np.isin(rows.reference[first], references[count > 1])]])

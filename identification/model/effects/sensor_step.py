@@ -17,7 +17,8 @@ MOST_PLACES = 400
 
 
 class SensorStep(OfReading):
-    """A constant on the readings from one row on (until the next reference) or of one pose. A single bad row is found by its
+    """A constant on the readings from one row on (until the next reference) or of one pose; from the first row on it is a zero
+    that nobody took off. A single bad row is found by its
     weight (fit/noise.py) and named by diagnosis/gross.py."""
 
     name = "sensor_step"
@@ -26,7 +27,7 @@ class SensorStep(OfReading):
         "{}_m", "m", 1e-5, 1e-2,
         source="engineering judgement: ten times the 1 um of the paper's sensors (sect. 4)",
         bounds_source="the paper, sect. 4: the sensors measure +-5 mm, from one end to the other")
-    sentence = "a deflection sensor was bumped or re-seated"
+    sentence = "a deflection sensor was bumped or re-seated, or its zero not taken off"
     settles = "repeat the rows about the step"
 
     def __init__(self, kind: str = "row", place: int | str = 1) -> None:
@@ -46,7 +47,7 @@ class SensorStep(OfReading):
         return from_row_on(rows, int(self.place))
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        first = rows.row[1:] if len(rows) <= MOST_ROWS else rows.row[rows.starts][1:]
+        first = rows.row if len(rows) <= MOST_ROWS else rows.row[rows.starts]
         first = evenly(first, MOST_PLACES)
         names = _names(rows)
         poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, Signature
-from identification.model.effects.kinds import ONLY_IN_MOTION, AtJoint, InMotion, as_it_is
+from identification.model.effects.kinds import ONLY_IN_MOTION, AtJoint, InMotion
 from identification.model.joint_log import JointLog
 from identification.model.load_state import LoadState
 
@@ -19,8 +21,8 @@ FEWEST_POSES = 8
 
 class BetweenPoses(AtJoint):
     """`J_i (s sin(n angle) + c cos(n angle))` in load tests whose poses share a reference: what each pose stands off by. n is
-    searched; a line that is much finer than the poses lie apart shows as re-seating. It is no answer to a load, and is not
-    carried on: between the poses that were measured nobody knows it."""
+    searched, and fitted from there; a line that is much finer than the poses lie apart shows as re-seating. It is no answer to
+    a load, and is not carried on: between the poses that were measured nobody knows it."""
 
     name = "transmission_error"
     law = "poses"
@@ -29,33 +31,31 @@ class BetweenPoses(AtJoint):
     joints = (1, 2, 3, 4, 5, 6)
     formula_source = ("engineering judgement: gears and encoders turn, so what they get wrong repeats with their angle; the "
                       "poses of load tests show the coarse part")
-    parameters = tuple(
-        Parameter(name, "rad", 1e-5, -1e-3, 1e-3, source=LINES, bounds_source=LARGEST_LINE)
-        for name in ("sin_rad", "cos_rad"))
+    parameters = (
+        *(Parameter(name, "rad", 1e-5, -1e-3, 1e-3, source=LINES, bounds_source=LARGEST_LINE)
+          for name in ("sin_rad", "cos_rad")),
+        Parameter("cycles_per_turn", "1", 1.0, 0.5, 41.0, shape=True,
+                  source="engineering judgement: a wheel or a ring that sits off its axis",
+                  bounds_source="engineering judgement: from once in two turns to finer than poses lie apart"),
+    )
     sentence = SENTENCE
     settles = "go over the joint's angles without a load, a gauge at the tool, in both directions"
     cycles_tried = tuple(float(n) for n in np.arange(1.0, 40.1, 0.75))
 
-    def __init__(self, cycles: float = 1.0) -> None:
-        self.cycles = cycles
-
-    @property
-    def where(self) -> dict[str, int | str | float]:
-        return {"cycles_per_turn": self.cycles}
-
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
-        return np.asarray(rows.jacobian[:, :, i] * (self._waves(rows, i) @ values)[:, None])
+        return np.asarray(rows.jacobian[:, :, i] * (_waves(rows.theta[:, i], values[2]) @ values[:2])[:, None])
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
-        i, scale = self.index(joint), self.typical(rows, joint)
-        move, waves = rows.jacobian[:, :3, i, None], [BetweenPoses(cycles) for cycles in self.cycles_tried]
-        return [Signature(move * wave._waves(rows, i)[:, None], scale, False, as_it_is, wave) for wave in waves]
+        i, scale = self.index(joint), self.typical(rows, joint)[:2]
+        move = rows.jacobian[:, :3, i, None]
+        return [Signature(move * _waves(rows.theta[:, i], cycles)[:, None], scale, False,
+                          partial(np.append, values=cycles), self) for cycles in self.cycles_tried]
 
-    def _waves(self, rows: LoadState, i: int) -> Array:
-        """Sine and cosine (n, 2) at the commanded angle."""
-        wave = self.cycles * rows.theta[:, i]
-        return np.stack([np.sin(wave), np.cos(wave)], axis=1)
+
+def _waves(angle: Array, cycles: float) -> Array:
+    """Sine and cosine (n, 2) at the commanded angle (n,)."""
+    return np.stack([np.sin(cycles * angle), np.cos(cycles * angle)], axis=1)
 
 
 class TransmissionError(InMotion):

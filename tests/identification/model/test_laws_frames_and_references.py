@@ -63,7 +63,7 @@ def test_a_zero_stays_moved_until_the_reference_is_taken_anew() -> None:
     state = rows(6, references)
     moved = EncoderZero(3).contribution(state, 2, np.array([1e-4]))
     assert [bool(row.any()) for row in moved] == [False, False, True, True, False, False]
-    assert [shape.effect.where["row"] for shape in EncoderZero().signatures(state, 2)] == [2, 3, 4, 6]
+    assert [shape.effect.where["row"] for shape in EncoderZero().signatures(state, 2)] == [1, 2, 3, 4, 5, 6]
 
 
 def test_what_every_pose_has_a_reference_of_its_own_for_cannot_show() -> None:
@@ -81,5 +81,5 @@ def test_a_wave_over_the_angle_turns_the_tool_about_the_joint() -> None:
         angle = state.theta[:, joint - 1]
         wave = sine * np.sin(cycles * angle) + cosine * np.cos(cycles * angle)
         turned = replace(state, theta=state.theta + wave[:, None] * np.eye(6)[joint - 1])
-        added = BetweenPoses(cycles).contribution(state, joint, np.array([sine, cosine]))
+        added = BetweenPoses().contribution(state, joint, np.array([sine, cosine, cycles]))
         np.testing.assert_allclose(added[:, :3], turned.tcp - state.tcp, atol=2e-8)

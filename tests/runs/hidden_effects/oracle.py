@@ -23,12 +23,12 @@ OTHER_LAW = frozenset({"soft_zone", "hysteresis", "drift", "creep"})
 
 
 def at_its_place(effect: Effect, values: Mapping[str, Any]) -> Effect:
-    """An effect that is bound to a row, a pose or a number of cycles, where the truth has it; others as they are."""
+    """An effect that is bound to a row or a pose, where the truth has it; others as they are."""
     if effect.name == "sensor_step":
         return SensorStep("pose", values["pose"]) if "pose" in values else SensorStep("row", values["row"])
     if effect.name == "encoder_zero":
         return EncoderZero(values["row"])
-    return BetweenPoses(values["cycles_per_turn"]) if effect.name == "transmission_error" else effect
+    return BetweenPoses() if effect.name == "transmission_error" else effect
 
 
 def true_terms(data: LoadTest, case: Case) -> tuple[Term, ...] | None:
