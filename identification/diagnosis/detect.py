@@ -104,9 +104,7 @@ def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
         base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
-        undecided = dictionary.undecided(state, at.noise, term.joint)
-        if undecided.shape[2]:
-            base = base.extended(undecided)
+        base = base.freed(dictionary.undecided(state, term.joint), state.visit)
     found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
     return base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
 
@@ -125,7 +123,7 @@ def detect(
     step = base.inverse @ pulled
     quadratic = np.sum(residual.reshape(-1, replicates + 1) * weighted, axis=0) - np.sum(pulled * step, axis=0)
     quadratic[0] += float(base.shift @ base.precision @ base.shift)
-    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.design.shape[2], 1)
+    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.free, 1)
     entries = entry_surprise(base, dictionary, weighted, step, variance)
     left = weighted - base.weighted_design.reshape(-1, base.design.shape[2]) @ step
     observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(

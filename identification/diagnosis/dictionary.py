@@ -70,9 +70,9 @@ class Dictionary:
         bound = [k for k in self.entries[entry].signatures if self.signatures[k].effect.where == effect.where]
         return min(bound, key=lambda k: abs(self.signatures[k].weight - weight))
 
-    def undecided(self, state: LoadState, sight: Sight, joint: int | None) -> Array:
-        """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
-        in its typical size: the same in all of them, or turning round with the load."""
+    def undecided(self, state: LoadState, joint: int | None) -> Array:
+        """What the gear of a joint may do (n, 3, 2) [m], in its typical size, in the rows in which a force error decides it: at
+        each pose the same in all of them, or turning round with the load; (n, 3, 0) where there are none."""
         mask = np.zeros(len(state), dtype=bool)
         scale = 0.0
         for entry in self.entries:
@@ -81,13 +81,11 @@ class Dictionary:
                 if mine.any():
                     mask, scale = mask | mine, max(scale, float(entry.effect.typical(state, joint)[0]))
         if joint is None or not mask.any():
-            return sight.whitened(np.zeros((len(state), 3, 0)))
-        move = state.jacobian[:, :3, joint - 1] * scale
+            return np.zeros((len(state), 3, 0))
         force = state.wrench[:, :3]
         sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
-        columns = [move * (values * mask * (state.visit == visit))[:, None]
-                   for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
-        return sight.whitened(np.stack(columns, axis=2))
+        move = state.jacobian[:, :3, joint - 1] * (scale * mask)[:, None]
+        return np.stack([move, move * sign[:, None]], axis=2)
 
     def gear_laws(self, joint: int) -> list[int]:
         """The entries that are laws of this joint's gear."""

@@ -23,7 +23,7 @@ from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.projection import Base, information_blocks
 from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
-from identification.fit.noise import SMALLEST_LOG
+from identification.fit.noise import SMALLEST_LOG, Weights
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 from identification.model.law_of import uncertain
@@ -114,7 +114,8 @@ def noticed_from(
 def _left(base: Base, noise: FittedNoise, signal: Array, sizes: Array) -> Array:
     """Distance from the springs of a signal (n, 3) of these sizes (S,) in the noise that is fitted beside it, as a share of
     that in the noise as it is (S,)."""
-    gram, logs = NoiseGram(noise.model, noise.row_weight, base.design, signal), noise.components.logs
+    assert isinstance(base.weights, Weights)
+    gram, logs = NoiseGram(base.weights.model, noise.row_weight, base.design, signal), noise.components.logs
 
     def information(at: Array) -> Array:
         """G (S,) of the signal, the springs free, for the logarithms (S, 6) of the noise's parts."""

@@ -10,7 +10,7 @@ prior of a few typical sizes on the coefficients (half of it where the sign is k
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -35,17 +35,27 @@ class Weighing(Protocol):
         """Sigma^-1 columns (n, 3, q) in the noise's coordinates."""
         ...
 
+    def freed(self, moved: Array) -> Weighing:
+        """Where each visit, by itself, may move the tool by displacements (N, 3, p) [m] too, 1 sigma each."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Base:
     """The fitted model the signatures come on top of, linearised: design (n, 3, q), residual (n, 3) in the noise's coordinates,
-    prior precision (q, q) and shift (q,) of the step."""
+    prior precision (q, q) and shift (q,) of the step. by_visit: how many coefficients more the weights have been freed of."""
 
     design: Array
     residual: Array
     weights: Weighing
     precision: Array
     shift: Array
+    by_visit: int = 0
+
+    @property
+    def free(self) -> int:
+        """How many coefficients are free."""
+        return int(self.design.shape[2]) + self.by_visit
 
     @cached_property
     def weighted_design(self) -> Array:
@@ -67,9 +77,15 @@ class Base:
         precision[:size, :size] = self.precision
         precision[size:, size:] = np.eye(more) / PRIOR_SIZES**2
         larger = Base(np.concatenate([self.design, columns], axis=2), self.residual, self.weights, precision,
-                      np.concatenate([self.shift, np.zeros(more)]))
+                      np.concatenate([self.shift, np.zeros(more)]), self.by_visit)
         vars(larger)["weighted_design"] = np.concatenate([self.weighted_design, self.weights.apply(columns)], axis=2)
         return larger
+
+    def freed(self, moved: Array, visit: NDArray[np.intp]) -> Base:
+        """The model with displacements moved (N, 3, p) [m], in typical sizes, of which each visit (N,) has coefficients of its
+        own, free within their prior: as part of the noise, since as columns they would be as many as the visits."""
+        count = moved.shape[2] * len(np.unique(visit[np.any(moved, axis=(1, 2))]))
+        return replace(self, weights=self.weights.freed(PRIOR_SIZES * moved), by_visit=self.by_visit + count) if count else self
 
     def cross(self, columns: Array) -> Array:
         """D^T W E (q, m) for columns (n, 3, m)."""
