@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.dictionary import Dictionary, dictionary_of
+from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks
@@ -138,11 +138,9 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
     """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
     from scipy.special import chdtrc
 
-    n, components, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(-1, count * width)
-    b = flat.T @ weighted - base.cross(dictionary.columns.reshape(n, components, -1)).T @ step
-    b = b.reshape(count, width, -1)
-    inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(width))
+    flat = dictionary.columns.reshape(len(weighted), -1)
+    b = np.moveaxis(dictionary.by_signature((flat.T @ weighted - base.cross(dictionary.columns).T @ step).T), 0, 2)
+    inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST))
     coefficients = inverse @ b
     ratio = np.sum(b * coefficients, axis=1) / variance
     positive, log_shares = dictionary.positive, np.log(shares(dictionary))

@@ -215,7 +215,6 @@ def _apart(seen: Survey, kin: tuple[Hypothesis, ...]) -> float:
     """By how much the laws that a gear may follow differ in what they leave of the numbers, in their noise (largest RMS)."""
     left = []
     for one in kin:
-        columns = [seen.dictionary.columns[:, :, k, : seen.dictionary.widths[k]] for k in one.signatures]
-        base = seen.base.extended(np.concatenate(columns, axis=2))
+        base = seen.base.extended(seen.dictionary.of(*one.signatures))
         left.append(base.residual - base.design @ base.step(base.residual))
     return max((rms(one - left[0]) for one in left[1:]), default=0.0)

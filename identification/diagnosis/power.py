@@ -100,7 +100,7 @@ def noticed_from(
         looked_at.append((entry, len(each) < len(entry.signatures), middle, each[middle], way))
     if not looked_at:
         return ()
-    signals = [dictionary.columns[:, :, middle, : len(way)] @ way for _, _, middle, _, way in looked_at]
+    signals = [dictionary.of(middle) @ way for _, _, middle, _, way in looked_at]
     beside = _FittedBeside(base, noise, np.stack(signals, axis=2))
     found = []
     for k, (entry, weighed, middle, strength, way) in enumerate(looked_at):

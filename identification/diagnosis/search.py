@@ -76,7 +76,7 @@ class Survey:
 
     def terms(self, hypothesis: Hypothesis) -> tuple[Term, ...]:
         """The effects in force with their best coefficients, as a start for the fit."""
-        columns = [_columns(self.dictionary, signature) for signature in hypothesis.signatures]
+        columns = [self.dictionary.of(signature) for signature in hypothesis.signatures]
         base = self.base.extended(np.concatenate(columns, axis=2))
         step = base.step(base.residual)[len(self.base.precision):]
         terms, place = [], 0
@@ -225,7 +225,7 @@ class _Scan:
     def _other_ways(self, hypothesis: Hypothesis) -> Array:
         """What the structures of a hypothesis may do otherwise than their linear law (n, 3, m)."""
         dictionary = self.dictionary
-        base = self.base.extended(np.concatenate([_columns(dictionary, k) for k in hypothesis.signatures], axis=2))
+        base = self.base.extended(dictionary.of(*hypothesis.signatures))
         sizes = base.step(base.residual)[len(self.base.precision):]
         each = np.split(sizes, np.cumsum(dictionary.widths[list(hypothesis.signatures)])[:-1])
         terms = (dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, each, strict=True))
@@ -257,7 +257,7 @@ class _Scan:
             likeliest = signatures[int(np.argmax(evidence[signatures]))]
             size = scored.size[likeliest] * dictionary.amplitude(likeliest)
             of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
-            mixture = [of_share / dictionary.amplitude(s) * dictionary.columns[:, :, s, :1] for s in signatures]
+            mixture = [of_share / dictionary.amplitude(s) * dictionary.of(s)[:, :, :1] for s in signatures]
             self._share(evidence, decided.extended(np.concatenate(mixture, axis=2)), family, grams)
         return evidence, scored.visible
 
@@ -277,11 +277,6 @@ def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, in
     """ln of the mean Bayes factor of an entry's signatures, and the best of them."""
     top = float(values.max())
     return top + float(np.log(np.mean(np.exp(values - top)))), int(members[np.argmax(values)])
-
-
-def _columns(dictionary: Dictionary, signature: int) -> Array:
-    """A signature's columns (n, 3, p)."""
-    return dictionary.columns[:, :, signature, : dictionary.widths[signature]]
 
 
 def _weighed(hypotheses: list[Hypothesis], entries: int) -> tuple[Hypothesis, ...]:
