@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.dictionary import Dictionary, dictionary_of
+from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.patterns import Pattern, patterns_of
 from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks
@@ -104,9 +104,7 @@ def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
         base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
-        undecided = dictionary.undecided(state, at.noise, term.joint)
-        if undecided.shape[2]:
-            base = base.extended(undecided)
+        base = base.freed(dictionary.undecided(state, term.joint), state.visit)
     found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
     return base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)
 
@@ -125,7 +123,7 @@ def detect(
     step = base.inverse @ pulled
     quadratic = np.sum(residual.reshape(-1, replicates + 1) * weighted, axis=0) - np.sum(pulled * step, axis=0)
     quadratic[0] += float(base.shift @ base.precision @ base.shift)
-    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.design.shape[2], 1)
+    variance = np.maximum(quadratic, 1e-12) / max(noise.readings - base.free, 1)
     entries = entry_surprise(base, dictionary, weighted, step, variance)
     left = weighted - base.weighted_design.reshape(-1, base.design.shape[2]) @ step
     observed_patterns = np.array([pattern.surprise(base, left, variance) for pattern in patterns]).reshape(
@@ -140,11 +138,9 @@ def entry_surprise(base: Base, dictionary: Dictionary, weighted: Array, step: Ar
     """-log10 of each entry's own probability (entries, B): chi-squared of its best signature, times how many it has."""
     from scipy.special import chdtrc
 
-    n, components, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(-1, count * width)
-    b = flat.T @ weighted - base.cross(dictionary.columns.reshape(n, components, -1)).T @ step
-    b = b.reshape(count, width, -1)
-    inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(width))
+    flat = dictionary.columns.reshape(len(weighted), -1)
+    b = np.moveaxis(dictionary.by_signature((flat.T @ weighted - base.cross(dictionary.columns).T @ step).T), 0, 2)
+    inverse = np.linalg.inv(information_blocks(base, dictionary) + 1e-9 * np.eye(WIDEST))
     coefficients = inverse @ b
     ratio = np.sum(b * coefficients, axis=1) / variance
     positive, log_shares = dictionary.positive, np.log(shares(dictionary))

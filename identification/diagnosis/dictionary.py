@@ -30,9 +30,9 @@ class Entry(EffectInForce):
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """entries: what is tried. signatures (S): one for each value of what does not enter linearly. columns (n, 3, S, 3) as
-    the rows see them, whitened, in units of the typical size, unused coefficients zero; of a machined part (n, 1, S, 3). widths
-    (S,), positive (S,). left_out: effects that these rows cannot show at all, and why."""
+    """entries: what is tried. signatures (S): one for each value of what does not enter linearly. columns (n, 3, m) as the rows
+    see them, whitened, in units of the typical size, those of one signature side by side; of a machined part (n, 1, m). widths
+    (S,): how many a signature has; positive (S,). left_out: effects that these rows cannot show at all, and why."""
 
     entries: tuple[Entry, ...]
     signatures: tuple[Signature, ...]
@@ -46,6 +46,27 @@ class Dictionary:
         """Index of the entry each signature belongs to (S,)."""
         return np.concatenate([np.full(len(entry.signatures), k) for k, entry in enumerate(self.entries)]).astype(np.intp)
 
+    @cached_property
+    def starts(self) -> NDArray[np.intp]:
+        """Where the columns of each signature begin (S,)."""
+        return np.asarray(np.cumsum(self.widths) - self.widths)
+
+    @cached_property
+    def used(self) -> NDArray[np.bool_]:
+        """Which of WIDEST coefficients each signature has (S, 3)."""
+        return np.arange(WIDEST)[None] < self.widths[:, None]
+
+    def of(self, *signatures: int) -> Array:
+        """Columns (n, 3, p) of these signatures, one after the other."""
+        places = [np.arange(self.starts[s], self.starts[s] + self.widths[s]) for s in signatures]
+        return self.columns[:, :, np.concatenate(places)]
+
+    def by_signature(self, values: Array) -> Array:
+        """Values (..., m) of the columns as (..., S, 3), nothing where a signature has no such coefficient."""
+        padded = np.zeros((*values.shape[:-1], *self.used.shape))
+        padded[..., self.used] = values
+        return padded
+
     def shapes(self, entry: int, signature: int) -> Array:
         """Columns (n, 3, m) of an entry whose law is not exactly the dictionary's: its signatures for all values of what does
         not enter linearly, and those of the laws near it; `signature` alone for one that is bound to a place."""
@@ -58,7 +79,7 @@ class Dictionary:
             weight = self.signatures[signature].weight
             members = [k for each in (named, *near) for k in each.signatures
                        if weight / ALIKE <= self.signatures[k].weight <= weight * ALIKE]
-        return np.concatenate([self.columns[:, :, k, : self.widths[k]] for k in members], axis=2)
+        return self.of(*members)
 
     def unweighed(self, entry: Entry) -> list[int]:
         """The signatures of an entry but those under a weight that is searched: a plan is judged as if nothing hung there."""
@@ -70,9 +91,9 @@ class Dictionary:
         bound = [k for k in self.entries[entry].signatures if self.signatures[k].effect.where == effect.where]
         return min(bound, key=lambda k: abs(self.signatures[k].weight - weight))
 
-    def undecided(self, state: LoadState, sight: Sight, joint: int | None) -> Array:
-        """What the gear of a joint may do at each pose in the rows in which a force error decides it (n, 3, 2 poses), whitened,
-        in its typical size: the same in all of them, or turning round with the load."""
+    def undecided(self, state: LoadState, joint: int | None) -> Array:
+        """What the gear of a joint may do (n, 3, 2) [m], in its typical size, in the rows in which a force error decides it: at
+        each pose the same in all of them, or turning round with the load; (n, 3, 0) where there are none."""
         mask = np.zeros(len(state), dtype=bool)
         scale = 0.0
         for entry in self.entries:
@@ -81,13 +102,11 @@ class Dictionary:
                 if mine.any():
                     mask, scale = mask | mine, max(scale, float(entry.effect.typical(state, joint)[0]))
         if joint is None or not mask.any():
-            return sight.whitened(np.zeros((len(state), 3, 0)))
-        move = state.jacobian[:, :3, joint - 1] * scale
+            return np.zeros((len(state), 3, 0))
         force = state.wrench[:, :3]
         sign = np.sign(np.take_along_axis(force, np.argmax(np.abs(force), axis=1)[:, None], axis=1)[:, 0])
-        columns = [move * (values * mask * (state.visit == visit))[:, None]
-                   for visit in np.unique(state.visit[mask]) for values in (np.ones(len(state)), sign)]
-        return sight.whitened(np.stack(columns, axis=2))
+        move = state.jacobian[:, :3, joint - 1] * (scale * mask)[:, None]
+        return np.stack([move, move * sign[:, None]], axis=2)
 
     def gear_laws(self, joint: int) -> list[int]:
         """The entries that are laws of this joint's gear."""
@@ -106,7 +125,7 @@ class Dictionary:
             count = len(self.entries[k].signatures)
             part.append(Entry(self.entries[k].effect, self.entries[k].joint, range(place, place + count)))
             place += count
-        return Dictionary(tuple(part), tuple(self.signatures[s] for s in kept), self.columns[:, :, kept], self.widths[kept],
+        return Dictionary(tuple(part), tuple(self.signatures[s] for s in kept), self.of(*kept), self.widths[kept],
                           self.positive[kept], {})
 
     def term(self, state: LoadState, signature: int, coefficients: Array) -> Term:
@@ -133,8 +152,9 @@ def dictionary_of(state: LoadState, sight: Sight, catalogue: dict[str, Effect]) 
             entries.append(Entry(effect, joint, range(len(signatures), len(signatures) + len(shapes))))
             signatures += shapes
     # One after the other: of long load tests all of them together are most of what is held.
-    columns = np.zeros((*sight.whitened(np.zeros((len(state), 3, 0))).shape[:2], len(signatures), WIDEST))
-    for k, shape in enumerate(signatures):
-        columns[:, :, k, : shape.rows.shape[2]] = sight.whitened(shape.rows * shape.scale)
-    return Dictionary(tuple(entries), tuple(signatures), columns, np.array([shape.rows.shape[2] for shape in signatures]),
-                      np.array([shape.positive for shape in signatures]), left_out)
+    widths = np.array([shape.rows.shape[2] for shape in signatures], dtype=np.intp)
+    columns = np.empty((*sight.whitened(np.zeros((len(state), 3, 0))).shape[:2], int(widths.sum())))
+    for shape, end in zip(signatures, np.cumsum(widths), strict=True):
+        columns[:, :, end - shape.rows.shape[2]: end] = sight.whitened(shape.rows * shape.scale)
+    return Dictionary(tuple(entries), tuple(signatures), columns, widths,
+                      np.array([shape.positive for shape in signatures], dtype=bool), left_out)

@@ -16,6 +16,8 @@ from identification.fit.posterior import Posterior
 
 Array = NDArray[np.float64]
 RESAMPLES = 999
+# Poses that are drawn at once.
+AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +68,19 @@ def gain(data: LoadTest, plain: Posterior, extended: Posterior, rng: np.random.G
     squares = np.array([_by_group(residual**2, groups) for residual in residuals])
     counts = _by_group((~np.isnan(kept.rows.deflection)).astype(float), groups)
     before, after = np.sqrt(squares.sum(axis=1) / counts.sum())
-    drawn = rng.integers(0, squares.shape[1], (RESAMPLES, squares.shape[1]))
-    ratios = np.sqrt(squares[0][drawn].sum(axis=1) / np.maximum(squares[1][drawn].sum(axis=1), 1e-30))
-    low, high = np.quantile(ratios, [0.025, 0.975])
+    low, high = np.quantile(_ratios(squares, rng), [0.025, 0.975])
     by_pose = np.sqrt(squares / np.maximum(counts, 1))
     support = misfit(residuals[0]) - misfit(residuals[1])
     return Gain(float(before), float(after), (float(low), float(high)), held_out, support, by_pose, pose_names(kept.rows))
+
+
+def _ratios(squares: Array, rng: np.random.Generator) -> Array:
+    """Root of the first squares over the second (2, poses), over poses drawn anew (RESAMPLES,)."""
+    count, ratios = squares.shape[1], []
+    for some in np.array_split(np.arange(RESAMPLES), min(RESAMPLES, 1 + RESAMPLES * count // AT_ONCE)):
+        before, after = squares[:, rng.integers(0, count, (len(some), count))].sum(axis=2)
+        ratios.append(np.sqrt(before / np.maximum(after, 1e-30)))
+    return np.concatenate(ratios)
 
 
 def _by_group(values: Array, groups: NDArray[np.intp]) -> Array:

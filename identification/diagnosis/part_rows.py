@@ -67,6 +67,10 @@ class PartRows:
         """As `Weighing`: the noise is white already."""
         return columns
 
+    def freed(self, moved: Array) -> WithFreeVisits:
+        """As `Weighing`."""
+        return WithFreeVisits(self, np.zeros((self.readings, 1, 0))).freed(moved)
+
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """As `Drawn` (n, 1, count)."""
         return rng.standard_normal((self.readings, 1, count))
@@ -89,6 +93,31 @@ class PartRows:
         if not columns.shape[1]:
             return np.zeros((self.readings, 1, 0))
         return np.asarray(solve_triangular(self.factor, columns, lower=True, check_finite=False))[:, None, :]
+
+
+@dataclass(frozen=True, eq=False)
+class WithFreeVisits:
+    """The noise of a part's numbers with columns (n, 1, m) of 1 sigma each in it: what its few visits may do by themselves."""
+
+    rows: PartRows
+    columns: Array
+
+    @cached_property
+    def _inverse(self) -> Array:
+        columns = self.columns[:, 0]
+        return np.asarray(np.linalg.inv(np.eye(columns.shape[1]) + columns.T @ columns), dtype=float)
+
+    def apply(self, columns: Array) -> Array:
+        """As `Weighing`."""
+        mine = self.columns[:, 0]
+        return np.asarray(columns - (mine @ (self._inverse @ (mine.T @ columns[:, 0])))[:, None])
+
+    def freed(self, moved: Array) -> WithFreeVisits:
+        """As `Weighing`."""
+        visit = self.rows.state.visit
+        each = [self.rows.whitened(moved * (visit == number)[:, None, None])
+                for number in np.unique(visit[np.any(moved, axis=(1, 2))])]
+        return WithFreeVisits(self.rows, np.concatenate([self.columns, *each], axis=2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +164,7 @@ def enough(
     dictionary, base = seen.dictionary, rows.base
     for entry, signature in zip(chosen.entries, chosen.signatures, strict=True):
         base = base.extended(dictionary.shapes(entry, signature))
-        undecided = dictionary.undecided(rows.state, rows, dictionary.entries[entry].joint)
-        if undecided.shape[2]:
-            base = base.extended(undecided)
+        base = base.freed(dictionary.undecided(rows.state, dictionary.entries[entry].joint), rows.state.visit)
     base = base.extended(other_ways(rows.state, rows, seen.terms(chosen)) / PRIOR_SIZES)
     return detect(base, dictionary, (), rows, rng, replicates)
 
@@ -188,7 +215,6 @@ def _apart(seen: Survey, kin: tuple[Hypothesis, ...]) -> float:
     """By how much the laws that a gear may follow differ in what they leave of the numbers, in their noise (largest RMS)."""
     left = []
     for one in kin:
-        columns = [seen.dictionary.columns[:, :, k, : seen.dictionary.widths[k]] for k in one.signatures]
-        base = seen.base.extended(np.concatenate(columns, axis=2))
+        base = seen.base.extended(seen.dictionary.of(*one.signatures))
         left.append(base.residual - base.design @ base.step(base.residual))
     return max((rms(one - left[0]) for one in left[1:]), default=0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.diagnosis.projection import Base
-from identification.fit.sight import Sight
+from identification.fit.noise import NoiseModel
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
@@ -29,59 +29,82 @@ EXPLAINED = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """name: what is seen, in plain words. columns (n, 3, m) in the noise's coordinates."""
+    """name: what is seen, in plain words. columns (n, 3, m) in the coordinates of `noise`; by_visit: each visit has its own;
+    seen (visits, m), or (1, m): which of them more than one row shows."""
 
     name: str
     columns: Array
+    noise: NoiseModel
+    by_visit: bool
+    seen: NDArray[np.bool_]
 
     def surprise(self, base: Base, left: Array, variance: Array) -> Array:
         """-log10 of its probability (B,), from `W (r - D step)` (3n, B); the first is the data, the others replicates."""
         from scipy.stats import chi2
 
-        own = np.einsum("ncm,ncm->m", self.columns, base.weights.apply(self.columns))
-        cross = base.cross(self.columns)
-        free = own - np.einsum("qm,qm->m", cross, base.inverse @ cross)
-        kept = free > EXPLAINED * np.maximum(own, 1e-300)
+        weighted = base.weights.apply(self.columns)
+        own = _sums(self.noise, np.sum(self.columns * weighted, axis=1), self.by_visit)
+        cross = self._products(base.weighted_design)
+        free = own - np.sum(cross * (cross @ base.inverse), axis=2)
+        kept = self.seen & (free > EXPLAINED * np.maximum(own, 1e-300))
         if not kept.any():
             return np.zeros(left.shape[1])
-        columns = self.columns[:, :, kept].reshape(left.shape[0], -1) / np.sqrt(free[kept])
-        total = np.sum((columns.T @ left) ** 2, axis=0) / variance
+        score = self._products(left.reshape(*self.columns.shape[:2], -1))
+        total = np.sum(score[kept] ** 2 / free[kept][:, None], axis=0) / variance
         mean, spread = float(total[1:].mean()), float(total[1:].var())
         # Satterthwaite: total ~ a chi2(d)
         scale = spread / (2 * mean)
         return np.asarray(np.maximum(-chi2.logsf(total / scale, mean / scale) / np.log(10), 0.0))
 
+    def _products(self, right: Array) -> Array:
+        """columns^T right (visits, m, q), or (1, m, q), of right (n, 3, q)."""
+        if self.by_visit:
+            return self.noise.products(self.columns, right)
+        return np.asarray(self.columns.reshape(-1, self.columns.shape[2]).T @ right.reshape(-1, right.shape[2]))[None]
 
-def patterns_of(state: LoadState, sight: Sight) -> tuple[Pattern, ...]:
+
+def patterns_of(state: LoadState, noise: NoiseModel) -> tuple[Pattern, ...]:
     """The patterns these rows can show."""
     force = state.wrench[:, :3]
     typical = max(float(np.linalg.norm(force, axis=1).max(initial=0.0)), 1e-9)
     order = np.linspace(0.0, 1.0, len(state)) if np.isnan(state.time).any() else _scaled(state.time)
     waves = [np.cos(np.pi * wave * order) for wave in range(1, WAVES + 1)]
     columns: dict[str, list[Array]] = {}
-    for name, members in (*_of_poses(state, typical, order, waves), *_of_joints(state, waves), *_of_axes(state, typical),
+    for name, members in (*_of_order(waves), *_of_joints(state, waves), *_of_axes(state, typical),
                           *_of_tool(state, typical)):
         columns.setdefault(name, []).extend(members)
-    patterns = []
-    for name in list(columns):
-        # Each makes room for the next: those of single poses are as many as the poses.
-        seen = [column for column in columns.pop(name) if np.count_nonzero(np.abs(column).sum(axis=1)) > 1]
-        if seen:
-            patterns.append(Pattern(name, sight.whitened(np.stack(seen, axis=2))))
-    return tuple(patterns)
+    return tuple(pattern for pattern in (
+        *(_pattern(name, members, noise, by_visit=True) for name, members in _of_single_poses(state, typical, order)),
+        *(_pattern(name, members, noise, by_visit=False) for name, members in columns.items())) if pattern.seen.any())
 
 
-def _of_poses(state: LoadState, typical: float, order: Array, waves: list[Array]) -> Iterator[Named]:
-    """Poses by themselves, and the order of the rows."""
+def _pattern(name: str, members: list[Array], noise: NoiseModel, by_visit: bool) -> Pattern:
+    columns = np.stack(members, axis=2)
+    seen = _sums(noise, np.any(columns, axis=1).astype(int), by_visit) > 1
+    shown = seen.any(axis=0)
+    return Pattern(name, noise.whitened(columns[:, :, shown]), noise, by_visit, seen[:, shown])
+
+
+def _sums(noise: NoiseModel, values: Array, by_visit: bool) -> Array:
+    """Sums (visits, m), or (1, m), of values (n, m)."""
+    return noise.by_visit(values) if by_visit else np.asarray(values.sum(axis=0))[None]
+
+
+def _of_single_poses(state: LoadState, typical: float, order: Array) -> Iterator[Named]:
+    """Poses by themselves: what each visit has of its own."""
     force = state.wrench[:, :3]
     unloaded = np.linalg.norm(force, axis=1) == 0
     along = _along(force) / typical
     change = along - _before(along, state.starts)
-    pose = state.visit * 3.0 + np.argmax(np.abs(force), axis=1)
-    yield "single poses do not yield as the springs say", _by_group(pose, along)
-    yield "the deflection does not turn round with the load", _by_group(pose, np.abs(along))
-    yield "what a load leaves depends on the load before", _by_group(pose, np.sign(change))
-    yield "zero readings wander within a pose", _by_group(state.visit.astype(float), unloaded * (order - 0.5))
+    axis = np.argmax(np.abs(force), axis=1)
+    yield "single poses do not yield as the springs say", _by_axis(axis, along)
+    yield "the deflection does not turn round with the load", _by_axis(axis, np.abs(along))
+    yield "what a load leaves depends on the load before", _by_axis(axis, np.sign(change))
+    yield "zero readings wander within a pose", _axes(unloaded * (order - 0.5))
+
+
+def _of_order(waves: list[Array]) -> Iterator[Named]:
+    """The order of the rows."""
     yield "the readings wander with time", [column for wave in waves for column in _axes(wave)]
 
 
@@ -133,9 +156,9 @@ def _axes(values: Array) -> list[Array]:
     return [values[:, None] * axis for axis in np.eye(3)]
 
 
-def _by_group(group: Array, values: Array) -> list[Array]:
-    """values (n,) on each reading of each group of rows by itself."""
-    return [column for number in np.unique(group) for column in _axes(values * (group == number))]
+def _by_axis(axis: NDArray[np.intp], values: Array) -> list[Array]:
+    """values (n,) on each reading of the rows loaded along each axis (n,) by itself."""
+    return [column for number in range(3) for column in _axes(values * (axis == number))]
 
 
 def _before(values: Array, starts: NDArray[np.bool_]) -> Array:

@@ -154,9 +154,9 @@ def visit_information(cell: Cell, planned: Measurements, log_compliance: Array) 
     columns, labels = [base.design], []
     for entry in dictionary.entries:
         shapes = dictionary.unweighed(entry)
-        strength = np.sum(dictionary.columns[:, :, shapes] ** 2, axis=(0, 1, 3))
+        strength = [np.sum(dictionary.of(shape) ** 2) for shape in shapes]
         middle = shapes[int(np.argsort(strength)[len(shapes) // 2])]
-        columns.append(dictionary.columns[:, :, middle, : dictionary.widths[middle]])
+        columns.append(dictionary.of(middle))
         labels += [entry.label] * int(dictionary.widths[middle])
     stacked = np.concatenate(columns, axis=2)
     weighted = base.weights.apply(stacked)
@@ -210,13 +210,12 @@ def _gram(base: Base, dictionary: Dictionary) -> tuple[Array, dict[int, slice]]:
         if len(members) > MOST_PLACES:
             members = members[np.linspace(0, len(members) - 1, MOST_PLACES).astype(int)]
         kept += members.tolist()
-    slices, columns, place = {}, [], 0
+    slices, place = {}, 0
     for s in kept:
         width = int(dictionary.widths[s])
         slices[s] = slice(place, place + width)
-        columns.append(dictionary.columns[:, :, s, :width])
         place += width
-    return base.gram(np.concatenate(columns, axis=2)), slices
+    return base.gram(dictionary.of(*kept)), slices
 
 
 def _left(gram: Array, mine: slice, other: slice) -> float:

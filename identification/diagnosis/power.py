@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.projection import Base, information_blocks
 from identification.diagnosis.search import LAW_SHARE
 from identification.fit.gram import NoiseGram
-from identification.fit.noise import SMALLEST_LOG
+from identification.fit.noise import SMALLEST_LOG, Weights
 from identification.fit.posterior import Posterior
 from identification.model.effects import Effect
 from identification.model.law_of import uncertain
@@ -35,8 +35,10 @@ POWER = 0.8
 NEVER = 1e3
 # So much information is none.
 NOTHING = 1e-12
-# Sizes that are tried, as multiples of what would show in a noise that is known; differences in ln of a part of the noise.
+# Sizes that are tried, as multiples of what would show in a noise that is known, AT_ONCE of them together; differences in ln
+# of a part of the noise.
 SIZES = np.geomspace(0.5, 20.0, 24)
+AT_ONCE = 8
 STEP = 0.1
 
 
@@ -90,49 +92,81 @@ def noticed_from(
 ) -> tuple[Showing, ...]:
     """Of these entries of the dictionary, beside a linearised model."""
     information, tail = information_blocks(base, dictionary), np.minimum(10.0**-critical / shares(dictionary), 0.5)
-    found = []
+    looked_at = []
     for entry in entries:
         each = {s: along(information[s, : dictionary.widths[s], : dictionary.widths[s]]) for s in dictionary.unweighed(entry)}
         middle = in_the_middle({s: float(strength[worst_fifth(strength)]) for s, strength in each.items()})
-        strength, width = each[middle], int(dictionary.widths[middle])
-        way = directions(width)[worst_fifth(strength)]
-        signal = dictionary.columns[:, :, middle, :width] @ way
-        differs = LAW_SHARE if uncertain(entry.effect) else 0.0
-        size, asked = NEVER, needed(float(tail[middle]), width)
-        unit = strength[worst_fifth(strength)]
+        way = directions(int(dictionary.widths[middle]))[worst_fifth(each[middle])]
+        looked_at.append((entry, len(each) < len(entry.signatures), middle, each[middle], way))
+    if not looked_at:
+        return ()
+    signals = [dictionary.of(middle) @ way for _, _, middle, _, way in looked_at]
+    beside = _FittedBeside(base, noise, np.stack(signals, axis=2))
+    found = []
+    for k, (entry, weighed, middle, strength, way) in enumerate(looked_at):
+        asked, unit = needed(float(tail[middle]), len(way)), strength[worst_fifth(strength)]
+        size = NEVER
         if unit**2 > NOTHING:
-            sizes = asked / unit * SIZES
-            left = _left(base, noise, signal, sizes)
-            size = _reached(sizes, chance(np.multiply.outer(sizes * left, strength), asked, differs))
+            differs = LAW_SHARE if uncertain(entry.effect) else 0.0
+            size = beside.noticed_from(k, asked / unit * SIZES, strength, asked, differs)
         shape = dictionary.signatures[middle]
         moved = np.linalg.norm((shape.rows[:, :3] * shape.scale) @ way, axis=1).max()
-        weighed = len(each) < len(entry.signatures)
         found.append(Showing(entry, size, dictionary.amplitude(entry.signatures.start), size * float(moved), weighed))
     return tuple(found)
 
 
-def _left(base: Base, noise: FittedNoise, signal: Array, sizes: Array) -> Array:
-    """Distance from the springs of a signal (n, 3) of these sizes (S,) in the noise that is fitted beside it, as a share of
-    that in the noise as it is (S,)."""
-    gram, logs = NoiseGram(noise.model, noise.row_weight, base.design, signal), noise.components.logs
+@dataclass(frozen=True, eq=False)
+class _FittedBeside:
+    """The noise that is fitted beside signals (n, 3, E), each by itself."""
 
-    def information(at: Array) -> Array:
-        """G (S,) of the signal, the springs free, for the logarithms (S, 6) of the noise's parts."""
+    base: Base
+    noise: FittedNoise
+    signals: Array
+
+    def noticed_from(self, signal: int, sizes: Array, strength: Array, asked: float, differs: float) -> float:
+        """The smallest of these sizes (S,) at which a signal is noticed; strength, asked, differs: as of `chance`."""
+        noticed = np.zeros(0)
+        # One after the other would be slow, and most are noticed at one of the smallest.
+        for some in np.split(sizes, range(AT_ONCE, len(sizes), AT_ONCE)):
+            distance = np.multiply.outer(some * self._left(signal, some), strength)
+            noticed = np.append(noticed, chance(distance, asked, differs))
+            if np.any(noticed >= POWER):
+                break
+        return _reached(sizes, noticed)
+
+    def _left(self, signal: int, sizes: Array) -> Array:
+        """Distance of a signal of these sizes (S,) from the springs in the noise that is fitted beside it, as a share of that
+        in the noise as it is (S,)."""
+        here, pull = self._pulls
+        grown = np.multiply.outer(sizes**2, pull[signal])
+        grown = np.where(grown > 0, 0.5 * np.log1p(2 * np.maximum(grown, 0)), np.maximum(grown, -1.0))
+        alone = self._information(self.signals[:, :, signal: signal + 1], self.noise.components.logs + grown)
+        return np.asarray(np.sqrt(alone[:, 0] / here[signal]))
+
+    @cached_property
+    def _pulls(self) -> tuple[Array, Array]:
+        """Information (E,) in the noise as it is, and where each signal of unit size pulls its parts (E, 6)."""
+        logs = self.noise.components.logs
+        unit = STEP * np.eye(len(logs))
+        every = self._information(self.signals, logs + np.concatenate([0 * unit[:1], unit, -unit]))
+        here, ahead, behind = np.split(every, [1, 1 + len(unit)])
+        return here[0], (behind - ahead).T @ self.noise.covariance / (4 * STEP)
+
+    def _information(self, signals: Array, at: Array) -> Array:
+        """G (S, E) of each signal (n, 3, E), the springs free, for the logarithms (S, 6) of the noise's parts."""
+        base = self.base
+        assert isinstance(base.weights, Weights)
+        q, columns = len(base.precision), np.concatenate([base.design, signals], axis=2)
+        gram = NoiseGram(base.weights.model, self.noise.row_weight, columns[:, :, :-1], columns[:, :, -1])
         products = gram(np.maximum(at, SMALLEST_LOG))[0]
-        cross = products[:, :-1, -1:]
-        taken = np.linalg.solve(products[:, :-1, :-1] + base.precision, cross)
-        return np.asarray(np.maximum(products[:, -1, -1] - np.sum(cross * taken, axis=(1, 2)), 0.0))
-
-    unit = STEP * np.eye(len(logs))
-    here, ahead, behind = np.split(information(logs + np.concatenate([0 * unit[:1], unit, -unit])), [1, 1 + len(unit)])
-    pull = noise.covariance @ (behind - ahead) / (4 * STEP)
-    grown = np.multiply.outer(sizes**2, pull)
-    grown = np.where(grown > 0, 0.5 * np.log1p(2 * np.maximum(grown, 0)), np.maximum(grown, -1.0))
-    return np.asarray(np.sqrt(information(logs + grown) / here))
+        cross = products[:, :q, q:]
+        taken = np.linalg.solve(products[:, :q, :q] + base.precision, cross)
+        own = np.diagonal(products[:, q:, q:], axis1=1, axis2=2)
+        return np.asarray(np.maximum(own - np.sum(cross * taken, axis=1), 0.0))
 
 
 def _reached(sizes: Array, noticed: Array) -> float:
-    """The smallest of the sizes (S,) at which this share (S,) is POWER; NEVER beyond the largest."""
+    """The smallest of the sizes (S,) at which this share, of the first of them, is POWER; NEVER beyond the largest."""
     first = int(np.argmax(noticed >= POWER))
     if noticed[first] < POWER:
         return NEVER

@@ -10,14 +10,14 @@ prior of a few typical sizes on the coefficients (half of it where the sign is k
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.diagnosis.dictionary import Dictionary
+from identification.diagnosis.dictionary import WIDEST, Dictionary
 
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
@@ -35,17 +35,27 @@ class Weighing(Protocol):
         """Sigma^-1 columns (n, 3, q) in the noise's coordinates."""
         ...
 
+    def freed(self, moved: Array) -> Weighing:
+        """Where each visit, by itself, may move the tool by displacements (N, 3, p) [m] too, 1 sigma each."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Base:
     """The fitted model the signatures come on top of, linearised: design (n, 3, q), residual (n, 3) in the noise's coordinates,
-    prior precision (q, q) and shift (q,) of the step."""
+    prior precision (q, q) and shift (q,) of the step. by_visit: how many coefficients more the weights have been freed of."""
 
     design: Array
     residual: Array
     weights: Weighing
     precision: Array
     shift: Array
+    by_visit: int = 0
+
+    @property
+    def free(self) -> int:
+        """How many coefficients are free."""
+        return int(self.design.shape[2]) + self.by_visit
 
     @cached_property
     def weighted_design(self) -> Array:
@@ -67,9 +77,15 @@ class Base:
         precision[:size, :size] = self.precision
         precision[size:, size:] = np.eye(more) / PRIOR_SIZES**2
         larger = Base(np.concatenate([self.design, columns], axis=2), self.residual, self.weights, precision,
-                      np.concatenate([self.shift, np.zeros(more)]))
+                      np.concatenate([self.shift, np.zeros(more)]), self.by_visit)
         vars(larger)["weighted_design"] = np.concatenate([self.weighted_design, self.weights.apply(columns)], axis=2)
         return larger
+
+    def freed(self, moved: Array, visit: NDArray[np.intp]) -> Base:
+        """The model with displacements moved (N, 3, p) [m], in typical sizes, of which each visit (N,) has coefficients of its
+        own, free within their prior: as part of the noise, since as columns they would be as many as the visits."""
+        count = moved.shape[2] * len(np.unique(visit[np.any(moved, axis=(1, 2))]))
+        return replace(self, weights=self.weights.freed(PRIOR_SIZES * moved), by_visit=self.by_visit + count) if count else self
 
     def cross(self, columns: Array) -> Array:
         """D^T W E (q, m) for columns (n, 3, m)."""
@@ -113,13 +129,10 @@ class Scores:
 
 def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Scores:
     """The residual of the fitted model against every signature; grams (S, 3, 3): `own_grams`, where they are at hand."""
-    n, components, count, width = dictionary.columns.shape
-    flat = dictionary.columns.reshape(n, components, -1)
-    cross = base.cross(flat)
-    b = base.score(flat, base.residual[:, :, None], base.shift, cross)[:, 0].reshape(count, width)
+    cross, width = base.cross(dictionary.columns), WIDEST
+    b = dictionary.by_signature(base.score(dictionary.columns, base.residual[:, :, None], base.shift, cross)[:, 0])
     information = _blocks(base, dictionary, cross, own_grams(base.weights, dictionary) if grams is None else grams)
-    used = np.arange(width)[None] < dictionary.widths[:, None]
-    largest = np.max(np.where(used, np.einsum("sii->si", information), 0.0), axis=1)
+    largest = np.max(np.where(dictionary.used, np.einsum("sii->si", information), 0.0), axis=1)
     ridge = 1e-9 * np.einsum("sii->s", information)[:, None, None] * np.eye(width) + 1e-12 * np.eye(width)
     best = np.linalg.solve(information + ridge, b[..., None])[..., 0]
     ratio = np.where(dictionary.positive & (best[:, 0] < 0), 0.0, np.sum(b * best, axis=1))
@@ -129,28 +142,25 @@ def scores(base: Base, dictionary: Dictionary, grams: Array | None = None) -> Sc
 
 def own_grams(weights: Weighing, dictionary: Dictionary) -> Array:
     """E^T W E (S, 3, 3) of every signature: whatever the model beside it, so that a search makes them once."""
-    n, components, count, width = dictionary.columns.shape
-    grams = np.empty((count, width, width))
-    for start in range(0, count, AT_ONCE):
-        some = dictionary.columns[:, :, start: start + AT_ONCE]
-        weighted = weights.apply(some.reshape(n, components, -1)).reshape(n * components, -1, width)
-        grams[start: start + AT_ONCE] = (
-            some.reshape(weighted.shape).transpose(1, 2, 0) @ weighted.transpose(1, 0, 2))
+    grams = np.zeros((len(dictionary.widths), WIDEST, WIDEST))
+    for width in np.unique(dictionary.widths):
+        alike = np.flatnonzero(dictionary.widths == width)
+        for some in np.split(alike, np.arange(AT_ONCE, len(alike), AT_ONCE)):
+            columns = dictionary.of(*some)
+            own, weighted = (each.reshape(-1, len(some), width) for each in (columns, weights.apply(columns)))
+            grams[some, :width, :width] = own.transpose(1, 2, 0) @ weighted.transpose(1, 0, 2)
     return grams
 
 
 def information_blocks(base: Base, dictionary: Dictionary) -> Array:
     """G (S, 3, 3) of every signature by itself; the identity where a coefficient is not used."""
-    cross = base.cross(dictionary.columns.reshape(*dictionary.columns.shape[:2], -1))
-    return _blocks(base, dictionary, cross, own_grams(base.weights, dictionary))
+    return _blocks(base, dictionary, base.cross(dictionary.columns), own_grams(base.weights, dictionary))
 
 
 def _blocks(base: Base, dictionary: Dictionary, cross: Array, grams: Array) -> Array:
-    count, width = dictionary.columns.shape[2:]
-    cross = cross.reshape(-1, count, width)
-    own = grams - np.einsum("asp,ab,bsq->spq", cross, base.inverse, cross, optimize=True)
-    unused = np.arange(width)[None] >= dictionary.widths[:, None]
-    own[unused[:, :, None] & np.eye(width, dtype=bool)] = 1.0
+    taken = dictionary.by_signature(base.inverse @ cross)
+    own = grams - np.einsum("asp,asq->spq", dictionary.by_signature(cross), taken, optimize=True)
+    own[~dictionary.used[:, :, None] & np.eye(WIDEST, dtype=bool)] = 1.0
     return np.asarray(own)
 
 

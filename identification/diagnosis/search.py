@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
-from identification.diagnosis.projection import PRIOR_SIZES, Base, own_grams, scores
+from identification.diagnosis.projection import PRIOR_SIZES, Base, Weighing, own_grams, scores
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
@@ -76,7 +76,7 @@ class Survey:
 
     def terms(self, hypothesis: Hypothesis) -> tuple[Term, ...]:
         """The effects in force with their best coefficients, as a start for the fit."""
-        columns = [_columns(self.dictionary, signature) for signature in hypothesis.signatures]
+        columns = [self.dictionary.of(signature) for signature in hypothesis.signatures]
         base = self.base.extended(np.concatenate(columns, axis=2))
         step = base.step(base.residual)[len(self.base.precision):]
         terms, place = [], 0
@@ -157,6 +157,20 @@ def _exchanged(
 
 
 @dataclass(frozen=True, eq=False)
+class _Undecided:
+    """The weights beside what a gear may do in the rows in which a force error decides it, of how many coefficients more, and
+    the grams (S, 3, 3) of its laws' signatures with them."""
+
+    weights: Weighing
+    by_visit: int
+    grams: Array
+
+    def beside(self, base: Base) -> Base:
+        """A model, with that free too."""
+        return replace(base, weights=self.weights, by_visit=self.by_visit)
+
+
+@dataclass(frozen=True, eq=False)
 class _Scan:
     """The dictionary beside the plain model."""
 
@@ -169,6 +183,17 @@ class _Scan:
     def grams(self) -> Array:
         """Of every signature by itself (S, 3, 3)."""
         return own_grams(self.base.weights, self.dictionary)
+
+    @cached_property
+    def undecided(self) -> dict[int, _Undecided]:
+        """Of each joint whose gear a force error decides in some of the rows."""
+        found = {}
+        for joint in range(1, 7):
+            freed = self.base.freed(self.dictionary.undecided(self.state, joint), self.state.visit)
+            if freed is not self.base:
+                laws = self.dictionary.part(self.dictionary.gear_laws(joint))
+                found[joint] = _Undecided(freed.weights, freed.by_visit, own_grams(freed.weights, laws))
+        return found
 
     def grown(self, hypothesis: Hypothesis) -> list[Hypothesis]:
         """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
@@ -200,7 +225,7 @@ class _Scan:
     def _other_ways(self, hypothesis: Hypothesis) -> Array:
         """What the structures of a hypothesis may do otherwise than their linear law (n, 3, m)."""
         dictionary = self.dictionary
-        base = self.base.extended(np.concatenate([_columns(dictionary, k) for k in hypothesis.signatures], axis=2))
+        base = self.base.extended(dictionary.of(*hypothesis.signatures))
         sizes = base.step(base.residual)[len(self.base.precision):]
         each = np.split(sizes, np.cumsum(dictionary.widths[list(hypothesis.signatures)])[:-1])
         terms = (dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, each, strict=True))
@@ -217,10 +242,14 @@ class _Scan:
         dictionary, scored = self.dictionary, scores(base, self.dictionary, self.grams)
         evidence = scored.evidence
         for joint in range(1, 7):
-            laws = dictionary.gear_laws(joint)
-            undecided = dictionary.undecided(self.state, self.sight, joint)
-            if undecided.shape[2]:
-                self._share(evidence, base, laws, undecided)
+            laws, grams = dictionary.gear_laws(joint), self.grams
+            if joint in self.undecided:
+                undecided = self.undecided[joint]
+                decided, grams = undecided.beside(base), grams.copy()
+                grams[[s for k in laws for s in dictionary.entries[k].signatures]] = undecided.grams
+                self._share(evidence, decided, laws, grams)
+            else:
+                decided = base
             family = [k for k in laws if dictionary.entries[k].effect.law_family]
             signatures = [s for k in family for s in dictionary.entries[k].signatures]
             if not signatures or evidence[signatures].max() < WORTH_SHARING:
@@ -228,17 +257,18 @@ class _Scan:
             likeliest = signatures[int(np.argmax(evidence[signatures]))]
             size = scored.size[likeliest] * dictionary.amplitude(likeliest)
             of_share = LAW_SHARE / np.sqrt(len(signatures)) / PRIOR_SIZES * size
-            self._share(evidence, base, family, np.concatenate([undecided, *(
-                of_share / dictionary.amplitude(s) * dictionary.columns[:, :, s, :1] for s in signatures)], axis=2))
+            mixture = [of_share / dictionary.amplitude(s) * dictionary.of(s)[:, :, :1] for s in signatures]
+            self._share(evidence, decided.extended(np.concatenate(mixture, axis=2)), family, grams)
         return evidence, scored.visible
 
-    def _share(self, evidence: Array, base: Base, laws: list[int], doubts: Array) -> None:
-        """Shares out the evidence (S,) that these laws have together by what they have where `doubts` (n, 3, d) are free."""
+    def _share(self, evidence: Array, doubted: Base, laws: list[int], grams: Array) -> None:
+        """Shares out the evidence (S,) that these laws have together by what they have where more is free; grams (S, 3, 3):
+        with its weights."""
         dictionary = self.dictionary
         counts = [len(dictionary.entries[k].signatures) for k in laws]
         signatures = [s for k in laws for s in dictionary.entries[k].signatures]
         share = np.concatenate([np.full(count, -np.log(count)) for count in counts])
-        decided = scores(base.extended(doubts), dictionary.part(laws), self.grams[signatures]).evidence
+        decided = scores(doubted, dictionary.part(laws), grams[signatures]).evidence
         together = np.logaddexp.reduce(evidence[signatures] + share)
         evidence[signatures] = decided + together - np.logaddexp.reduce(decided + share)
 
@@ -247,11 +277,6 @@ def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, in
     """ln of the mean Bayes factor of an entry's signatures, and the best of them."""
     top = float(values.max())
     return top + float(np.log(np.mean(np.exp(values - top)))), int(members[np.argmax(values)])
-
-
-def _columns(dictionary: Dictionary, signature: int) -> Array:
-    """A signature's columns (n, 3, p)."""
-    return dictionary.columns[:, :, signature, : dictionary.widths[signature]]
 
 
 def _weighed(hypotheses: list[Hypothesis], entries: int) -> tuple[Hypothesis, ...]:

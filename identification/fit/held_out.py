@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +26,9 @@ def pose_names(rows: Measurements) -> tuple[str, ...]:
 
 def _names(rows: Measurements) -> NDArray[np.str_]:
     """Label of each row's pose, or "line n" of its visit's first row."""
-    first = np.array([f"line {rows.line[np.argmax(rows.visit == visit)]}" for visit in np.unique(rows.visit)], dtype=object)
-    numbers = np.unique(rows.visit, return_inverse=True)[1]
-    return np.where(rows.pose == "", first[numbers], rows.pose).astype(str)
+    _, first, numbers = np.unique(rows.visit, return_index=True, return_inverse=True)
+    lines = np.array([f"line {line}" for line in rows.line[first]], dtype=object)
+    return np.where(rows.pose == "", lines[numbers], rows.pose).astype(str)
 
 
 def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
@@ -36,15 +38,11 @@ def left_out(model: Posterior, groups: NDArray[np.intp]) -> Array:
     residual = model.data.rows.deflection - position
     weighted = model.weights.apply(at.design)
     precision = prior.precision(model.map)
-    parameters, numbers = at.design.shape[2], range(groups.max() + 1)
-    information = np.array([at.design[groups == g].reshape(-1, parameters).T @ weighted[groups == g].reshape(-1, parameters)
-                            for g in numbers])
-    pulled = np.array([weighted[groups == g].reshape(-1, parameters).T @ at.residual[groups == g].reshape(-1)
-                       for g in numbers])
-    held = np.empty_like(residual)
-    for g in numbers:
-        step = np.linalg.solve(information.sum(axis=0) - information[g] + precision,
-                               pulled.sum(axis=0) - pulled[g] - prior.gradient(model.map))
-        mine = groups == g
-        held[mine] = residual[mine] - slope[mine] @ step
-    return held
+    order, parameters = np.argsort(groups, kind="stable"), at.design.shape[2]
+    each = [slice(start, end) for start, end in pairwise((0, *np.cumsum(np.bincount(groups))))]
+    design, carried, readings = at.design[order], weighted[order], at.residual[order]
+    information = np.array([design[g].reshape(-1, parameters).T @ carried[g].reshape(-1, parameters) for g in each])
+    pulled = np.array([carried[g].reshape(-1, parameters).T @ readings[g].reshape(-1) for g in each])
+    step = np.linalg.solve(information.sum(axis=0) - information + precision,
+                           (pulled.sum(axis=0) - pulled - prior.gradient(model.map))[:, :, None])[:, :, 0]
+    return np.asarray(residual - np.einsum("nij,nj->ni", slope, step[groups]))

@@ -129,7 +129,7 @@ class NoiseModel:
     the force error in these units. setups (n, 3, 9): what an error of each component by each component of a visit's forces
     does to its rows. measured (n, 3). visit (n,): pose visit, from 0. offset (3,): stated standard deviation of the re-seating
     offset [m]. stated (6,): which of PARTS the cell file states. active (6,): which of PARTS there are.
-    turned: as in VarianceComponents.
+    turned: as in VarianceComponents. further (n, 3, d): what else each visit may do, by itself, 1 sigma each.
     """
 
     whitening: Array
@@ -142,6 +142,7 @@ class NoiseModel:
     stated: tuple[bool, ...]
     active: tuple[bool, ...]
     turned: bool = True
+    further: Array | None = None
 
     def whitened(self, moved: Array) -> Array:
         """Displacements (n, 3, k) [m] of the rows in the noise's coordinates."""
@@ -166,7 +167,8 @@ class NoiseModel:
         """The noise of some of the rows, or of all in another order."""
         _, visit = np.unique(self.visit[rows], return_inverse=True)
         return replace(self, whitening=self.whitening[rows], force=self.force[rows], absolute=self.absolute[rows],
-                       setups=self.setups[rows], measured=self.measured[rows], visit=visit.astype(np.intp))
+                       setups=self.setups[rows], measured=self.measured[rows], visit=visit.astype(np.intp),
+                       further=None if self.further is None else self.further[rows])
 
     @cached_property
     def _by_visit(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -215,9 +217,11 @@ class NoiseModel:
 
     @cached_property
     def loading(self) -> Array:
-        """What a visit has in common, as columns (n, 3, r) of unit size: its offset, then its set-up."""
-        offset = self.whitening * self.offset
-        return np.concatenate([offset, self.setup_loading], axis=2) if self.active[SETUP] else offset
+        """What a visit has in common, as columns (n, 3, r) of unit size: its offset, then its set-up, then what is further."""
+        parts = [self.whitening * self.offset]
+        parts += [self.setup_loading] if self.active[SETUP] else []
+        parts += [] if self.further is None else [self.further]
+        return np.concatenate(parts, axis=2)
 
     @property
     def setup_loading(self) -> Array:
@@ -226,8 +230,9 @@ class NoiseModel:
 
     def loading_scale(self, values: Array) -> Array:
         """Size (..., r) of each column of `loading` for multiples (..., 6)."""
-        columns = [OFFSET] * 3 + [SETUP] * (self.loading.shape[2] - 3)
-        return np.asarray(values[..., columns])
+        further = 0 if self.further is None else self.further.shape[2]
+        columns = [OFFSET] * 3 + [SETUP] * (self.loading.shape[2] - 3 - further)
+        return np.concatenate([values[..., columns], np.ones((*values.shape[:-1], further))], axis=-1)
 
     @cached_property
     def _squares(self) -> Array:
@@ -246,9 +251,11 @@ class NoiseModel:
     def weights(self, components: VarianceComponents, row_weight: Array | None = None) -> Weights:
         """Sigma^-1 for these variance components and row weights (n,)."""
         row_weight = np.ones(len(self.visit)) if row_weight is None else row_weight
-        values = components.values
-        own = self.own(values[None], row_weight)
-        loading = self.loading * self.loading_scale(values)
+        return self.beside(self.own(components.values[None], row_weight), components)
+
+    def beside(self, own: RowsAlone | RememberingRows, components: VarianceComponents) -> Weights:
+        """Sigma^-1 of the rows' own noise with what their visits share."""
+        loading = self.loading * self.loading_scale(components.values)
         carried = own.solve(loading)
         # Woodbury, so written that a part of no size stays finite: (I + L^T P L)^-1.
         inner = np.eye(loading.shape[2]) + self.products(loading, carried)
@@ -302,6 +309,12 @@ class Weights:
             common = self.shared_inverse[visits] @ (carried.swapaxes(1, 2) @ mine)
             solved[rows] -= (carried @ common).reshape(*rows.shape, 3, -1)
         return solved
+
+    def freed(self, moved: Array) -> Weights:
+        """Sigma^-1 where each visit, by itself, may move its rows by displacements (n, 3, p) [m] too, 1 sigma each."""
+        known = [] if self.model.further is None else [self.model.further]
+        further = np.concatenate([*known, self.model.whitened(moved)], axis=2)
+        return replace(self.model, further=further).beside(self.own, self.components)
 
     def shared(self, residual: Array) -> Array:
         """Best estimate (n, 3) of what the rows of a visit share, in the model's coordinates, from a residual (n, 3)."""

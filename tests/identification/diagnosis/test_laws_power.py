@@ -117,7 +117,7 @@ def test_noise_that_is_fitted_beside_a_cause_grows_by_it(tmp_path: Path) -> None
     def distance(model: Posterior) -> float:
         """Of a cause of that size from what the springs do."""
         dictionary = dictionary_of(model.load_state, model.at_map.noise, catalogue)
-        return shown.size * float(np.sqrt(base_of(model, dictionary).gram(dictionary.columns[:, :, place, :1])[0, 0]))
+        return shown.size * float(np.sqrt(base_of(model, dictionary).gram(dictionary.of(place)[:, :, :1])[0, 0]))
 
     def again() -> Posterior:
         noise = at.noise.draw(fit.components.values[None], np.ones(len(fit.data.rows)), rng)[:, :, 0]
