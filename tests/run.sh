@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Installs what the tests need into a virtual environment of its own and runs them all, after lint and types; beside them the demo
-# from a wheel in an empty environment, and a part of the tests on the newest Python at hand. Called from the README and by .ci/run.
+# Installs what the tests need into a virtual environment of its own and runs them all, after lint and types; beside them, on
+# the newest Python at hand, the demo from a wheel in an empty environment and a part of the tests. Called from the README and
+# by .ci/run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
@@ -33,22 +34,21 @@ newest() {
     done
 }
 
-# What needs environments of its own: it begins while that of the tests is being installed.
+# The program from a wheel in an environment of its own, which begins while that of the tests is being installed: on the newest
+# Python at hand, since what differs between Pythons shows there first. What that part of the tests needs comes after the demo.
 beside_the_tests() {
-    local newest
-    echo "== the demo from a wheel, in an empty environment"
-    "$python" -m venv "$work/empty"
-    "$work/empty/bin/pip" wheel --quiet --no-deps --wheel-dir "$work/wheel" .
-    "$work/empty/bin/pip" install --quiet "$work"/wheel/*.whl
+    local newest empty="$work/empty/bin"
+    newest=$(newest)
+    "${newest:-$python}" -m venv "$work/empty"
+    echo "== the demo from a wheel, in an empty environment, on $("$empty/python" --version)"
+    "$empty/pip" wheel --quiet --no-deps --wheel-dir "$work/wheel" .
+    "$empty/pip" install --quiet "$work"/wheel/*.whl
     (cd "$work" && empty/bin/compstiff demo demo && ls demo/insert_corrected.mod demo/correct.html >/dev/null)
 
-    # Reading, geometry and the two commands on the newest Python at hand: what differs between Pythons shows there first.
-    newest=$(newest)
+    # Reading, geometry and two commands: the packages of the checkout, which lies before those of the wheel.
     if [ -n "$newest" ]; then
-        echo "== on $("$newest" --version)"
-        "$newest" -m venv "$work/newest"
-        "$work/newest/bin/pip" install --quiet -e '.[test]'
-        "$work/newest/bin/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
+        "$empty/pip" install --quiet pytest hypothesis mujoco py-opw-kinematics
+        "$empty/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
             tests/without_posix tests/runs/command_line/test_demo.py tests/runs/command_line/test_identify.py
     fi
 }
