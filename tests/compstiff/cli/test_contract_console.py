@@ -159,6 +159,9 @@ def test_explain_and_robots() -> None:
     assert shown.returncode == 0
     assert "Negative compliances" in shown.stdout
     assert compstiff_process("explain", "CS9999").returncode == 1
+    # As a report has it, and as diagnosis.json has it.
+    for words in (("soft", "zone", "of", "joint", "2"), ("soft zone",), ("soft_zone[2]",)):
+        assert compstiff_process("explain", *words).stdout.startswith("soft_zone: the gear of joint N is softer")
     listed = json.loads(compstiff_process("robots", "--json").stdout)["result"]["robots"]
     assert {"irb6660-205-1.90", "irb6640-235-2.55", "irb6700-200-2.60", "irb4400-60"} <= {robot["name"] for robot in listed}
     assert {"drive", "serial"} == {robot["load_path"] for robot in listed}
