@@ -15,7 +15,7 @@ from identification.model.cell import Cell
 def check_offsets_of(offsets: Offsets, program: Path | None, cell: Cell) -> tuple[Finding, ...]:
     """What is said of them; program: the planned one, None: not known. Raises what `check_as_written`, `check_program`,
     `check_deviation` and reading the program raise."""
-    check_as_written(Path(offsets.source), offsets.sha256)
+    check_as_written(Path(offsets.source), offsets.sha256, program)
     if program is None:
         return check_deviation(offsets, None, cell.world_from_base.rotation.T[:, 2])
     from compensator.path.robot_path import robot_path

@@ -27,7 +27,7 @@ from compensator.forces.placement import ForceLog, TargetForces
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.common.files import sha256
-from identification.common.findings import Finding, error
+from identification.common.findings import Finding, Refused, error
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -35,6 +35,8 @@ from identification.model.stiffness import IdentifiedModel
 ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 # What the table leaves of the force at a place, beside the coefficients.
 TABLE_MODEL_ERROR = 0.05
+# Of the targets with force at most such a share may lie beside the stock: roughing may have taken more than its file says.
+MOST_BESIDE = 0.8
 
 
 def cutting_coefficients(
@@ -45,7 +47,8 @@ def cutting_coefficients(
     by what the logged forces pushed it, and cut less.
 
     settings as for `predict`; logged_with: the offsets.csv that the program had. Raises what `predict`, `cut_of` and
-    `read_offsets` raise; CompstiffError (CS4730) for a log that shows too little of the cut.
+    `read_offsets` raise; CompstiffError (CS4730) for a log that shows too little of the cut; what
+    `check_in_the_stock` raises.
 
     >>> cell = compstiff.read_cell("cell.yaml")
     >>> program, model = compstiff.read_toolpath("insert.mod", cell), compstiff.read_stiffness("stiffness.json", cell)
@@ -60,6 +63,7 @@ def cutting_coefficients(
     blank, rpm = read_stock(stock), settings.log.spindle_rpm
     aside = standing(predicted)
     cut = cut_of(predicted.path, blank, rpm, aside, blank.position_std)
+    check_in_the_stock(predicted.forces, cut.cuts | cut.unknown, blank.source)
     rows, used = logged_rows(cut, predicted.forces)
     if len(rows.force) < FEWEST:
         raise error("CS4730", f"only {len(rows.force)} targets show a force and are engaged as the stock says, expected at "
@@ -136,6 +140,16 @@ def standing(predicted: Predicted) -> Array:
     stood = np.zeros((len(path.toolpath), 3)) if logged_with is None else read_offsets(logged_with, path).copy()
     stood[predicted.targets] += predicted.prediction.position
     return stood
+
+
+def check_in_the_stock(forces: TargetForces, touches: NDArray[np.bool_], stock: Path) -> None:
+    """Refused (CS4738) where over four fifths of the targets with force touch no stock; touches (N,): those that do."""
+    with_force, beside = int(forces.forced.sum()), int((forces.forced & ~touches).sum())
+    if beside > MOST_BESIDE * with_force:
+        raise Refused(Finding(
+            "CS4738", "error", f"{beside} of {with_force} targets with force lie beside the stock: the cut is elsewhere",
+            file=str(stock), hint="in millimetres of the program's work object, where does the stock stand? Is it the log of "
+            "this program?"))
 
 
 def said_of_the_fit(

@@ -25,6 +25,8 @@ SIGMAS = 2.0
 NEAR = 3
 # So many places are named by the terminal, and a remedy that gains less is not worth a line [m].
 NAMED, LEAST_GAIN = 5, 0.05e-6
+# Between these tolerances [m] robots mill: below a robot's own repeatability lies far less, above it a hand would do.
+FINEST, COARSEST = 1e-6, 5e-3
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,8 @@ def error_budget(predicted: Predicted, tolerance: float) -> Budget:
     found = remedies(corrected) if len(corrected.left.model) else []
     worth = sorted((remedy for remedy in found if budget.gain(remedy) > LEAST_GAIN), key=budget.gain, reverse=True)
     over = int((budget.two_sigma > tolerance).sum())
-    findings = () if not over else (Finding(
+    findings = said_of_tolerance(tolerance, predicted.path.toolpath.source)
+    findings += () if not over else (Finding(
         "CS3205", "warning", f"{over} of {counted(len(budget.two_sigma), 'target')} are expected over the tolerance of "
         f"{1e6 * tolerance:g} um by two sigma, the worst by {1e6 * budget.two_sigma.max():.0f} um",
         file=predicted.path.toolpath.source, line=budget.places[0].first_line,
@@ -152,3 +155,11 @@ def _rms(values: Array) -> float:
 
 def _figures(values: Array) -> dict[str, float]:
     return {"rms": 1e6 * _rms(values), "largest": 1e6 * float(values.max(initial=0.0))}
+
+
+def said_of_tolerance(tolerance: float, source: str) -> tuple[Finding, ...]:
+    """A warning (CS3206) for one [m] that nobody mills to."""
+    if FINEST <= tolerance <= COARSEST:
+        return ()
+    return (Finding("CS3206", "warning", f"the tolerance is {1e6 * tolerance:g} um, {1e3 * tolerance:g} mm: robots mill to "
+                    f"{1e6 * FINEST:g} to {1e6 * COARSEST:g} um", file=source, hint="--tolerance-um is in micrometres"),)

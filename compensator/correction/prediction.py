@@ -17,6 +17,7 @@ from compensator.correction.loaded_path import LoadedPath
 from compensator.learned.learned import Rest
 from identification.common.arrays import held_once, read_only
 from identification.common.findings import CompstiffError, Finding
+from identification.common.quantities import cause_words
 from identification.model.compliance import carried_by, symmetric
 from identification.model.kinematics import chunks, forward, spring_columns
 from identification.model.stiffness import IdentifiedModel
@@ -190,7 +191,8 @@ def _unknown_gravity(model: IdentifiedModel) -> list[Finding]:
               if effect.effect.of_gravity and not effect.effect.weighed and not (upright and effect.joint == 1)]
     if not asking or model.robot.link_mass is not None:
         return []
-    return [Finding("CS1404", "note", f"the robot file has no links: gravity torques are taken as zero in {', '.join(asking)}",
+    return [Finding("CS1404", "note", "the robot file has no links: gravity torques are taken as zero in "
+                    f"{', '.join(map(cause_words, asking))}",
                     file=str(model.robot.source), hint="add links (mass and centre) to a robot file of your own")]
 
 
@@ -199,7 +201,7 @@ def _state_notes(loaded: LoadedPath, changes: list[StateChange]) -> tuple[NDArra
     targets = loaded.targets
     notes, findings = np.full(len(targets), "", dtype=object), []
     for change in changes:
-        words = f"{change.of.label} {change.of.effect.turning} before"
+        words = f"{cause_words(change.of.label)} {change.of.effect.turning} before"
         notes[change.places] = [f"{note}{'; ' if note else ''}{words} this target" for note in notes[change.places]]
         largest = int(np.argmax(change.step))
         findings.append(loaded.path.finding(

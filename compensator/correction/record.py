@@ -62,15 +62,26 @@ def _digest(blocks: Iterable[bytes]) -> str:
     return digest.hexdigest()
 
 
-def check_as_written(offsets: Path, digest: str) -> None:
-    """Refused (CS5026) where records beside an offsets file name it, and none has its content's SHA-256, `digest`."""
-    names = [(path.name, named) for path in sorted(offsets.parent.glob("*.json"))
-             if (content := _content(path)) is not None and isinstance(named := content.get("offsets"), dict)
-             and named.get("file") == offsets.name]
-    if names and all(named.get("sha256") != digest for _, named in names):
-        raise Refused(Finding("CS5026", "error", f"was changed after correct wrote it (record {names[-1][0]})",
+def check_as_written(offsets: Path, digest: str, program: Path | None = None) -> None:
+    """Refused (CS5026) where records name an offsets file, and none has its content's SHA-256, `digest`: those beside it, and
+    those beside the planned program or in the working folder that were made from this program."""
+    names = [(path.name, _of_offsets(path)) for path in sorted(offsets.parent.glob("*.json"))]
+    if program is not None:
+        source = sha256(program)
+        folders = {folder.resolve() for folder in (program.parent, Path.cwd())} - {offsets.parent.resolve()}
+        names += [(path.name, _of_offsets(path)) for folder in sorted(folders) for path in sorted(folder.glob("*.json"))
+                  if (made := _recorded(path)) is not None and made[0][1] == source]
+    named = [(name, written) for name, written in names if written.get("file") == offsets.name]
+    if named and all(written.get("sha256") != digest for _, written in named):
+        raise Refused(Finding("CS5026", "error", f"was changed after correct wrote it (record {named[-1][0]})",
                               file=str(offsets), hint="nothing was sent; write it again with correct --offsets, or give a file "
                               "that was changed on purpose another name"))
+
+
+def _of_offsets(file: Path) -> dict[str, Any]:
+    """Name and SHA-256 of the offsets that a correction record says were written; empty where it says none."""
+    written = (_content(file) or {}).get("offsets")
+    return written if isinstance(written, dict) else {}
 
 
 def check_not_corrected(toolpath: Path, *folders: Path) -> None:

@@ -18,7 +18,7 @@ from compensator.cutting.stock_file import Blank, read_stock
 from compensator.cutting.track import Track, track_of
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array
-from identification.common.findings import Finding, counted, error
+from identification.common.findings import Finding, Refused, counted, error
 
 # Steps of a track are so long at most, and this share of the cutter's radius [m].
 LONGEST, SHARE = 0.5e-3, 1 / 16
@@ -152,10 +152,15 @@ def cut_of(path: RobotPath, stock: str | Path | Blank, rpm: float | None, aside:
     """A program milled through its stock: a file, or one that was read. rpm: of the spindle; aside (N, 3) [m], base frame:
     where the tool stood off the plan; step [m]: also with all of it aside by so much (`change`).
 
-    Raises CompstiffError: what `cutter_of` raises, CS4702 another work object, CS4703 no spindle speed, CS4715 an STL that lies
-    away from the program, and what `read_stock` raises.
+    Raises Refused (CS4744): a file that turns the spindle counterclockwise. CompstiffError: what `cutter_of` raises, CS4702
+    another work object, CS4703 no spindle speed, CS4715 an STL that lies away from the program, and what `read_stock` raises.
     """
     cell = path.cell
+    turned = next((finding for finding in path.toolpath.findings if finding.code == "CS2116"), None)
+    if turned is not None:
+        raise Refused(Finding("CS4744", "error", "the spindle turns counterclockwise, and the force coefficients are those of "
+                              "a cutter that turns clockwise", file=turned.file, line=turned.line,
+                              hint="log a pass (--forces), or correct SPINDL in the CAM system"))
     cutter = cutter_of(cell, path.toolpath.cutters)
     speed = rpm or cell.force_log.form.spindle_rpm
     if not speed:

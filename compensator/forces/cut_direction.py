@@ -190,8 +190,8 @@ def said_of_direction(
         return [*findings, Finding(
             "CS3068", "warning", f"over {here.targets} targets that cut the force on the tool is on average {here.words}: no "
             f"cutter that turns clockwise is pulled {here.impossible}", file=source,
-            hint="is force_log.sign wrong (on_tool, by_tool), or are the axes of its frame (a quaternion is w x y z)? Right "
-            "only for a spindle that turns the other way")]
+            hint="is force_log.sign wrong (on_tool, by_tool), are the axes of its frame (a quaternion is w x y z), or do the "
+            "force columns stand in another order? Right only for a spindle that turns the other way")]
     sides = cuts.by_side(forces[stated])
     wrong = [side for side, seen in sides.items() if seen.impossible_on(side)]
     if wrong:
@@ -199,8 +199,9 @@ def said_of_direction(
         return [*findings, Finding(
             "CS3074", "warning", f"by the order of the passes the tool {KIND[side]} at {sides[side].targets} places; "
             f"there the force on it is on average {sides[side].words}: no cutter turning clockwise is pushed so", file=source,
-            hint="is force_log.sign wrong (on_tool, by_tool), or the sensor turned or mirrored about the tool's axis? Known "
-            "directions of push, by hand, tell. Right only for a spindle that turns the other way")]
+            hint="is force_log.sign wrong (on_tool, by_tool), the sensor turned or mirrored about the tool's axis, or do the "
+            "force columns stand in another order? Known directions of push, by hand, tell. Right only for a spindle that "
+            "turns the other way")]
     if any(seen.turned_over.impossible_on(side) for side, seen in sides.items()):
         return findings
     if not steady:

@@ -22,6 +22,7 @@ from compensator.learning.sizes import Sizes, noise_covariance, with_remainder
 from compensator.learning.terms import Terms
 from identification.common.arrays import Array
 from identification.common.findings import Finding
+from identification.common.quantities import cause_words
 from identification.diagnosis.part_rows import (
     Found,
     PartRows,
@@ -170,7 +171,7 @@ def said_of_causes(asked: Asked, source: str) -> list[Finding]:
     found = asked.found
     if found is None:
         return [Finding("CS4615", "note", f"the causes of `diagnose` were not asked: {asked.why_not}", file=source)]
-    names = ", ".join(cause.label for cause in found.causes)
+    names = ", ".join(cause_words(cause.label) for cause in found.causes)
     if asked.withdrawn:
         return [Finding("CS4614", "warning", f"{names} was all but named and is taken back: {asked.withdrawn}", file=source,
                         hint="something acts with the force that is not in the model: load tests tell more (diagnose)")]
@@ -181,7 +182,7 @@ def said_of_causes(asked: Asked, source: str) -> list[Finding]:
         gained = "" if asked.gained is None else (
             f"; on stretches left out {1e6 * asked.gained[0].learned:.1f} um without it, "
             f"{1e6 * asked.gained[1].learned:.1f} um with it")
-        words = "; ".join(f"{cause.label}, {100 * cause.probability:.0f} %: {cause.sentence}" for cause in found.causes)
+        words = "; ".join(f"{cause.sentence} ({cause.label}), {100 * cause.probability:.0f} %" for cause in found.causes)
         return [Finding("CS4610", "warning", f"the part shows {words}{gained}: carried in the learned file", file=source,
                         hint="measure the springs again (diagnose) before other programs rely on it")]
     if asked.verdict == "ambiguous":

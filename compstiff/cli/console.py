@@ -15,7 +15,8 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
@@ -60,6 +61,20 @@ class HeadedCommand(click.Command):
 
     examples: tuple[str, ...] = ()
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Raises click.UsageError: as click, for numbers and words too many with what was meant in their place."""
+        words = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.BadParameter as wrong:
+            if wrong.param is None or not (wrong.message.startswith("'") and "is not a valid" in wrong.message):
+                raise
+            raise click.BadParameter(number_expected(wrong.message.split("'")[1], wrong.param), ctx, wrong.param) from wrong
+        except click.UsageError as wrong:
+            if not wrong.message.startswith("Got unexpected extra argument"):
+                raise
+            raise click.UsageError(wrong.message + switch_with_value(words, self.params), ctx) from wrong
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         headed: dict[str, list[tuple[str, str]]] = {"Options": []}
         for parameter in self.get_params(ctx):
@@ -80,6 +95,25 @@ class HeadedCommand(click.Command):
             with formatter.section("Examples"):
                 for example in self.examples:
                     formatter.write(f"  {example}\n")
+
+
+def number_expected(found: str, parameter: click.Parameter) -> str:
+    """What is said of a word where a number stands: units are in the names of the options."""
+    last = (parameter.name or "").rpartition("_")[2]
+    unit = last if last in ("um", "mm", "deg") else ""
+    kind = "a whole number" if isinstance(parameter.type, click.types.IntParamType) else "a number"
+    bare = re.match(r"\s*([-+]?\d+(?:[.,]\d+)?)", found)
+    alone = f", without its unit{f': it is in {unit}' if unit else ''}" if bare and bare[0].strip() != found.strip() else ""
+    point = ", with a point for the decimals" if bare and "," in bare[0] else ""
+    return f"found '{found}', expected {kind}{point}{alone}"
+
+
+def switch_with_value(words: list[str], parameters: Sequence[click.Parameter]) -> str:
+    """A hint where a value stands behind an option that takes none."""
+    switches = {name for parameter in parameters if isinstance(parameter, click.Option) and parameter.is_flag
+                for name in parameter.opts}
+    return next((f" ('{value}' behind {name}, which takes no value)" for name, value in pairwise(words)
+                 if name in switches and not value.startswith("-") and not Path(value).exists()), "")
 
 
 def option(heading: str, *names: str, **named: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -11,24 +11,25 @@ from compstiff.outcome import Outcome, Session
 
 
 @command("explain")
-@click.argument("code", metavar="[CODE]", required=False)
-def explain(session: Session, code: str | None) -> Outcome:
+@click.argument("words", metavar="[CODE]", nargs=-1)
+def explain(session: Session, words: tuple[str, ...]) -> Outcome:
     """Explain a finding or a cause: what is behind it, what to do; without CODE, list both.
 
-    CODE is that of a message (CS1002), or a cause that diagnose names (backlash, base_rocking).
+    CODE is that of a message (CS1002), or a cause that diagnose names (backlash, base rocking).
     """
     from compstiff import explain_code
     from identification.common.catalogue import catalogue
     from identification.common.quantities import parameter_words, quantity
     from identification.model.effects import effects
 
-    if code is None:
+    if not words:
         titles = {name: page["title"] for name, page in catalogue().items()}
         causes = {name: _anywhere(effect.sentence) for name, effect in effects().items()}
         return Outcome({"codes": titles, "causes": causes},
                        lines=[f"{name}  {title}" for name, title in (titles | causes).items()])
-    # As diagnose writes it: backlash[2].
-    effect = effects().get(re.sub(r"\[\d\]$", "", code.lower()))
+    # As diagnose writes it: soft_zone[2], or soft zone of joint 2.
+    code = " ".join(words)
+    effect = effects().get(re.sub(r"(\[\d\]| of (joint|link) \d)$", "", code.lower()).replace(" ", "_"))
     if effect is None:
         page = explain_code(code)
         return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",

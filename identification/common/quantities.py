@@ -55,3 +55,15 @@ def parameter_words(name: str) -> str:
     ['half gap', 'compliance', 'x', 'share']
     """
     return UNIT.sub("", name).replace("_", " ") or name
+
+
+def cause_words(label: str) -> str:
+    """The name of a cause for people; in files, and for `explain`, it is the label.
+
+    >>> [cause_words(label) for label in ("soft_zone[2]", "link_bending[3]", "tool_point", "force_sign[y]")]
+    ['soft zone of joint 2', 'link bending of link 3', 'tool point', 'force sign y']
+    """
+    name, _, place = label.partition("[")
+    place = place.removesuffix("]")
+    part = "link " if name == "link_bending" else "joint "
+    return name.replace("_", " ") + (f" of {part}{place}" if place.isdigit() else f" {place}".rstrip())

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from identification.common.arrays import rms
+from identification.common.quantities import cause_words
 from identification.diagnosis.judgement import Judgement
 from identification.fit.identifiability import grade_joints
 from identification.fit.misfit import ModelCheck
@@ -51,6 +52,6 @@ def _check(judgement: Judgement) -> ModelCheck:
     if judgement.verdict in ("adequate", "named"):
         detection = judgement.adequacy or judgement.detection
         return ModelCheck(detection.p_value, False, "")
-    names = " or ".join(cause.label for cause in judgement.alternatives[:4])
+    names = " or ".join(cause_words(cause.label) for cause in judgement.alternatives[:4])
     seen = {"ambiguous": f"{names}: the data cannot tell which"}.get(judgement.verdict, "; ".join(judgement.patterns[:2]))
     return ModelCheck(judgement.detection.p_value, True, seen or "a cause that the dictionary does not have")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.findings import Finding
-from identification.common.quantities import readable_unit
+from identification.common.quantities import cause_words, readable_unit
 from identification.diagnosis.detect import FittedNoise
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.power import NEVER, POWER, in_the_middle, noticed_from, weakest
@@ -104,9 +104,9 @@ class PlanOutlook:
         lines = [f"{'effect':<28}{'found from':>12}{'named from':>12}{'typical':>10}"]
         for outlook in self.effects:
             sizes = "".join(f"{outlook.shown(size):>12}" for size in (outlook.detectable, outlook.identifiable))
-            alike = f"  like {', '.join(outlook.alike[:3])}" if outlook.alike else ""
-            lines.append(f"{outlook.entry.label:<28}{sizes}{outlook.shown(1.0):>10} {outlook.read_in[1]:<12} {outlook.grade}"
-                         f"{alike}".rstrip())
+            alike = f"  like {', '.join(map(cause_words, outlook.alike[:3]))}" if outlook.alike else ""
+            lines.append(f"{cause_words(outlook.entry.label):<28}{sizes}{outlook.shown(1.0):>10} "
+                         f"{outlook.read_in[1]:<12} {outlook.grade}{alike}".rstrip())
         counts = self.counts
         lines.append(f"of {len(self.effects)} possible causes at their typical size this plan names {counts['identifiable']}, "
                      f"only notices {counts['detectable']} and misses {counts['invisible']}")
@@ -227,4 +227,5 @@ def _left(gram: Array, mine: slice, other: slice) -> float:
 
 def not_told_apart(outlooks: Iterable[Outlook]) -> list[str]:
     """Effects that would be noticed at their typical size and not be told from others, in words."""
-    return [f"{outlook.entry.label} from {', '.join(outlook.alike)}" for outlook in outlooks if outlook.alike]
+    return [f"{cause_words(outlook.entry.label)} from {', '.join(map(cause_words, outlook.alike))}"
+            for outlook in outlooks if outlook.alike]

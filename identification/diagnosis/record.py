@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.findings import Finding
-from identification.common.quantities import parameter_words, quantity
+from identification.common.quantities import cause_words, parameter_words, quantity
 from identification.diagnosis.gross import BadRow
 from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import brought_along
@@ -108,17 +108,17 @@ def checks_of(items: list[dict[str, Any]]) -> list[tuple[str, str]]:
     for item in items:
         if item["kind"] == "check":
             about.setdefault(item["what"], []).append(item["about"])
-    return [(what, ", ".join(names)) for what, names in about.items()]
+    return [(what, ", ".join(map(cause_words, names))) for what, names in about.items()]
 
 
 def next_words(item: dict[str, Any]) -> tuple[str, str]:
     """One of the next measurements: what to do, and what it tells."""
     if item["kind"] != "load":
-        return item["what"], item["about"]
+        return item["what"], cause_words(item["about"])
     angles = ", ".join(f"{angle:.1f}" for angle in item["q_deg"])
     forces = ", ".join(f"{force:.0f}" for force in item["forces_n"])
     return (f"joints ({angles}) deg: load along base {item['axis']}, {forces} N",
-            f"{item['separates'][0]} from {item['separates'][1]}, by {item['expected_sigmas']:.1f} sigma")
+            f"{' from '.join(map(cause_words, item['separates']))}, by {item['expected_sigmas']:.1f} sigma")
 
 
 def _seen_of(judgement: Judgement) -> str:
@@ -126,10 +126,10 @@ def _seen_of(judgement: Judgement) -> str:
     if judgement.patterns:
         return "; ".join(judgement.patterns[:2])
     if judgement.withdrawn:
-        return "; ".join(f"{label} is withdrawn: {why}" for label, why in judgement.withdrawn.items())
+        return "; ".join(f"{cause_words(label)} is withdrawn: {why}" for label, why in judgement.withdrawn.items())
     if judgement.scatter or not judgement.alternatives:
         return "the readings scatter more than the stated noise"
-    return f"what is left looks most like {judgement.alternatives[0].label}, which does not explain it"
+    return f"what is left looks most like {cause_words(judgement.alternatives[0].label)}, which does not explain it"
 
 
 def _named(cause: Cause) -> dict[str, Any]:
@@ -177,7 +177,7 @@ def answer(judgement: Judgement) -> list[str]:
     for load in judgement.next_loads:
         angles = ", ".join(f"{angle:.1f}" for angle in np.degrees(load.theta))
         lines.append(f"next: load cycle along base {'xyz'[load.axis]} up to {np.abs(load.forces).max():.0f} N at joints "
-                     f"({angles}) deg separates {load.separates[0]} from {load.separates[1]} by {load.distance:.1f} sigma")
+                     f"({angles}) deg separates {' from '.join(map(cause_words, load.separates))} by {load.distance:.1f} sigma")
     return lines + [f"next: check: {what} ({about})" for what, about in checks_of(next_measurements(judgement))[:MOST_CHECKS]]
 
 
@@ -198,7 +198,7 @@ def _verdict(judgement: Judgement) -> list[str]:
         beside = " beside that" if left_out and not alone else ""
         return [*left_out, f"unknown: something is wrong{beside} that no cause in the dictionary explains",
                 *(f"  seen: {pattern}" for pattern in judgement.patterns[:4]),
-                *(f"  withdrawn: {label}: {why}" for label, why in judgement.withdrawn.items())]
+                *(f"  withdrawn: {cause_words(label)} ({label}): {why}" for label, why in judgement.withdrawn.items())]
     lines = ["ambiguous: these data cannot tell apart:",
              *(f"  {cause.sentence} ({cause.label}, probability {cause.probability:.2f})"
                for cause in judgement.alternatives[:8]),
@@ -216,15 +216,15 @@ def _beside_the_names(judgement: Judgement) -> list[str]:
     for cause in judgement.companions:
         content = _cause(judgement, cause)
         values = ", ".join(f"{parameter_words(name)} {value(item)}" for name, item in content["parameters"].items())
-        why = f"{brought[cause.label]} brings so much of it along" if cause.label in brought else (
+        why = f"{cause_words(brought[cause.label])} brings so much of it along" if cause.label in brought else (
             "too small against its typical size to be a name")
-        lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: {cause.label} "
-                     f"({values}, +- 2 sigma) is in the model; {why}")
+        lines.append(f"  beside it something smaller is at work, up to {content['largest_um']:.0f} um: "
+                     f"{cause_words(cause.label)} ({cause.label}: {values}, +- 2 sigma) is in the model; {why}")
     if judgement.law_differs:
         lines.append("  it explains nearly all of the misfit, but not to the noise: the real law differs a little from the "
                      "dictionary's, or something smaller is at work beside it")
     elif judgement.verdict == "named" and judgement.causes and judgement.adequacy and judgement.adequacy.p_value <= ALARM:
-        further = ", ".join(f"{cause.label} {cause.probability:.2f}" for cause in judgement.alternatives[:4])
+        further = ", ".join(f"{cause_words(cause.label)} {cause.probability:.2f}" for cause in judgement.alternatives[:4])
         lines.append(f"  what is left then is more than {1 - judgement.adequacy.p_value:.1%} of data sets show without a "
                      f"further cause: something more may be at work{f' ({further})' if further else ''}")
     return lines
@@ -235,7 +235,7 @@ def _overlooked(judgement: Judgement) -> list[str]:
     every, missed = judgement.showing, judgement.overlooked
     if not every:
         return []
-    names = ", ".join(f"{each.entry.label} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
+    names = ", ".join(f"{cause_words(each.entry.label)} {1e6 * each.typical_largest:.0f}" for each in missed[:MOST_OVERLOOKED])
     more = f" and {len(missed) - MOST_OVERLOOKED} more" if missed[MOST_OVERLOOKED:] else ""
     causes = "other possible causes" if judgement.causes else "possible causes"
     lines = [f"  these rows would have shown {len(every) - len(missed)} of {len(every)} {causes} of typical size, four times "
@@ -254,7 +254,7 @@ def _cause_line(judgement: Judgement, cause: Cause) -> str:
     line = (f"named: {cause.sentence}. In these measurements it makes up to {content['largest_um']:.0f} um "
             f"({cause.label}: {values}, +- 2 sigma; probability {cause.probability:.3f})")
     if cause.open_laws and judgement.robot_difference is not None:
-        laws = ", ".join(f"{name} {probability:.2f}" for name, probability in cause.open_laws.items())
+        laws = ", ".join(f"{cause_words(name)} {probability:.2f}" for name, probability in cause.open_laws.items())
         line += (f"; its law is open ({laws} would do as well): for a correction the choice makes "
                  f"{1e6 * judgement.robot_difference:.1f} um RMS under the measured loads")
     return line
@@ -295,8 +295,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         findings += [mistake_finding(mistake, source, "warning") for mistake in judgement.mistakes]
     if judgement.verdict == "ambiguous":
         labels = [*(cause.label for cause in judgement.alternatives[:6]), *(mistake.key for mistake in judgement.mistakes)]
-        findings.append(Finding("CS1402", "warning", f"the data cannot tell several causes apart: {', '.join(labels)}",
-                                file=source,
+        findings.append(Finding("CS1402", "warning", "the data cannot tell several causes apart: "
+                                f"{', '.join(map(cause_words, labels))}", file=source,
                                 hint="compstiff design --add 3 MEASUREMENTS --diagnosis DIAGNOSIS plans loads that tell them "
                                      "apart; compstiff explain NAME tells a check without a load"))
     findings += [*_visit_findings(judgement), *moving_zero(judgement.extended),
@@ -321,7 +321,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 "rows, taken evenly over the file; so are the stiffnesses of --extended", file=source,
                                 hint="identify uses all rows"))
     for label in judgement.lost:
-        findings.append(Finding("CS1020", "note", f"{label} is no candidate: its fit did not converge", file=source,
+        findings.append(Finding("CS1020", "note", f"{cause_words(label)} is no candidate: its fit did not converge",
+                                file=source,
                                 hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))
     for part, factor in judgement.scatter.items():
         findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.common.arrays import read_only
+from identification.common.quantities import cause_words
 from identification.motion.axis import Axis
 from identification.motion.causes import LogCause
 from identification.motion.log_file import MotionLog
@@ -89,7 +90,8 @@ class AxisDiagnosis:
         lines = [f"joint {self.joint}: a straight line through the gear-side torque leaves {MICRO * before:.0f} urad RMS and "
                  f"explains {100 * (1 - before**2 / total):.0f} % of the variance (p = {self.p_value:.2g})", *self._answer()]
         if self.withdrawn:
-            lines.append(f"  withdrawn: {', '.join(self.withdrawn)} fits here but does not predict what was not fitted")
+            lines.append(f"  withdrawn: {', '.join(map(cause_words, self.withdrawn))} fits here but does not predict what was "
+                         "not fitted")
         if self.causes:
             lines.append(f"  extended model: {MICRO * after:.0f} urad RMS, {100 * (1 - after**2 / total):.1f} % of the "
                          "variance")
@@ -113,7 +115,7 @@ class AxisDiagnosis:
         lines = ["  adequate: the plain spring explains the log to its noise"] if self.verdict == "adequate" else []
         lines += [f"  named: {cause.sentence} ({cause.label}: {cause.estimates}; probability {cause.probability:.3f})"
                   for cause in self.causes]
-        others = [f"{cause.label} {cause.probability:.2f}" for cause in self.alternatives]
+        others = [f"{cause_words(cause.label)} {cause.probability:.2f}" for cause in self.alternatives]
         if self.verdict == "ambiguous":
             lines.append("  ambiguous: " + ", ".join(others))
         elif self.verdict == "unknown":

@@ -11,6 +11,7 @@ import numpy as np
 
 from identification.common.arrays import rms
 from identification.common.findings import Finding
+from identification.common.quantities import cause_words
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 from identification.motion.axis_diagnosis import MICRO, AxisDiagnosis, Verdict
@@ -62,7 +63,7 @@ class JointLogDiagnosis:
             findings.append(Finding("CS1401", "warning", "something is wrong that no cause in the dictionary explains",
                                     file=source))
         if self.verdict == "ambiguous":
-            names = dict.fromkeys(cause.label for axis in self.axes for cause in axis.alternatives)
+            names = dict.fromkeys(cause_words(cause.label) for axis in self.axes for cause in axis.alternatives)
             findings.append(Finding("CS1402", "warning", f"the log cannot tell several causes apart: {', '.join(names)}",
                                     file=source))
         return tuple(findings)

@@ -31,6 +31,8 @@ class Measures:
         self.feed: Feed | None = None
         self._feed_assumed = False
         self._turns_per_minute: float | None = None
+        self._counterclockwise: Statement | None = None     # the SPINDL in force that says so
+        self._cut_so: Statement | None = None               # the first of them under which a move cuts
 
     @property
     def scale(self) -> float:
@@ -62,8 +64,12 @@ class Measures:
         self.feed = (1e-3 * value * (unit or self.unit), per)
 
     def spindl(self, statement: Statement) -> None:
-        """Only the turns a minute are wanted, for feeds per turn."""
+        """The turns a minute, for feeds per turn, and the sense, which decides to which side the force points."""
         arguments = statement.arguments
+        if "CCLW" in arguments:
+            self._counterclockwise = statement
+        elif "CLW" in arguments:
+            self._counterclockwise = None
         numeric = [index for index, argument in enumerate(arguments) if argument[:1] in "+-.0123456789" and argument]
         if numeric and not {"SFM", "SMM"} & set(arguments):
             self._turns_per_minute = statement.numbers(numeric[0], numeric[0] + 1)[0]
@@ -74,6 +80,7 @@ class Measures:
             raise statement.fail("CS2107", "found a cutting move before any FEDRAT",
                                  hint="let the CAM system write FEDRAT before the first cut, or RAPID before moves in the air")
         length, per = feed
+        self._cut_so = self._cut_so or self._counterclockwise
         if per == "turn" and self._turns_per_minute is None:
             raise statement.fail("CS2107", "the feed is per turn, and no SPINDL says the speed",
                                  hint="write the feed per minute")
@@ -94,4 +101,10 @@ class Measures:
         if self._feed_assumed:
             findings.append(Finding("CS2106", "note", "FEDRAT without a unit is read as the file's unit of length a minute",
                                     self.file))
+        if self._cut_so is not None:
+            findings.append(Finding(
+                "CS2116", "warning", f"{self._cut_so.spelled()} turns the spindle counterclockwise: its force is the mirror "
+                "image of the clockwise one that is taken here for every cutter", self.file, *self._cut_so.place(),
+                hint="a left-hand tool, or a slip in the CAM system? A log is used as it is, and CS3068 or CS3074 may be said "
+                "of it; forces from the stock are refused"))
         return findings

@@ -167,18 +167,18 @@ def test_where_the_state_changes_is_said(tmp_path: Path) -> None:
     done = corrected(tmp_path, there_and_back(), [BACKLASH])
     notes = [row["note"] for row in csv.DictReader(io.StringIO(offsets_csv(done).decode()))]
     assert [i for i, note in enumerate(notes) if note.startswith("backlash")] == [SECOND.start]
-    assert notes[SECOND.start] == "backlash[1] crosses its gap before this target"
+    assert notes[SECOND.start] == "backlash of joint 1 crosses its gap before this target"
     assert notes[SECOND.start - 1] == "no force"
     assert notes == [row["note"] for row in csv.DictReader(io.StringIO(deviation_csv(done.predicted).decode()))]
     found = [finding for finding in done.findings if finding.code == "CS4111"]
     assert len(found) == 1
     assert found[0].target == SECOND.start
-    assert found[0].message.startswith("backlash[1] crosses its gap before 1 of 24 targets with force: deviation and corr")
+    assert found[0].message.startswith("backlash of joint 1 crosses its gap before 1 of 24 targets with force: deviation and")
     path = there_and_back()
     cuts = Path6(np.delete(path.theta, AIR, axis=0), np.delete(path.wrench, AIR, axis=0))
     both = corrected(tmp_path / "both", cuts, [BACKLASH, HYSTERESIS])
-    assert both.predicted.prediction.notes[12] == ("backlash[1] crosses its gap before this target; "
-                                                   "hysteresis[1] slips the other way before this target")
+    assert both.predicted.prediction.notes[12] == ("backlash of joint 1 crosses its gap before this target; "
+                                                   "hysteresis of joint 1 slips the other way before this target")
     plain = corrected(tmp_path / "plain", there_and_back())
     assert not any(plain.predicted.prediction.notes)
 
@@ -268,7 +268,7 @@ def test_the_command_line(tmp_path: Path) -> None:
     done = compstiff("correct", inputs.cell, inputs.toolpath, "--stiffness", inputs.stiffness, "--forces", inputs.forces, "-o",
                      tmp_path / "out.mod", "--report", tmp_path / "out.html")
     assert done.returncode == 0, done.stderr
-    assert "note CS4111: backlash[1] crosses its gap before 1 of 24 targets" in done.stderr
+    assert "note CS4111: backlash of joint 1 crosses its gap before 1 of 24 targets" in done.stderr
     assert "CS4111" in (tmp_path / "out.mod.json").read_text()
 
 
@@ -287,7 +287,7 @@ def test_gravity_holds_the_gear_to_one_side(tmp_path: Path) -> None:
     bare = predict_files(inputs)
     assert rms(bare.prediction.position - plain.prediction.position) > 2e-5
     note = next(finding for finding in bare.findings if finding.code == "CS1404")
-    assert note.message == "the robot file has no links: gravity torques are taken as zero in backlash[2]"
+    assert note.message == "the robot file has no links: gravity torques are taken as zero in backlash of joint 2"
 
 
 # ---- what stays as it was --------------------------------------------------------------------------------------------------

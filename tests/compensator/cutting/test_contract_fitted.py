@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from compensator.coefficients.fit import said_of_the_fit
+from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
+from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
+from identification.common.findings import Finding, Refused
 from tests.compensator.cutting.milled import FLAT, TRUE
 
 
@@ -63,3 +66,25 @@ def test_what_no_tool_and_no_stock_does_is_said(mean: tuple, aside: tuple, used:
     for finding, words in zip(found, said, strict=True):
         assert (finding.level, finding.file) == ("warning", "log.csv")
         assert f"{finding.code} {finding.message}".startswith(words)
+
+
+@pytest.mark.parametrize(("touches", "refused"), [(10, False), (2, False), (1, True), (0, True)])
+def test_a_cut_that_lies_beside_its_stock_is_refused(touches: int, refused: bool) -> None:
+    """Of ten targets with force, two without count for nothing; over four fifths are too many."""
+    forces = SimpleNamespace(forced=np.arange(12) < 10)
+    there = (np.arange(12) < touches) | (np.arange(12) >= 10)
+    if not refused:
+        check_in_the_stock(forces, there, Path("stock.yaml"))
+        return
+    with pytest.raises(Refused, match=f"{10 - touches} of 10 targets") as stopped:
+        check_in_the_stock(forces, there, Path("stock.yaml"))
+    assert stopped.value.findings[0].code == "CS4738"
+
+
+def test_no_force_is_taken_from_a_stock_where_the_spindle_turns_counterclockwise() -> None:
+    """The file's own finding says so; it names the line."""
+    said = Finding("CS2116", "warning", "SPINDL/9000,CCLW", "part.apt", 7)
+    path = SimpleNamespace(cell=None, toolpath=SimpleNamespace(findings=(said,), cutters=()))
+    with pytest.raises(Refused) as stopped:
+        cut_of(path, "stock.yaml", 9000.0)
+    assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS4744", 7)

@@ -159,6 +159,9 @@ def test_explain_and_robots() -> None:
     assert shown.returncode == 0
     assert "Negative compliances" in shown.stdout
     assert compstiff_process("explain", "CS9999").returncode == 1
+    # As a report has it, and as diagnosis.json has it.
+    for words in (("soft", "zone", "of", "joint", "2"), ("soft zone",), ("soft_zone[2]",)):
+        assert compstiff_process("explain", *words).stdout.startswith("soft_zone: the gear of joint N is softer")
     listed = json.loads(compstiff_process("robots", "--json").stdout)["result"]["robots"]
     assert {"irb6660-205-1.90", "irb6640-235-2.55", "irb6700-200-2.60", "irb4400-60"} <= {robot["name"] for robot in listed}
     assert {"drive", "serial"} == {robot["load_path"] for robot in listed}
@@ -170,3 +173,22 @@ def test_readme_and_help_name_the_same_commands() -> None:
     assert len(listed) > 15
     for name in listed:
         assert f"compstiff {name}" in readme, name
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("--gap-um", "50mm"), "found '50mm', expected a number, without its unit: it is in um"),
+    (("--gap-um", "0,5"), "found '0,5', expected a number, with a point for the decimals"),
+    (("--gap-um", "wide"), "found 'wide', expected a number"), (("--teeth", "4.0"), "found '4.0', expected a whole number"),
+    (("--teeth", "4z"), "found '4z', expected a whole number, without its unit"),
+    (("--gap-um", "0"), "0.0 is not in the range"),
+    (("--widely", "50"), "extra argument (50) ('50' behind --widely, which takes no value)"), (("50",), "extra argument (50)")])
+def test_a_wrong_call_says_what_stands_where(words: tuple[str, ...], said: str) -> None:
+    """A unit behind its number, a decimal comma, a value behind a switch; the range of a number is said as click says it."""
+    def body(session: Session, gap_um: float, teeth: int, widely: bool) -> Outcome:
+        return Outcome()
+
+    for decorate in (click.option("--gap-um", type=click.FloatRange(0, min_open=True), default=1.0),
+                     click.option("--teeth", type=click.IntRange(1), default=1), click.option("--widely", is_flag=True)):
+        body = decorate(body)
+    code, _, stderr = run(body, *words)
+    assert (code, said in stderr, "which takes" in stderr) == (2, True, "which takes" in said), stderr

@@ -69,6 +69,21 @@ def test_offsets_changed_after_correct_wrote_them_are_not_pushed(tmp_path: Path,
     assert kit.run("push", cell, offsets, "--any-program").code == 0
 
 
+def test_changed_offsets_in_another_folder_are_known_by_the_program_they_were_made_from(tmp_path: Path) -> None:
+    """The record stands beside the program; offsets of another program that have the same name are nobody's business."""
+    away = tmp_path / "usb"
+    away.mkdir()
+    assert workshop(ROBOTS[0]).run(tmp_path, {}, *call("--offsets", "@usb/offsets.csv")).code == 0
+    push = ("push", tmp_path / "cell.yaml", away / "offsets.csv")
+    program = ("--program", tmp_path / "part.mod")
+    assert kit.run(*push, *program, "--json").code == 0
+    edited(away / "offsets.csv", away / "offsets.csv", 1.2)
+    changed = kit.run(*push, *program, "--json")
+    assert (changed.code, kit.codes(changed)) == (3, {"CS5026"})
+    (tmp_path / "part.mod").write_text((tmp_path / "part.mod").read_text() + "\n")
+    assert "CS5026" not in kit.codes(kit.run(*push, *program, "--json"))
+
+
 @pytest.mark.parametrize(("words", "said"), [
     ((), ""), (("--tool-mass", "80", "--spindle-rpm", "24000", "--deflection-std", "0.1"), ""),
     (("--tool-mass", "80000"), "tool.mass_kg is 80000"), (("--deflection-std", "0.002"), "deflection_std_um is 0.002"),

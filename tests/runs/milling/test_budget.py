@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compensator.correction.budget import SIGMAS, Budget, error_budget
+from compensator.correction.budget import SIGMAS, Budget, error_budget, said_of_tolerance
 from compensator.correction.correct import Corrected
 from compensator.correction.expected_left import CAUSES
 from compensator.correction.files import Inputs, predict_files
@@ -178,3 +178,9 @@ def test_the_command_says_it(job: MillingJob, log: Path, budget: Budget) -> None
     # Stated, the cut is spent less on.
     known = kit.run(*arguments, "--budget", "--tolerance-um", TOLERANCE_UM, "--cutting-stiffness", "25:5", "--json").json
     assert known["result"]["budget"]["causes"]["cut"]["share_of_tolerance"] < 0.5 * said["causes"]["cut"]["share_of_tolerance"]
+
+
+@pytest.mark.parametrize(("um", "said"), [(1.0, False), (30.0, False), (2000.0, False), (0.05, True), (50000.0, True)])
+def test_a_tolerance_in_another_unit_is_said(um: float, said: bool) -> None:
+    """50 um in millimetres, and 50 mm."""
+    assert [one.code for one in said_of_tolerance(1e-6 * um, "part.mod")] == ["CS3206"] * said

@@ -75,6 +75,16 @@ def test_feed_per_turn_takes_the_spindle(read):
     np.testing.assert_allclose(path.feed, [0.02, 0.01], rtol=1e-12)
 
 
+@pytest.mark.parametrize(("spindle", "line"), [
+    ("SPINDL/6000,RPM,CLW\n", None), ("SPINDL/6000,RPM\n", None), ("SPINDL/RPM,6000,CCLW\n", 3),
+    ("SPINDL/CCLW\nSPINDL/6000\n", 3),
+    ("SPINDL/9,RPM,CCLW\nSPINDL/9,RPM,CLW\n", None), ("SPINDL/9,RPM,CCLW\nRAPID\nGOTO/5,5,5\nSPINDL/CLW\n", None)])
+def test_a_cut_with_a_spindle_that_turns_counterclockwise_is_said(read, spindle, line):
+    """By a move that cuts, not by the word; the sense holds until another one is stated."""
+    said = [one for one in read(HEAD + spindle + "GOTO/1,0,0\nGOTO/2,0,0\n").findings if one.code == "CS2116"]
+    assert [(one.level, one.line) for one in said] == ([] if line is None else [("warning", line)])
+
+
 def test_rapid_holds_for_the_next_motion_only(read):
     path = read(HEAD + "RAPID\nPAINT/COLOR,186\nGOTO/0,0,50\nGOTO/0,0,0\n")
     assert path.rapid.tolist() == [True, False]

@@ -1,0 +1,75 @@
+"""Force columns in another order: how often they are told, by which finding, and how often right ones are doubted.
+
+    python benchmarks/columns.py [--jobs 100] [--seed 0]
+
+The jobs are those of passes.py (rasters, spirals) and of cut_direction.py (a slot, the wall of a pocket), with an axial force
+of either sign up to three times the cutter's and 5 N of noise; logged in the robot's axes and in the tool's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import Counter, defaultdict
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import numpy as np
+
+from benchmarks import cut_direction, passes
+from compensator.forces.cut_direction import said_of_direction, travel
+from compensator.forces.swapped_columns import swapped_columns
+from compensator.path.robot_path import RobotPath
+from identification.common.arrays import Array
+
+ORDERS = {"right": (0, 1, 2),
+          "y x z": (1, 0, 2), "z y x": (2, 1, 0), "x z y": (0, 2, 1), "y z x": (1, 2, 0), "z x y": (2, 0, 1)}
+
+
+def drawn(kind: str, rng: np.random.Generator, folder: Path) -> tuple[RobotPath, Array]:
+    """A path and the force (N, 3) [N] on the tool, base frame."""
+    if kind == "rasters and spirals":
+        job = passes.drawn(rng)
+        path, force = passes.written(job, folder, rng)[0], job.force() * rng.uniform(0.8, 1.2, (len(job.points), 1))
+        force[:, 2] *= rng.uniform(-1, 3)
+    else:
+        path, force, _ = cut_direction.drawn(rng, folder)
+    return path, force + np.any(force != 0, axis=1)[:, None] * rng.normal(0, 5, force.shape)
+
+
+def main(jobs: int, seed: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in ("rasters and spirals", "slot and pocket"):
+            said: dict[str, Counter[str]] = defaultdict(Counter)
+            for number in range(jobs):
+                path, force = drawn(kind, np.random.default_rng((seed, number)), Path(folder))
+                forced = np.any(force != 0, axis=1)
+                cuts = travel(path, forced)
+                if cuts is None:
+                    continue
+                axes = {"base": np.broadcast_to(np.eye(3), (len(force), 3, 3)), "tool": path.base_from_tcp.rotation}
+                for frame, turned in axes.items():
+                    for order, columns in ORDERS.items():
+                        logged = np.einsum("nji,nj->ni", turned, force)[:, columns]
+                        forces = {name: np.einsum("nij,nj->ni", one, logged) for name, one in axes.items()}
+                        found = [*said_of_direction(path, forced, forces, frame, "log"),
+                                 *swapped_columns(cuts, forces[frame], turned, "log")]
+                        codes = sorted(one.code for one in found if one.level == "warning")
+                        said[order]["+".join(codes) or "silent"] += 1
+                        if order == "right" and codes:
+                            print(f"{kind} {number} in {frame}, right: {codes}")
+            for order, counts in said.items():
+                of = sum(counts.values())
+                here = sum(count for codes, count in counts.items() if "CS3078" in codes)
+                print(f"{kind}, {order}: told {of - counts['silent']} of {of}, CS3078 {here}: {dict(counts.most_common())}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--jobs", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    print(f"seed {arguments.seed}")
+    main(arguments.jobs, arguments.seed)
