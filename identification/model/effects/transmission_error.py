@@ -40,7 +40,8 @@ class BetweenPoses(AtJoint):
     )
     sentence = SENTENCE
     settles = "go over the joint's angles without a load, a gauge at the tool, in both directions"
-    cycles_tried = tuple(float(n) for n in np.arange(1.0, 40.1, 0.75))
+    # Few poses see coarse waves best, and those of a joint that goes through more than a turn need the finer steps.
+    cycles_tried = (*np.arange(1.0, 12.0, 0.5).tolist(), *np.arange(12.0, 40.1, 0.75).tolist())
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         i = self.index(joint)
