@@ -22,8 +22,9 @@ class EncoderZero(AtJoint):
     of_robot = False
     joints = (1, 2, 3, 4, 5, 6)
     formula_source = "the paper, eq. 1: a joint that stands off turns everything behind it"
-    parameters = (Parameter("zero_rad", "rad", 2e-5, -5e-3, 5e-3,
-                            source="engineering judgement: 0.07 arcmin, 30 um at 1.5 m, as a brake or a restart leaves it",
+    parameters = (Parameter("zero_rad", "rad", 1e-4, -5e-3, 5e-3,
+                            source="engineering judgement: 0.3 arcmin, 0.15 mm at 1.5 m: from what a restart leaves to what a "
+                                   "calibration by marks does",
                             bounds_source="docs/real-data.md: 2.4 mrad between two records on one axis; twice that"),)
     sentence = "the zero of joint {joint} is off: from one pose on, or at all of them, it stands off by the same angle"
     settles = "go back to the first pose and read without a load; check the joint's calibration marks"

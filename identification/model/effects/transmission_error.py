@@ -14,6 +14,7 @@ from identification.model.load_state import LoadState
 
 SENTENCE = "the gear or an encoder of joint {joint} has an error that repeats with its angle"
 LINES = "docs/real-data.md: lines of 1 to 92 urad on three axes of a KUKA KR300"
+COARSE_WAVE = "engineering judgement: a code ring of 100 mm radius that sits 5 um off its axis; finer lines are smaller"
 LARGEST_LINE = "engineering judgement: 3 arcmin, several times the backlash of a gear for robots"
 # Fewer poses to one reference than this are too few for a wave whose length is searched.
 FEWEST_POSES = 8
@@ -32,7 +33,7 @@ class BetweenPoses(AtJoint):
     formula_source = ("engineering judgement: gears and encoders turn, so what they get wrong repeats with their angle; the "
                       "poses of load tests show the coarse part")
     parameters = (
-        *(Parameter(name, "rad", 1e-5, -1e-3, 1e-3, source=LINES, bounds_source=LARGEST_LINE)
+        *(Parameter(name, "rad", 5e-5, -1e-3, 1e-3, source=COARSE_WAVE, bounds_source=LARGEST_LINE)
           for name in ("sin_rad", "cos_rad")),
         Parameter("cycles_per_turn", "1", 1.0, 0.5, 41.0, shape=True,
                   source="engineering judgement: a wheel or a ring that sits off its axis",
