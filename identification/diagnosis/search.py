@@ -150,6 +150,9 @@ def _exchanged(
         if best.key not in others:
             continue
         for key, other in others.items():
+            if key == best.key:
+                # Its value is the one it has: the last digit would say in which order it was taken.
+                continue
             value = best.log_evidence + other.log_evidence - others[best.key].log_evidence
             if all(value > each[key].log_evidence for each in (grown, likelier) if key in each):
                 likelier[key] = replace(other, log_evidence=value)
