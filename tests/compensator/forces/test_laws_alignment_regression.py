@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compensator.forces.alignment_regression import Bins, Regression, binned
+from compensator.forces.alignment_regression import Bins, Regression, binned, plateau_share
 from compensator.forces.program_time import EDGE, ProgramTime
 
 # Air, a cut along x, air, a cut along y of another kind, air: 100 mm and 2 s each.
@@ -93,12 +93,13 @@ def test_the_likeliest_alignment_near_by_is_the_truth() -> None:
     np.testing.assert_allclose(found[2:], LEAD, atol=2e-3)
 
 
-@pytest.mark.parametrize("in_air", [0.0, 0.3])
-def test_force_on_air_moves_is_told_as_a_share_of_that_on_cuts(in_air: float) -> None:
-    """RMS over RMS, the bias taken off; 400 N before and after the program are not asked."""
+@pytest.mark.parametrize(("in_air", "moves", "told"), [(0.0, [1, 3, 5], 0.0), (0.3, [1, 3, 5], 0.3), (0.6, [1], 0.6 / 3**0.5),
+                                                       (0.6, [5], 0.6 / 3**0.5)])
+def test_force_on_air_moves_is_told_as_a_share_of_that_on_cuts(in_air: float, moves: list[int], told: float) -> None:
+    """RMS over RMS, the bias taken off, all three moves in air alike; 400 N before the program are not asked."""
     force = np.array([[60.0, 0, 80.0], [60.0, 0, 80.0]])
     bins = logged(np.zeros(3), force)
-    air = np.isin(np.searchsorted(TIME, bins.time), np.flatnonzero(AIR))
+    air = np.isin(np.searchsorted(TIME, bins.time), moves)
     turn = np.where(np.arange(len(air)) % 2, 1.0, -1.0)         # to and fro: no bias
     values = bins.force + (in_air * 100.0 * turn * air * (bins.weight > 0))[:, None] * np.array([0, 1.0, 0])
     outside = 25
@@ -107,7 +108,7 @@ def test_force_on_air_moves_is_told_as_a_share_of_that_on_cuts(in_air: float) ->
     log = Bins(time, values, np.append(np.ones(outside), bins.weight), 0.05)
     regression = Regression(program(), log, 0.0)
     found = regression.force_in_air(np.array([0.0, 0.0, LEAD, LEAD]), np.zeros(int(log.weight.sum())))
-    assert found == pytest.approx(in_air, abs=0.08)
+    assert found == pytest.approx(told, abs=0.05)
 
 
 def test_bins_are_means_of_their_samples_and_empty_ones_count_for_nothing() -> None:
@@ -118,6 +119,13 @@ def test_bins_are_means_of_their_samples_and_empty_ones_count_for_nothing() -> N
     np.testing.assert_allclose(bins.force[[0, 3, 4]], [force[:3].mean(axis=0), force[3], force[4]])
     np.testing.assert_allclose(bins.centred.sum(axis=0), 0, atol=1e-12)
     assert not bins.centred[1:3].any()
+
+
+@pytest.mark.parametrize("at", [0, 4, 9])
+def test_a_plateau_of_one_bin_explains_what_one_bin_does(at: int) -> None:
+    force = np.zeros((10, 3))
+    force[at] = [5.0, -3.0, 1.0]
+    assert plateau_share(binned(np.arange(10.0), force, 1.0)) == pytest.approx(1.0)
 
 
 def parabola(curvature: np.ndarray, slope: np.ndarray) -> Any:
