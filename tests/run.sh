@@ -47,7 +47,7 @@ beside_the_tests() {
 
     # Reading, geometry and two commands: the packages of the checkout, which lies before those of the wheel.
     if [ -n "$newest" ]; then
-        "$empty/pip" install --quiet pytest hypothesis mujoco py-opw-kinematics
+        "$empty/pip" install --quiet pytest hypothesis mujoco py-opw-kinematics rapidchecker
         "$empty/python" -m pytest -q -p no:cacheprovider tests/compensator/rapid tests/identification/model \
             tests/without_posix tests/runs/command_line/test_demo.py tests/runs/command_line/test_identify.py
     fi

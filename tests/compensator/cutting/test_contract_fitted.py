@@ -5,18 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit
+from compensator.coefficients.fit import check_in_the_stock, said_of_the_fit, table_coefficients
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.materials import coefficients_of
 from identification.common.findings import Finding, Refused
+from identification.model.cell import read_cell
 from tests.compensator.cutting.milled import FLAT, TRUE
+from tests.support import CELL, write_cell
 
 
 @pytest.mark.parametrize(("share", "left", "grade"), [
@@ -88,3 +91,16 @@ def test_no_force_is_taken_from_a_stock_where_the_spindle_turns_counterclockwise
     with pytest.raises(Refused) as stopped:
         cut_of(path, "stock.yaml", 9000.0)
     assert (stopped.value.findings[0].code, stopped.value.findings[0].line) == ("CS4744", 7)
+
+
+def test_the_table_s_chip_is_that_of_the_feed_in_the_cut(tmp_path: Path) -> None:
+    """45 mm/s at 9000 a minute and three teeth: 0.1 mm a tooth, however many moves in air are ten times as fast, and however
+    many state no feed."""
+    cell = read_cell(write_cell(tmp_path, CELL + "force_log: {spindle_rpm: 9000}\n"
+                                "cutting: {tool_diameter_mm: 16, teeth: 3, material: aluminium}\n"))
+    feed, air = np.array([0.45] * 6 + [0.045] * 3 + [np.nan] * 4), np.arange(13) < 6
+    program: Any = SimpleNamespace(toolpath=SimpleNamespace(feed=feed, cutters=(), source="part.mod"), air=air, source=None)
+    found = table_coefficients(cell, program).coefficients
+    mean, covariance = coefficients_of("aluminium", 1e-4)
+    np.testing.assert_allclose(found.mean, mean, rtol=1e-12)
+    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-12)

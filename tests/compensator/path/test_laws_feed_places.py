@@ -263,3 +263,36 @@ def test_the_wrist_is_blamed_where_it_is_near(tmp_path: Path, wrist: float, name
     (found, *_) = told(zigzag(tmp_path, [10, 20, 20, 30, wrist, -40], 2e-3, "z1", "v600"), "CS4401")
     assert ("wrist singularity" in found.hint) == named
     assert found.hint.startswith("lower the feed there")
+
+
+@pytest.mark.parametrize(("wrist", "named"), [(19.0, True), (21.5, False)])
+def test_the_wrist_is_blamed_within_twenty_degrees(tmp_path: Path, wrist: float, named: bool) -> None:
+    """Legs of half a millimetre: axis 5 stays within half a degree of where it stands at first."""
+    (found, *_) = told(zigzag(tmp_path, [10, 20, 20, 30, wrist, -40], 5e-4, "z1", "v600"), "CS4401")
+    assert re.search(r"joint (4|6) at its", found.message)
+    assert ("wrist singularity" in found.hint) == named
+
+
+@pytest.mark.parametrize("far", [0, 1])
+def test_the_corner_that_holds_a_leg_back_is_the_nearer_one(tmp_path: Path, far: int) -> None:
+    """Of a leg with a corner of 90 degrees at one end and of a tenth of that at the other the sharp one is told, with the leg's
+    own limit, whichever end it is at."""
+    turn = np.radians(9.0)
+    points = [[1000.0, 0, 700], [1130, 0, 700], [1130, 40, 700], [1130 - 30 * np.sin(turn), 40 + 30 * np.cos(turn), 700]]
+    plan = program(tmp_path, lines(points[::-1] if far else points, "v400", "z5"))
+    sharp = 2 if far else 1
+    check = check_feed(judge(plan, forced(4, [1, 2])), strict=False)
+    [found] = told(check, "CS4401")
+    assert found.target == 2
+    assert f"in the corner of 90 deg at target {sharp}, rounded by a zone of 5 mm" in found.message
+    assert found.hint.startswith("lower the feed there, or round the corner with a larger zone")
+
+
+def test_the_lowest_share_of_cuts_is_that_of_cuts(tmp_path: Path) -> None:
+    """Beside it that of all moves, a sharp corner in air; where no move cuts nothing is held back in a cut."""
+    points = [[1100.0, 0, 700], [1130, 0, 700], [1130, 30, 700], [1130, 60, 700], [1130, 90, 700]]
+    plan = program(tmp_path, lines(points, "v400", "z5"))
+    cut, air = (judge(plan, forced(5, which)) for which in ([3, 4], []))
+    assert 0 < cut.as_dict()["lowest_feed_ratio"] < cut.as_dict()["lowest_feed_ratio_with_force"]
+    assert cut.as_dict()["lowest_feed_ratio"] == air.as_dict()["lowest_feed_ratio"]
+    assert air.as_dict()["lowest_feed_ratio_with_force"] == 1.0

@@ -1,17 +1,23 @@
-"""Nothing hidden, something that the dictionary does not know, two effects at once; and one seed that nobody has seen."""
+"""Nothing hidden, something that the dictionary does not know, two effects at once; the benchmark's targets in small; one
+seed that nobody has seen."""
 
 from __future__ import annotations
 
 import json
 import secrets
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
 from scipy.stats import binom
 
+from identification.model.effects import effects
+from tests.runs.hidden_effects.cases import hidden_in
 from tests.runs.hidden_effects.hide_and_diagnose import Place, Run, check_answer, run
-from tests.runs.hidden_effects.judge import answer, label, truth_names
+from tests.runs.hidden_effects.judge import Answer, Targets, answer, judge, label, permuted, truth_names
 from tests.runs.hidden_effects.places import ALL, IN_MOTION, OUTSIDE, check_unknown, each
+from tests.runs.hidden_effects.visible import visible
 from tests.support import compstiff_process
 from tests.virtual_cell.cell import DICTIONARY, Hidden, simulate
 
@@ -60,6 +66,46 @@ def test_pairs_are_named(one: Hidden, other: Hidden, seed: int) -> None:
     found = run(seed, one, other)
     check_answer(found.content)
     assert found.outcome == "right"
+
+
+# The benchmark's targets in small: these single effects, and the first of the load tests with nothing hidden.
+SINGLE_SEEDS, FEW_NULL_SEEDS = range(4), NULL_SEEDS[:4]
+TARGETS = Targets(right=0.7, wrong=0.0, alarms=0.35)
+Answering = Callable[[Answer], Answer]
+
+
+@cache
+def identifiable(seed: int) -> bool:
+    """Whether what is hidden in the single of this seed can be told from its data."""
+    return visible(run(seed, *hidden_in(seed, "single")).case)[0].identifiable
+
+
+def broken(change: Answering = lambda given: given) -> list[str]:
+    """Which of the targets a diagnosis misses whose answers are changed so."""
+    cases = [run(seed, *hidden_in(seed, "single")) for seed in SINGLE_SEEDS]
+    hidden = [judge(truth_names(found.case.truth), change(found.answer)) for found in cases]
+    null = [judge(frozenset(), change(run(seed).answer)) for seed in FEW_NULL_SEEDS]
+    told = [outcome for outcome, yes in zip(hidden, map(identifiable, SINGLE_SEEDS), strict=True) if yes]
+    return TARGETS.broken(told, hidden, null)
+
+
+def test_targets_in_small() -> None:
+    assert broken() == []
+
+
+EVERY_NAME = tuple(f"{name}[{joint}]" if joint else name for name, effect in effects().items() for joint in effect.places)
+CONSTANT = {"adequate": Answer("adequate"), "unknown": Answer("unknown"), "a name": Answer("named", frozenset({"drift"})),
+            "every name": Answer("ambiguous", frozenset(), EVERY_NAME)}
+
+
+@pytest.mark.parametrize("given", CONSTANT.values(), ids=CONSTANT)
+def test_constant_answers_miss_the_targets(given: Answer) -> None:
+    assert broken(lambda _: given)
+
+
+def test_a_shuffled_dictionary_misses_the_targets() -> None:
+    turned = dict(zip(EVERY_NAME, EVERY_NAME[7:] + EVERY_NAME[:7], strict=True))
+    assert broken(lambda given: permuted(given, lambda name: turned.get(name, name)))
 
 
 def test_one_fresh_seed(tmp_path: Path) -> None:

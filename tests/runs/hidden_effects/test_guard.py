@@ -1,11 +1,10 @@
-"""The benchmark's targets in small, and proof that a diagnosis which does not look at the data fails them and the suite."""
+"""Proof that a diagnosis which does not look at the data fails the suite; that it misses the benchmark's targets:
+test_answers.py."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import pytest
@@ -19,49 +18,10 @@ from identification.measurements import Measurements, read_measurements
 from identification.model.cell import Cell, read_cell
 from identification.model.effects import effects
 from tests.runs.hidden_effects import hide_and_diagnose as kit
-from tests.runs.hidden_effects.cases import hidden_in
-from tests.runs.hidden_effects.hide_and_diagnose import complaints, run
-from tests.runs.hidden_effects.judge import Answer, Targets, judge, permuted, truth_names
+from tests.runs.hidden_effects.hide_and_diagnose import complaints
+from tests.runs.hidden_effects.judge import Answer, judge
 from tests.runs.hidden_effects.places import GEARS, MEASUREMENT
-from tests.runs.hidden_effects.visible import visible
 from tests.virtual_cell.cell import simulate
-
-SEEDS, NULL_SEEDS = range(4), range(4)
-TARGETS = Targets(right=0.7, wrong=0.0, alarms=0.35)
-Answering = Callable[[Answer], Answer]
-
-
-@cache
-def identifiable(seed: int) -> bool:
-    """Whether what is hidden in the single of this seed can be told from its data."""
-    return visible(run(seed, *hidden_in(seed, "single")).case)[0].identifiable
-
-
-def broken(change: Answering = lambda given: given) -> list[str]:
-    """Which of the targets a diagnosis misses whose answers are changed so."""
-    cases = [run(seed, *hidden_in(seed, "single")) for seed in SEEDS]
-    hidden = [judge(truth_names(found.case.truth), change(found.answer)) for found in cases]
-    null = [judge(frozenset(), change(run(seed).answer)) for seed in NULL_SEEDS]
-    return TARGETS.broken([outcome for outcome, yes in zip(hidden, map(identifiable, SEEDS), strict=True) if yes], hidden, null)
-
-
-def test_targets_in_small() -> None:
-    assert broken() == []
-
-
-EVERY_NAME = tuple(f"{name}[{joint}]" if joint else name for name, effect in effects().items() for joint in effect.places)
-CONSTANT = {"adequate": Answer("adequate"), "unknown": Answer("unknown"), "a name": Answer("named", frozenset({"drift"})),
-            "every name": Answer("ambiguous", frozenset(), EVERY_NAME)}
-
-
-@pytest.mark.parametrize("given", CONSTANT.values(), ids=CONSTANT)
-def test_constant_answers_miss_the_targets(given: Answer) -> None:
-    assert broken(lambda _: given)
-
-
-def test_a_shuffled_dictionary_misses_the_targets() -> None:
-    turned = dict(zip(EVERY_NAME, EVERY_NAME[7:] + EVERY_NAME[:7], strict=True))
-    assert broken(lambda given: permuted(given, lambda name: turned.get(name, name)))
 
 
 def test_a_family_is_a_set_with_all_its_members_and_no_other() -> None:
