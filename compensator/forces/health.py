@@ -24,6 +24,8 @@ AXES = ("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm")
 CLIPPED, STUCK, REPEATS = 3, 64, 0.05
 # Noise turns up and down at two thirds of its samples, whatever it stands on; a calculation hardly ever does.
 NOISY = 0.2
+# Two of these that are the same in every sample are one column written twice.
+PAIRS = ((0, 1), (0, 2), (1, 2))
 # Fewer samples beside such runs than this do not tell how often a channel repeats itself.
 FEWEST = 200
 # A step in time longer than this many samples is a gap; steps are even where most are within EVEN of the middle one.
@@ -88,12 +90,15 @@ class Health:
     last_time: float | None = None
     last_sequence: float | None = None
     last_load: Array | None = None
+    alike: list[bool] = field(default_factory=lambda: [True] * len(PAIRS))
 
     def look(self, samples: Samples) -> tuple[Flags, Indices]:
         """Flags (n,), two bits a channel (provisional, see `unsound`), and the places before which time has a gap."""
         load = samples.load
         if not self.channels:
             self.channels = [Channel() for _ in range(load.shape[1])]
+        self.alike = [alike and np.array_equal(load[:, one], load[:, other])
+                      for alike, (one, other) in zip(self.alike, PAIRS, strict=True)]
         flags = np.zeros(len(load), dtype=np.uint16)
         before = load[:1] if self.last_load is None else self.last_load
         same = np.empty(load.shape, dtype=bool, order="F")
@@ -278,11 +283,13 @@ class Health:
     def _stuck(self) -> list[Finding]:
         findings = []
         moving = any(channel.repeats < REPEATS * self.count for channel in self.channels)
+        silent = sum(channel.run == self.count for channel in self.channels[:len(AXES) // 2])
         for number, channel in enumerate(self.channels):
             if channel.run == self.count:
-                # From the first sample to the last. A channel of zeros may just not be there.
+                # From the first sample to the last. A moment of zeros may just not be there, nor two forces, nor one that was
+                # calculated; one of three that a sensor reads is lost.
                 if moving and self.count >= FEWEST:
-                    zero = channel.held == 0
+                    zero = channel.held == 0 and (number >= len(AXES) // 2 or silent > 1 or self.turns < NOISY * self.count)
                     level: Level = "note" if zero else "warning"
                     findings.append(Finding("CS3024", level, f"{AXES[number]} is {channel.held:.6g} in all "
                                             f"{counted(self.count, 'sample')}", file=self.source, line=channel.run_line,
@@ -292,6 +299,10 @@ class Health:
                     "CS3024", "warning", f"{AXES[number]} stood still while others moved: {channel.stuck} samples, the longest "
                     f"run {channel.longest}", file=self.source, line=channel.first_stuck,
                     hint="these samples are not used: check the cable and the channel, and log the pass again"))
+        findings += [Finding("CS3024", "warning", f"{AXES[one]} and {AXES[other]} are the same in all "
+                             f"{counted(self.count, 'sample')}", file=self.source, hint="one column was written twice?")
+                     for alike, (one, other) in zip(self.alike, PAIRS, strict=True)
+                     if alike and moving and self.count >= FEWEST and self.channels[one].run != self.count]
         all_of_it = self.together
         if self._all_stood():
             findings.append(Finding(

@@ -149,10 +149,19 @@ def test_a_channel_that_is_dead(tmp_path) -> None:
     found = [f for f in read(tmp_path, force).findings if f.code == "CS3024"]
     assert [(f.level, f.message) for f in found] == [("warning", "fz_n is 4.5 in all 6000 samples")]
     force[:, 2] = 0
-    assert [f.level for f in read(tmp_path, force).findings if f.code == "CS3024"] == ["note"]
+    assert [f.level for f in read(tmp_path, force).findings if f.code == "CS3024"] == ["warning"]
 
 
 @pytest.mark.usefixtures("blocks")
+@pytest.mark.parametrize(("columns", "level"), [((0, 1, 2), None), ((0, 0, 2), "warning"), ((0, 1, 1), "warning"),
+                                                ((-1, 1, 2), "warning"), ((-1, -1, 2), "note")])
+def test_a_force_that_is_missing_or_stands_twice(tmp_path, blocks, columns: tuple[int, ...], level: str | None) -> None:
+    """-1: zeros. A sensor of one axis has two such columns; of three axes none."""
+    force = np.column_stack([noisy()[:, k] if k >= 0 else np.zeros(COUNT) for k in columns])
+    said = {finding.level for finding in read(tmp_path, force).findings if finding.code == "CS3024"}
+    assert said == ({level} if level else set())
+
+
 @pytest.mark.parametrize("told", ["time", "sequence"])
 def test_lost_samples(tmp_path, told: str) -> None:
     rows = np.delete(np.arange(COUNT), [700, *range(2500, 2540)])

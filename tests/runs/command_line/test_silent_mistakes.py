@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import pytest
 
 from tests.runs.command_line import user_files as kit
-from tests.runs.command_line.test_mistakes import IDENTIFY, PLACED, ROBOTS, call, slot
+from tests.runs.command_line.test_mistakes import IDENTIFY, PLACED, ROBOTS, call, instead, slot
 from tests.runs.command_line.workshop import workshop
 
 OFFSETS = ("ox_mm", "oy_mm", "oz_mm")
@@ -82,6 +83,26 @@ def test_changed_offsets_in_another_folder_are_known_by_the_program_they_were_ma
     assert (changed.code, kit.codes(changed)) == (3, {"CS5026"})
     (tmp_path / "part.mod").write_text((tmp_path / "part.mod").read_text() + "\n")
     assert "CS5026" not in kit.codes(kit.run(*push, *program, "--json"))
+
+
+@pytest.mark.parametrize(("identified", "there", "refused"), [
+    ("66-1234", "66-1234", False), ("66-1234", "66-4321", True), ("66-1234", "", False), ("", "66-4321", False)])
+def test_stiffnesses_of_another_robot_of_the_type_are_refused(
+    tmp_path: Path, identified: str, there: str, refused: bool
+) -> None:
+    """By the serial number, where both files state one; check says the same."""
+    shop = workshop(ROBOTS[0])
+
+    def cell(number: str) -> dict[str, str | bytes | None]:
+        return {"cell.yaml": shop.files["cell.yaml"] + (f"serial_number: '{number}'\n" if number else "")}
+
+    assert shop.run(tmp_path, cell(identified), *IDENTIFY).code == 0
+    assert json.loads((tmp_path / "found.json").read_text()).get("serial_number", "") == identified
+    done, checked = (shop.run(tmp_path, cell(there), *words) for words in (
+        instead("@stiffness.json", "@found.json"), ("check", "@cell.yaml", "@part.mod", "@found.json")))
+    assert (done.code != 0, "CS1202" in kit.codes(done)) == (refused, refused), done
+    assert ("CS1202" in kit.codes(checked)) == refused
+    assert (tmp_path / "out.mod").exists() != refused
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -245,6 +245,22 @@ def test_what_does_not_belong_together_is_refused(job: ErringJob, stiffness: Pat
     assert codes("--learned", learned, program=moved)[0] == 0
 
 
+@pytest.mark.parametrize(("there", "refused"), [("66-1234", False), ("66-4321", True), (None, False)])
+def test_what_another_robot_of_the_type_learned_is_refused(
+    job: ErringJob, learned: Path, tmp_path: Path, there: str | None, refused: bool
+) -> None:
+    """By the serial number, where both the learned file and the cell state one."""
+    file, cell = tmp_path / "learned.json", job.cell.with_name("numbered.yaml")
+    file.write_text(json.dumps(json.loads(learned.read_text()) | {"serial_number": "66-1234"}))
+    cell.write_text(job.cell.read_text() + (f"serial_number: '{there}'\n" if there else ""))
+    try:
+        compstiff.read_learned(file, compstiff.read_cell(cell))
+        said = []
+    except compstiff.CompstiffError as stopped:
+        said = [finding.code for finding in stopped.findings]
+    assert said == ["CS5321"] * refused
+
+
 @pytest.mark.parametrize("edit", [
     lambda c: c.pop("mean"), lambda c: c["mean"].pop(), lambda c: c["covariance"].pop(), lambda c: c.update(version=2),
     lambda c: c["covariance"][3].__setitem__(3, -1.0), lambda c: c["remainder"]["posture_deg"].pop(),
