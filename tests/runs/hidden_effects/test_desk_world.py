@@ -1,4 +1,4 @@
-"""Structures that real cells have, in load tests as one writes them at a desk: none is taken for something else."""
+"""What real cells have, in load tests as one writes them at a desk: nothing is taken for something else."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from tests.desk_world import TERMS, desk
 
 @pytest.mark.parametrize("term", TERMS)
 def test_it_is_named_or_in_the_set(term: str, tmp_path: Path) -> None:
+    """A gear's free play and its softness near zero may stay open under one name."""
     case = desk(910001, term)
     cell_file, table = case.write(tmp_path)
     cell = compstiff.read_cell(cell_file)
     judgement = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot)).judgement
     assert judgement.verdict in ("named", "ambiguous")
-    found = judgement.causes if judgement.verdict == "named" else judgement.alternatives
-    labels = {cause.label.replace("gravity_compensator[2]", "gravity_compensator") for cause in found}
-    assert labels == {case.hidden} if judgement.verdict == "named" else case.hidden in labels
+    named = [{cause.label, *(f"{law}[{cause.joint}]" for law in cause.open_laws)} for cause in judgement.causes]
+    found = named or [{cause.label for cause in judgement.alternatives}]
+    assert len(found) == 1
+    assert case.hidden in {label.replace("gravity_compensator[2]", "gravity_compensator") for label in found[0]}
 
 
 def test_a_drift_without_a_clock_says_what_was_assumed(tmp_path: Path) -> None:
