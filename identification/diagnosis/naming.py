@@ -55,15 +55,15 @@ class Named:
 
 
 def converged(
-    fitted: Posterior, catalogue: dict[str, Effect], levels: int, rejected: frozenset[frozenset[int]] = frozenset(),
+    fitted: Posterior, catalogue: dict[str, Effect], levels: int, rejected: frozenset[int] | None = None,
 ) -> Named:
     """The best set of causes, fitted, and everything seen from there: fitted and looked at again until it stays the best.
-    rejected: sets that are no candidates, because what they leave is not noise."""
+    rejected: a set that is no candidate, alone or with more, because what it leaves is not noise."""
     fits: dict[tuple[frozenset[int], tuple[float, ...]], Posterior] = {}
     lost: dict[frozenset[int], str] = {}
     best = None
     while True:
-        seen = survey(fitted, catalogue, levels).without({*lost, *rejected})
+        seen = survey(fitted, catalogue, levels).without(set(lost), rejected)
         if not seen.hypotheses:
             return Named(seen, best, fitted, tuple(lost.values()))
         likeliest = seen.hypotheses[0]

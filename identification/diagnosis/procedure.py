@@ -214,8 +214,10 @@ class Procedure:
         adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
         other = likelier_fit(found) if adequacy.p_value <= INADEQUATE else None
         if found.best is not None and other is not None:
-            found = converged(other, self.catalogue, 2, frozenset((found.best.key,)))
-            adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+            rival = converged(other, self.catalogue, 2, found.best.key)
+            enough_then = goodness_of_fit(rival.fitted, self.catalogue, self.rng, self.replicates)
+            if enough_then.p_value > INADEQUATE:
+                found, adequacy = rival, enough_then
         if adequacy.p_value <= INADEQUATE:
             again = converged(found.fitted, self.catalogue, MOST_CAUSES)
             found = replace(again, lost=tuple(dict.fromkeys((*found.lost, *again.lost))))

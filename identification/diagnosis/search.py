@@ -67,11 +67,12 @@ class Survey:
         """The labels of its effects."""
         return " + ".join(self.dictionary.entries[k].label for k in hypothesis.entries)
 
-    def without(self, keys: set[frozenset[int]]) -> Survey:
-        """All but the hypotheses of these keys."""
-        if not keys:
+    def without(self, keys: set[frozenset[int]], beyond: frozenset[int] | None = None) -> Survey:
+        """All but the hypotheses of these keys, and those that have all of `beyond` among their causes."""
+        kept = [hypothesis for hypothesis in self.hypotheses
+                if hypothesis.key not in keys and (beyond is None or not beyond <= hypothesis.key)]
+        if len(kept) == len(self.hypotheses):
             return self
-        kept = [hypothesis for hypothesis in self.hypotheses if hypothesis.key not in keys]
         return replace(self, hypotheses=_weighed(kept, len(self.dictionary.entries)))
 
     def terms(self, hypothesis: Hypothesis) -> tuple[Term, ...]:

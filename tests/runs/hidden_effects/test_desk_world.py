@@ -24,6 +24,14 @@ def test_it_is_named_or_in_the_set(term: str, tmp_path: Path) -> None:
     assert case.hidden in {label.replace("gravity_compensator[2]", "gravity_compensator") for label in found[0]}
 
 
+def test_a_law_that_explains_nothing_gives_way_to_its_rival(tmp_path: Path) -> None:
+    """Under a noise that has grown for want of the cause free play seems as likely as the gear that is softer near zero."""
+    cell_file, table = desk(1108001, "a gear softer near zero").write(tmp_path)
+    cell = compstiff.read_cell(cell_file)
+    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+    assert [cause.label for cause in found.causes] == ["soft_zone[5]"]
+
+
 def test_a_drift_without_a_clock_says_what_was_assumed(tmp_path: Path) -> None:
     cell_file, table = desk(910002, "drift without a clock").write(tmp_path)
     cell = compstiff.read_cell(cell_file)
