@@ -105,7 +105,7 @@ def forecast(design: Design, sheet: Sheet, measured: Measurements | None, rng: n
     """The forecast of a plan with these rows, taken after those that are measured already, if any."""
     planned = as_measurements(sheet)
     if measured is not None:
-        planned = measured.select(~measured.validate).followed_by(planned)
+        planned = measured.followed_by(planned)
     outlook = judge_plan(design.task.domain.rig.cell, planned)
     count = len(design.task.demand)
     free = len(design.task.demand.counts) == 1
