@@ -24,6 +24,8 @@ FIGURES = (
     (r"(\d+) % of those noticed were called unknown", "docs/benchmarks.md",
      r"outside the dictionary: unknown, of the detected \| \d+ of \d+ = {0} %"),
     (r"laws are others: (\d+) of (\d+) right", "docs/benchmarks.md", r"\*\*{0} of {1}\*\* are right"),
+    (r"of (\d+) load tests as one writes them at a desk, (\d+) right, (\d+) in a set", "docs/benchmarks.md",
+     r"of {0} {1} right, {2} in the set"),
     (r"hold again: (\d+) % before, (\d+) % after", "docs/benchmarks.md", r"after naming right \| {0} % -> {1} %"),
     (r"axis (\d): (\d+) µrad (\d+) times a turn", "docs/real-data.md", r"\| {0} \| {2}\.\d ± \S+ \|.*\| {1}\.\d, "),
     (r"axis (\d): (\d+) to (\d+) µrad", "docs/real-data.md", r"\| {0} \| A \| \S+ → \d+ \| B \| {1} → {2} \|"),
