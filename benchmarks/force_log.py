@@ -63,7 +63,7 @@ def one(how: str, file: str) -> None:
                 chunk.to_numpy().sum()
     else:
         from compensator.forces.log import read_force_log
-        from identification.model.cell import ForceLogFile
+        from identification.model.cell_file import ForceLogFile
 
         borders = 1e-3 * np.arange(0.5, 30_000)
         begun = time.process_time()

@@ -15,7 +15,8 @@ from compstiff.outcome import call
 from identification.common.columns import DEFLECTIONS, FORCES, JOINTS, MASS
 from identification.common.files import check_writable, write_whole
 from identification.common.findings import CompstiffError, Finding, error
-from identification.model.cell import Cell, FrameKind, read_cell
+from identification.model.cell import Cell, read_cell
+from identification.model.cell_file import FrameKind
 from identification.model.cell_sizes import odd_sizes
 from identification.model.controller import RAPID_MAKERS
 from identification.model.quaternion_order import said_of_order

@@ -15,7 +15,8 @@ from compensator.posting.suffixes import toolpath_stem, toolpath_suffix
 from compstiff.file_kinds import SUFFIXES, Kind, kind_of
 from compstiff.quaternion_orders import W_FIRST, in_another_order
 from identification.common.findings import CompstiffError, Finding, Refused, counted, error
-from identification.model.cell import Cell, ForceLogFile, read_cell
+from identification.model.cell import Cell, read_cell
+from identification.model.cell_file import ForceLogFile
 from identification.model.cell_sizes import odd_sizes
 from identification.model.quaternion_order import in_words, said_of_order
 

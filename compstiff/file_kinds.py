@@ -12,7 +12,7 @@ from identification.common.findings import CompstiffError, error
 from identification.common.header_names import meant
 from identification.common.workbook import sheet_finding
 from identification.common.yaml_source import read_mapping
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 
 Kind = Literal["cell", "robot", "measurements", "joint log", "toolpath", "force log", "stiffness", "learned", "diagnosis",
                "record", "result", "offsets", "measured part"]

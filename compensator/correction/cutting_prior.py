@@ -33,7 +33,7 @@ import numpy as np
 from compensator.correction.settings import CorrectionSettings, Estimate
 from compensator.cutting.materials import MATERIALS
 from identification.common.arrays import Array
-from identification.model.cell import CuttingFile
+from identification.model.cell_file import CuttingFile
 
 DIRECTION, WIDTH = 0.8, 0.4
 # Of the mean chip thickness alone: teeth, and depth by diameter.

@@ -25,7 +25,7 @@ from compensator.correction.settings import Settings
 from compensator.cutting.materials import MATERIALS
 from identification.common.arrays import Array
 from identification.common.findings import Finding
-from identification.model.cell import CuttingFile
+from identification.model.cell_file import CuttingFile
 
 ACROSS, WITHIN = 0.9, 2.5
 # Beyond this factor a stated cut, whose depth is known as badly, is another one.

@@ -14,7 +14,8 @@ from compensator.cutting.stock_file import read_stock
 from compensator.forces.log import ForceLog, PredictedForces
 from compensator.path.robot_path import RobotPath
 from identification.common.findings import Finding
-from identification.model.cell import Cell, ForceLogFile, ForceLogFrame
+from identification.model.cell import Cell, ForceLogFrame
+from identification.model.cell_file import ForceLogFile
 
 # Rows of the log stand for no more of the path than this where there is a cut [m], so that every place between targets has
 # some; and what they weigh in a mean is their length in such [m].

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from identification.common.columns import FORCES
 from identification.common.header_names import meant
-from identification.model.cell import LOG_COLUMNS
+from identification.model.cell_file import LOG_COLUMNS
 
 
 def named_columns(header: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from compensator.forces.source import TIMES, ForceSource, Key, Samples, open_for
 from identification.common.arrays import Array, read_only
 from identification.common.findings import CompstiffError, Finding, counted, error
 from identification.common.progress import progress
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 
 Indices = NDArray[np.intp]
 # A log longer than twice this is kept as means of consecutive samples, about this many, or this many a target.

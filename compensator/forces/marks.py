@@ -17,7 +17,7 @@ from identification.common import number_blocks
 from identification.common.arrays import Array
 from identification.common.findings import Finding, error
 from identification.common.table_layout import read_layout
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 
 Indices = NDArray[np.intp]
 MARK = "mark"

@@ -26,7 +26,8 @@ from compensator.path.arc_length import nearest_target
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, Level, counted, error
-from identification.model.cell import Cell, FrameKind
+from identification.model.cell import Cell
+from identification.model.cell_file import FrameKind
 from identification.model.quaternion_order import other_order
 from identification.model.rotations import Frame
 

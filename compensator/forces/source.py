@@ -19,7 +19,7 @@ from identification.common.findings import CompstiffError, Finding, counted, err
 from identification.common.table_layout import BLANKS, Layout, read_layout
 from identification.common.tables import check_columns, unread
 from identification.common.workbook import sheet_finding
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 
 Indices = NDArray[np.intp]
 Key = Literal["target", "path_mm", "position", "joints", "time"]

@@ -86,7 +86,7 @@ def findings_page() -> str:
 
 def schema_files() -> dict[str, dict[str, object]]:
     """JSON Schemas of the files for which models exist, made from these models."""
-    from identification.model.cell import CellFile
+    from identification.model.cell_file import CellFile
     from identification.model.robot_file import RobotFile
     from identification.model.stiffness_file import StiffnessFile
 

@@ -335,8 +335,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
         if name in effects() and why not in OF_THE_KIND:
             findings.append(Finding("CS1405", "note", f"{name} was not looked for: {why}", file=source))
     if np.isnan(judgement.plain.load_state.time).all():
-        findings.append(Finding("CS1409", "note", f"drift was looked for in the order of the rows, {PACE_S:.0f} s each: "
-                                "time_s is not given", file=source))
+        findings.append(Finding("CS1409", "note", "drift and softening were looked for in the order of the rows, "
+                                f"{PACE_S:.0f} s each: time_s is not given", file=source))
     if judgement.verdict == "adequate":
         # The hook is no candidate where nothing hangs.
         loads, hint = ("force sensor", effects()["force_gain"].settles) if "hook_offset" in judgement.left_out else (

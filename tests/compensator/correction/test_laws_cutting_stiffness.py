@@ -14,7 +14,7 @@ from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair,
 from compensator.correction.logged_pass import known_before
 from compensator.correction.settings import Estimate
 from compstiff.cli.options import ScaledEstimate
-from identification.model.cell import CuttingFile
+from identification.model.cell_file import CuttingFile
 from tests.virtual_cell.endmill import EndMill
 
 WIDE = Estimate(40e3, 60e3)

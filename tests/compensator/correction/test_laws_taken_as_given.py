@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compensator.correction.taken_as_given import WITHIN, TakenAsGiven, _cut
-from identification.model.cell import CuttingFile
+from identification.model.cell_file import CuttingFile
 from tests.virtual_cell.endmill import EndMill
 
 STATED = CuttingFile(material="aluminium", tool_diameter_mm=16.0, contact_mm=2.0)

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from compensator.forces.log import ForceLog, read_force_log
 from identification.common import number_blocks
 from identification.common.findings import CompstiffError
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 
 COUNT, RATE = 300, 2000.0
 RNG = np.random.default_rng(5)

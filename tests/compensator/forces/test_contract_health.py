@@ -13,7 +13,7 @@ from compensator.forces.log import ForceLog, read_force_log
 from compensator.forces.placement import place_forces
 from identification.common import number_blocks
 from identification.common.findings import CompstiffError
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 from tests.compensator.forces.test_contract_placement import place, plan
 
 RATE, COUNT = 2000.0, 6000

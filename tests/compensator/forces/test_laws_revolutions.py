@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from compensator.forces import log as force_log
 from compensator.forces import revolutions
 from compensator.forces.log import ForceLog, read_force_log
-from identification.model.cell import ForceLogFile
+from identification.model.cell_file import ForceLogFile
 from tests.virtual_cell.endmill import EndMill
 
 RATE = 25600.0
