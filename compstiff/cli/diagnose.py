@@ -89,17 +89,20 @@ def diagnose(
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())
         if not model.effects:
-            refuses = "" if diagnosis.verdict in USABLE else "; they do not explain these rows, and correct refuses it"
+            refuses = f"; correct refuses it ({model.rejected})" if model.rejected else ""
             session.say(f"{extended} is the model of six springs: no effect of the robot is named{refuses}")
     if report:
         from compstiff.writing import report as page_of
 
         files[report] = page_of(diagnosis).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
+    unsettled = diagnosis.judgement.unsettled
     following = call("correct", cell_file, "PART.mod", "--stiffness", extended, "--forces", "PART.forces.csv", "-o",
-                     "PART_corrected.mod") if extended in files and diagnosis.verdict in USABLE else ""
-    return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or _next_after(
-        diagnosis.verdict, cell_file, measurements_file, output), exit_code=REFUSED if refused else DONE)
+                     "PART_corrected.mod") if extended in files and diagnosis.verdict in USABLE and not unsettled else ""
+    return Outcome(content, (*diagnosis.findings, *refused), diagnosis.lines(), next_step=following or (
+        f"warm the robot up, measure again, then {call('diagnose', cell_file, measurements_file, '-o', output, '--force')}"
+        if unsettled else _next_after(diagnosis.verdict, cell_file, measurements_file, output)),
+        exit_code=REFUSED if refused else DONE)
 
 
 def _diagnose_logs(

@@ -35,6 +35,7 @@ def explain(session: Session, words: tuple[str, ...]) -> Outcome:
         return Outcome(dict(page), lines=[f"{page['code']}: {page['title']}", "", f"cause: {page['cause']}",
                                           f"effect: {page['effect']}", f"remedy: {page['remedy']}"])
     done = "the robot does it: correct takes it into account" if effect.of_robot else (
+        "it is taken out of the data, and correct refuses the springs until they are measured again" if effect.unsettles else
         "the measurement does it: it is taken out of the data, and not carried on")
     sizes = [f"{parameter_words(one.name)} {quantity(one.typical, 0.0, one.unit)}"
              for one in effect.parameters if not one.shape]

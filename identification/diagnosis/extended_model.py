@@ -15,6 +15,8 @@ from identification.model.effects_in_force import EffectInForce
 from identification.model.gravity import fall_in_base
 from identification.model.stiffness import IdentifiedModel
 
+UNSETTLED = "the springs, or the gain of the force measurement, changed while they were measured: measure again, warmed up"
+
 
 def extended_model(judgement: Judgement) -> IdentifiedModel:
     """The extended model as stiffness.json carries it, with the laws that its effects were seen to follow; the plain one where
@@ -48,10 +50,10 @@ def extended_model(judgement: Judgement) -> IdentifiedModel:
 
 def _check(judgement: Judgement) -> ModelCheck:
     """Whether the model that is written explains the rows: with the causes named it does, plain springs where they are
-    adequate; where a cause is unknown, or one of several, the plain springs are known to be wrong."""
+    adequate, unless they changed meanwhile; where a cause is unknown, or one of several, they are known to be wrong."""
     if judgement.verdict in ("adequate", "named"):
         detection = judgement.adequacy or judgement.detection
-        return ModelCheck(detection.p_value, False, "")
+        return ModelCheck(detection.p_value, judgement.unsettled, UNSETTLED if judgement.unsettled else "")
     names = " or ".join(cause_words(cause.label) for cause in judgement.alternatives[:4])
     seen = {"ambiguous": f"{names}: the data cannot tell which"}.get(judgement.verdict, "; ".join(judgement.patterns[:2]))
     return ModelCheck(judgement.detection.p_value, True, seen or "a cause that the dictionary does not have")

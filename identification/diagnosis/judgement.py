@@ -137,6 +137,11 @@ class Judgement:
                             key=lambda each: (each.size > FAR, -each.typical_largest)))
 
     @property
+    def unsettled(self) -> bool:
+        """Whether the springs changed while they were measured, so that those told are not the ones to mill with."""
+        return any(term.effect.unsettles for term in self.extended.terms)
+
+    @property
     def rows(self) -> Measurements:
         """The rows that were fitted (n)."""
         return self.plain.data.rows

@@ -34,6 +34,9 @@ def steps_of(diagnosis: Diagnosis) -> list[Step]:
                              more)]
     left_out, count = diagnosis.judgement.dropped
     repeat = [Step(f"Measure again: {left_out}. What comes back is no slip.")] if count else []
+    if diagnosis.judgement.unsettled:
+        return [*repeat, Step("The springs changed while they were measured: correct refuses them. Warm the robot up and "
+                              "measure again, the first pose once more at the end; then:", call(*again, "--force")), *checks]
     of_robot = any(term.effect.of_robot for term in diagnosis.judgement.extended.terms)
     return [*repeat, Step("Write the stiffness file that carries what the robot does:" if of_robot else
                  "It is the measurement, not the robot: it is taken out of the data. Write the stiffness file without it:",

@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+from tests.desk_world import desk
 from tests.support import compstiff
 from tests.virtual_cell.cell import Hidden, simulate
 
@@ -71,3 +72,18 @@ def test_an_unknown_cause_is_not_followed_by_a_correction(tmp_path: Path) -> Non
     assert "--criterion C" in following
     assert json.loads((tmp_path / "s.json").read_text())["fit"]["model_check"]["rejected"] is True
 
+
+
+def test_springs_that_changed_while_they_were_measured_are_no_springs_to_mill_with(tmp_path: Path) -> None:
+    cell, rows = desk(1623000, "a robot that softens").write(tmp_path)
+    done = compstiff("diagnose", cell, rows, "-o", tmp_path / "d.json", "--extended", tmp_path / "s.json", "--report",
+                     tmp_path / "d.html", "--replicates", "39")
+    assert done.returncode == 0, done.stderr
+    assert "softening" in done.stdout
+    said, following = done.stderr.split("next: ")
+    assert "correct refuses it" in said
+    assert following.startswith("warm the robot up")
+    assert "compstiff correct" not in following + (tmp_path / "d.html").read_text().partition("<h2")[0]
+    content = json.loads((tmp_path / "s.json").read_text())
+    assert content["fit"]["model_check"]["rejected"] is True
+    assert all(parameter["grade"] != "reliable" for parameter in content["parameters"])
