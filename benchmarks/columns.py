@@ -45,8 +45,7 @@ def main(jobs: int, seed: int) -> None:
             said: dict[str, Counter[str]] = defaultdict(Counter)
             for number in range(jobs):
                 path, force = drawn(kind, np.random.default_rng((seed, number)), Path(folder))
-                forced = np.any(force != 0, axis=1)
-                cuts = travel(path, forced)
+                cuts = travel(path, np.any(force != 0, axis=1))
                 if cuts is None:
                     continue
                 axes = {"base": np.broadcast_to(np.eye(3), (len(force), 3, 3)), "tool": path.base_from_tcp.rotation}
@@ -54,7 +53,7 @@ def main(jobs: int, seed: int) -> None:
                     for order, columns in ORDERS.items():
                         logged = np.einsum("nji,nj->ni", turned, force)[:, columns]
                         forces = {name: np.einsum("nij,nj->ni", one, logged) for name, one in axes.items()}
-                        found = [*said_of_direction(path, forced, forces, frame, "log"),
+                        found = [*said_of_direction(cuts, forces, frame, "log"),
                                  *swapped_columns(cuts, forces[frame], turned, "log")]
                         codes = sorted(one.code for one in found if one.level == "warning")
                         said[order]["+".join(codes) or "silent"] += 1

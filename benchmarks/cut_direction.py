@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from compensator.forces.cut_direction import cut_direction, said_of_direction
+from compensator.forces.cut_direction import cut_direction, said_of_direction, travel
 from compensator.forces.zero import base_from_log
 from compensator.path.robot_path import RobotPath, robot_path
 from compensator.rapid import read_rapid
@@ -105,7 +105,7 @@ def main(jobs: int, seed: int) -> None:
                 for true in FRAMES:
                     for stated in FRAMES:
                         forces = read_as(path, force, true, sign)
-                        found = said_of_direction(path, np.any(force != 0, axis=1), forces, stated, "log")
+                        found = said_of_direction(travel(path, np.any(force != 0, axis=1)), forces, stated, "log")
                         warned = "+".join(sorted(finding.code for finding in found if finding.level == "warning"))
                         untold = any(finding.code == "CS3071" for finding in found)
                         warned = warned or ("said that it is not told" if untold else "silent")

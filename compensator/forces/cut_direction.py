@@ -165,14 +165,11 @@ def cut_direction(path: RobotPath, force: Array, forced: NDArray[np.bool_]) -> C
 
 
 def said_of_direction(
-    path: RobotPath, forced: NDArray[np.bool_], forces: Mapping[str, Array], stated: str, source: str, *,
-    sign_stated: bool = True,
+    cuts: Travel | None, forces: Mapping[str, Array], stated: str, source: str, *, sign_stated: bool = True
 ) -> list[Finding]:
-    """Findings on sign and frame. forces: the mean force (N, 3) [N] on the tool, base frame, as each frame of force_log would
-    have it; stated: which of them cell.yaml names. sign_stated: it states force_log.sign, so that somebody answers for it."""
-    if not forced.any():
-        return []
-    cuts = travel(path, forced)
+    """Findings on sign and frame of a log with force. cuts: the moves that cut, None where they are too few; forces: the mean
+    force (N, 3) [N] on the tool, base frame, as each frame of force_log would have it; stated: which of them cell.yaml names.
+    sign_stated: it states force_log.sign, so that somebody answers for it."""
     if cuts is None:
         return [_untold(f"fewer than {FEWEST} targets cut across the spindle's axis", source, sign_stated)]
     here = cuts.against(forces[stated])

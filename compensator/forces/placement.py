@@ -161,10 +161,12 @@ def _direction(
     log: ForceLog, path: RobotPath, cell: Cell, forced: NDArray[np.bool_], wrench: Array, mean: Array
 ) -> list[Finding]:
     """What the direction of logged forces tells of sign, frame and the order of the columns."""
-    force, stated = wrench[:, :3], "sign" in cell.force_log.form.model_fields_set
-    return [*said_of_direction(path, forced, _in_frames(force, mean[:, :3], path, cell), cell.force_log.kind, log.source,
+    if not forced.any():
+        return []
+    cuts, force, stated = travel(path, forced), wrench[:, :3], "sign" in cell.force_log.form.model_fields_set
+    return [*said_of_direction(cuts, _in_frames(force, mean[:, :3], path, cell), cell.force_log.kind, log.source,
                                sign_stated=stated),
-            *swapped_columns(travel(path, forced), force, base_from_log(path, cell).rotation, log.source)]
+            *swapped_columns(cuts, force, base_from_log(path, cell).rotation, log.source)]
 
 
 def _of_predicted(

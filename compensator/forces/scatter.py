@@ -31,9 +31,12 @@ def of_blocks(standard_error: Array, samples: Array, degrees: Indices, forced: N
         places = np.flatnonzero(chosen & np.isfinite(of_one).all(axis=1))
         if len(places) < BLOCK // 2:
             continue
-        blocks = np.array_split(places, max(len(places) // BLOCK, 1))
-        middle = np.array([block.mean() for block in blocks])
-        typical = np.array([np.median(of_one[block], axis=0) for block in blocks])
+        count = max(len(places) // BLOCK, 1)
+        size, longer = divmod(len(places), count)
+        split = longer * (size + 1)
+        blocks = [places[:split].reshape(longer, size + 1), places[split:].reshape(count - longer, size)]
+        middle = np.concatenate([block.mean(axis=1) for block in blocks])
+        typical = np.concatenate([np.median(of_one[block], axis=1) for block in blocks])
         around = np.column_stack([np.interp(places, middle, axis) for axis in typical.T])
         result[places] = np.sqrt(around / samples[places, None])
     return result

@@ -27,12 +27,12 @@ def stock_side(point: Array, length: Array, feed: Array, left: Array, up: Array)
     # In the order of the longest axis those within reach stand together.
     longest = int(np.argmax(np.ptp(point[kept], axis=0)))
     ordered = kept[np.argsort(point[kept, longest], kind="stable")]
-    there = point[ordered]
+    there = np.ascontiguousarray(point[ordered].T)
     looked = kept[np.unique(np.linspace(0, len(kept) - 1, PLACES).astype(np.intp))]
-    first, last = (np.searchsorted(there[:, longest], point[looked, longest] + by) for by in (-REACH, REACH))
+    first, last = (np.searchsorted(there[longest], point[looked, longest] + by) for by in (-REACH, REACH))
     for i, start, end in zip(looked, first, last, strict=True):
-        near = np.linalg.norm(there[start:end] - point[i], axis=1) < REACH
-        others = np.sort(ordered[start:end][near])
+        x, y, z = (axis[start:end] - at for axis, at in zip(there, point[i], strict=True))
+        others = np.sort(ordered[start:end][x * x + y * y + z * z < REACH**2])
         away = point[others] - point[i]
         distance = np.linalg.norm(away, axis=1)
         ahead, aside, above = np.abs(away @ feed[i]), away @ left[i], np.abs(away @ up[i])

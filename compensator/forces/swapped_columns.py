@@ -26,13 +26,13 @@ ORDERS = [order for order in permutations(range(3)) if order != (0, 1, 2)]
 
 def swapped_columns(cuts: Travel | None, force: Array, base_from_log: Array, source: str) -> list[Finding]:
     """A warning (CS3078). force (N, 3) [N] on the tool, base frame; base_from_log (N, 3, 3): the axes that it was logged in."""
-    if cuts is None:
+    if cuts is None or not turns_over(cuts, force):
         return []
     here = cuts.against(force)
     logged = np.einsum("nji,nj->ni", base_from_log, force)
     each = {order: cuts.against(np.einsum("nij,nj->ni", base_from_log, logged[:, order])) for order in ORDERS}
     best = max(each, key=lambda order: _kept(each[order]))
-    if not turns_over(cuts, force) or each[best].share < FOLLOWS or here.share > LESS * each[best].share:
+    if each[best].share < FOLLOWS or here.share > LESS * each[best].share:
         return []
     names = ["fx_n", "fy_n", "fz_n"]
     return [Finding(

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.cut_direction import FRAMES, drawn, read_as
 from compensator.correction.files import Inputs
-from compensator.forces.cut_direction import NEVER, cut_direction, said_of_direction
+from compensator.forces.cut_direction import NEVER, cut_direction, said_of_direction, travel
 from compensator.forces.placement import place_forces, read_force_log
 from compensator.path.robot_path import robot_path
 from compensator.rapid import read_rapid
@@ -51,12 +51,12 @@ def test_right_logs_are_left_in_peace_and_most_wrong_ones_are_told(jobs: list) -
     """The virtual cell's part, cut either way round; the benchmark has the figures over many."""
     told = {"sign": [], "frame": []}
     for path, force, kind in jobs:
-        forced = np.any(force != 0, axis=1)
+        cuts = travel(path, np.any(force != 0, axis=1))
         for true in FRAMES:
             right, turned = (read_as(path, force, true, sign) for sign in (1.0, -1.0))
-            assert "warning" not in {finding.level for finding in said_of_direction(path, forced, right, true, "log")}, kind
-            told["sign"].append("CS3068" in warnings(said_of_direction(path, forced, turned, true, "log")))
-            told["frame"] += [bool(warnings(said_of_direction(path, forced, right, stated, "log"))) for stated in FRAMES
+            assert "warning" not in {finding.level for finding in said_of_direction(cuts, right, true, "log")}, kind
+            told["sign"].append("CS3068" in warnings(said_of_direction(cuts, turned, true, "log")))
+            told["frame"] += [bool(warnings(said_of_direction(cuts, right, stated, "log"))) for stated in FRAMES
                               if stated != true]
     assert np.mean(told["sign"]) > 0.5
     assert np.mean(told["frame"]) > 0.5
@@ -96,9 +96,8 @@ def test_a_few_targets_say_nothing(jobs: list, tmp_path: Path) -> None:
     few = np.zeros(len(force), dtype=bool)
     few[np.flatnonzero(np.any(force != 0, axis=1))[:9]] = True
     assert cut_direction(path, force, few) is None
-    (untold,) = said_of_direction(path, few, {"base": -force}, "base", "log")
+    (untold,) = said_of_direction(travel(path, few), {"base": -force}, "base", "log")
     assert (untold.code, untold.level) == ("CS3071", "note")
-    assert said_of_direction(path, np.zeros(len(force), dtype=bool), {"base": force}, "base", "log") == []
 
 
 @pytest.mark.parametrize(("width", "climb", "told"), [
@@ -115,7 +114,7 @@ def test_a_straight_cut_tells_the_sign_or_says_that_it_does_not(tmp_path: Path, 
     on_tool = force[0] * ahead + force[1] * np.cross(up, ahead) + force[2] * up
     forces, forced = np.tile(on_tool, (40, 1)), np.ones(40, dtype=bool)
     said = {sign: {finding.code: finding.level for finding in said_of_direction(
-        path, forced, {"base": sign * forces}, "base", "log", sign_stated=stated)}
+        travel(path, forced), {"base": sign * forces}, "base", "log", sign_stated=stated)}
         for sign, stated in ((1.0, True), (-1.0, False))}
     assert said[1.0] == ({} if told else {"CS3071": "note"})
     assert said[-1.0] == ({"CS3068": "warning"} if told else {"CS3071": "warning"})
