@@ -1,14 +1,15 @@
 """What `diagnose` says of load tests as one writes them at a desk (tests/desk_world.py):
 
-    python benchmarks/desk_world.py 6 900000
+    python benchmarks/desk_world.py 6 900000 [--shares 0.3 0.7]
 
-Six load tests of each term and of none, from seed 900000 on. A set that holds the truth counts as "in the set": a base and a
+Six load tests of each term and of none, from seed 900000 on; the share of the deflection that a term makes is drawn between
+those two (8 and 25 %). A set that holds the truth counts as "in the set": a base and a
 stand that give way along the load are one to any load test, a gear's free play and softness may be left open under one name.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,9 +18,9 @@ import compstiff
 from tests.desk_world import TERMS, desk
 
 
-def answered(seed: int, term: str | None) -> tuple[str, str]:
+def answered(seed: int, term: str | None, shares: tuple[float, float]) -> tuple[str, str]:
     """The outcome, and what was said."""
-    case = desk(seed, term)
+    case = desk(seed, term, shares)
     with TemporaryDirectory() as folder:
         cell_file, table = case.write(Path(folder))
         cell = compstiff.read_cell(cell_file)
@@ -36,10 +37,15 @@ def answered(seed: int, term: str | None) -> tuple[str, str]:
 
 
 def main() -> None:
-    count, first = int(sys.argv[1]), int(sys.argv[2])
+    parser = argparse.ArgumentParser()
+    parser.add_argument("count", type=int)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--shares", type=float, nargs=2, default=(0.08, 0.25))
+    options = parser.parse_args()
+    count, first = options.count, options.seed
     for k, term in enumerate((*TERMS, None)):
         seeds = range(first + 1000 * k, first + 1000 * k + count)
-        results = [(seed, *answered(seed, term)) for seed in seeds]
+        results = [(seed, *answered(seed, term, tuple(options.shares))) for seed in seeds]
         print(f"{term or 'nothing'} ({seeds[0]} on): {dict(Counter(outcome for _, outcome, _ in results))}", flush=True)
         for seed, outcome, said in results:
             if outcome not in ("right", "in the set") and (term or outcome != "adequate"):

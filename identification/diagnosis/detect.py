@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.diagnosis.dictionary import WIDEST, Dictionary, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
 from identification.diagnosis.patterns import Pattern, patterns_of
-from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks
+from identification.diagnosis.projection import PRIOR_SIZES, Base, information_blocks, room
 from identification.fit.noise import NoiseModel, VarianceComponents
 from identification.fit.posterior import Posterior
 from identification.fit.sag import sag_columns
@@ -103,7 +103,8 @@ def base_of(fitted: Posterior, dictionary: Dictionary) -> Base:
     base = Base(at.design, at.residual, fitted.weights, precision, shift).extended(sag_columns(state, at.noise))
     for term, values in zip(fitted.terms, fitted.term_values, strict=True):
         entry = next(k for k, entry in enumerate(dictionary.entries) if entry.label == term.label)
-        base = base.extended(dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values)))
+        shapes = dictionary.shapes(entry, dictionary.nearest(entry, term.effect, values))
+        base = base.extended(room(term.typical_sizes(values)) * shapes)
         base = base.freed(dictionary.undecided(state, term.joint), state.visit)
     found = (replace(term, start=values) for term, values in zip(fitted.terms, fitted.term_values, strict=True))
     return base.extended(other_ways(state, at.noise, found) / PRIOR_SIZES)

@@ -12,7 +12,6 @@ from identification.diagnosis.discrepancy import discrepancies
 from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
 from identification.diagnosis.search import Hypothesis, Survey, survey
-from identification.fit.fitted_model import Term
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
@@ -104,7 +103,7 @@ def without_slight(data: LoadTest, extended: Posterior, rng: np.random.Generator
     yet of use on rows that were not fitted. data: all rows."""
     extended = _without(extended, of_nothing(extended))
     small = {term.label for term, values in zip(extended.terms, extended.term_values, strict=True)
-             if _typical_sizes(term, values) < SLIGHT} | set(brought_along(extended))
+             if term.typical_sizes(values) < SLIGHT} | set(brought_along(extended))
     if len(small) == len(extended.terms):
         small = set()
     useless = {label for label in small if _of_no_use(data, extended, label, rng)}
@@ -155,12 +154,6 @@ def _of_no_use(data: LoadTest, extended: Posterior, label: str, rng: np.random.G
     """Whether rows that were not fitted are predicted as well without the term."""
     without = attempt(extended.data, [term for term in extended.terms if term.label != label], extended)
     return without is not None and gain(data, without, extended, rng).support < -AGAINST
-
-
-def _typical_sizes(term: Term, values: np.ndarray) -> float:
-    """How large the effect is, in typical sizes: the norm of the parameters that say how large it is."""
-    of_size = np.array([not parameter.shape for parameter in term.effect.parameters])
-    return float(np.linalg.norm((values - term.neutral)[of_size] / term.scale[of_size]))
 
 
 def of_nothing(extended: Posterior) -> set[str]:

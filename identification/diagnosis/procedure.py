@@ -19,6 +19,8 @@ from identification.diagnosis.judgement import Cause, Judgement
 from identification.diagnosis.naming import (
     AGAINST,
     CERTAIN,
+    LIKELIER,
+    Named,
     converged,
     credible,
     inclusion,
@@ -37,7 +39,7 @@ from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
 from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
-from identification.fit.mistakes.evidence import log_evidence
+from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
 from identification.fit.mistakes.search import Search
 from identification.fit.posterior import Posterior, posterior
@@ -210,22 +212,24 @@ class Procedure:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = posterior(plain.data, (), plain, usual_noise=True)
-        found = converged(usual, self.catalogue, 2)
-        adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+        found, adequacy = self.searched(usual)
+        if adequacy.p_value <= INADEQUATE:
+            # Nor must parts that there are and that have grown, which they do without end where the cause is large.
+            quiet, enough_then = self.searched(under_ordinary_noise(usual))
+            if enough_then.p_value > INADEQUATE or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
+                found, adequacy = quiet, enough_then
         other = likelier_fit(found) if adequacy.p_value <= INADEQUATE else None
         if found.best is not None and other is not None:
-            rival = converged(other, self.catalogue, 2, found.best.key)
-            enough_then = goodness_of_fit(rival.fitted, self.catalogue, self.rng, self.replicates)
+            rival, enough_then = self.searched(other, rejected=found.best.key)
             if enough_then.p_value > INADEQUATE:
                 found, adequacy = rival, enough_then
         if adequacy.p_value <= INADEQUATE:
-            again = converged(found.fitted, self.catalogue, MOST_CAUSES)
-            found = replace(again, lost=tuple(dict.fromkeys((*found.lost, *again.lost))))
-            adequacy = goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+            lost = found.lost
+            found, adequacy = self.searched(found.fitted, MOST_CAUSES)
+            found = replace(found, lost=tuple(dict.fromkeys((*lost, *found.lost))))
         if adequacy.p_value <= INADEQUATE and found.best is not None and len(found.best.entries) > 1:
             # What several together do not explain one alone may, with another noise.
-            alone = converged(usual, self.catalogue, 1)
-            enough_alone = goodness_of_fit(alone.fitted, self.catalogue, self.rng, self.replicates)
+            alone, enough_alone = self.searched(usual, 1)
             if enough_alone.p_value > self.alarm:
                 found, adequacy = alone, enough_alone
         seen, best, extended = found.seen, found.best, found.fitted
@@ -250,6 +254,11 @@ class Procedure:
         else:
             judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
+
+    def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> tuple[Named, Detection]:
+        """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
+        found = converged(start, self.catalogue, levels, rejected)
+        return found, goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis, slight: frozenset[str]) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the

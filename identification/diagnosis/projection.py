@@ -4,8 +4,8 @@ Linearised about a fitted model, residual = D step + E a + noise, with the prior
 
     b = E^T W r - E^T W D (D^T W D + P)^-1 (D^T W r + P shift),   G = E^T W E - E^T W D (D^T W D + P)^-1 D^T W E
 
-for each signature E, W = Sigma^-1; the generalised likelihood ratio is b^T G^-1 b, the best coefficients G^-1 b. With a normal
-prior of a few typical sizes on the coefficients (half of it where the sign is known) the evidence against no effect is exact.
+for each signature E, W = Sigma^-1; the generalised likelihood ratio is b^T G^-1 b, the best coefficients G^-1 b. With a mixture
+of normal priors on the coefficients (half of each where the sign is known) the evidence against no effect is exact.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from identification.diagnosis.dictionary import WIDEST, Dictionary
 Array = NDArray[np.float64]
 # Prior standard deviation of a coefficient in typical sizes: effects between a half and twice their typical size are the rule.
 PRIOR_SIZES = 1.5
+# Some are far larger: so often (ln) the standard deviation is so many times that.
+LARGER = ((np.log(0.9), 1.0), (np.log(0.08), 4.0), (np.log(0.02), 16.0))
 # Information under which an effect of its typical size stays far inside the noise: it can be neither named nor ruled out.
 INVISIBLE = 0.25
 # Signatures that are weighted at once.
@@ -164,16 +166,29 @@ def _blocks(base: Base, dictionary: Dictionary, cross: Array, grams: Array) -> A
     return np.asarray(own)
 
 
+def room(size: float) -> float:
+    """By what the columns of an effect of this many typical sizes are multiplied, so that its prior takes it in."""
+    return max(1.0, size / PRIOR_SIZES)
+
+
 def evidence(information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp]) -> Array:
-    """ln Bayes factor (S,) of an effect with coefficients ~ N(0, PRIOR_SIZES^2) against none; positive: half of that normal."""
+    """ln Bayes factor (S,) of an effect against none, its coefficients ~ N(0, PRIOR_SIZES^2), or now and then far larger
+    (LARGER); positive: half of these normals."""
+    each = [share + _of_normal(information, b, positive, widths, PRIOR_SIZES * times) for share, times in LARGER]
+    return np.asarray(np.logaddexp.reduce(each))
+
+
+def _of_normal(
+    information: Array, b: Array, positive: NDArray[np.bool_], widths: NDArray[np.intp], deviation: float
+) -> Array:
     from scipy.special import log_ndtr
 
     width = b.shape[1]
-    precision = information + np.eye(width) / PRIOR_SIZES**2
+    precision = information + np.eye(width) / deviation**2
     mean = np.linalg.solve(precision, b[..., None])[..., 0]
-    value = 0.5 * np.sum(b * mean, axis=1) - 0.5 * np.linalg.slogdet(precision)[1] - width * np.log(PRIOR_SIZES)
+    value = 0.5 * np.sum(b * mean, axis=1) - 0.5 * np.linalg.slogdet(precision)[1] - width * np.log(deviation)
     # Unused coefficients have information 1 and no score: their factor does not belong here.
-    value += (width - widths) * 0.5 * np.log1p(PRIOR_SIZES**2)
+    value += (width - widths) * 0.5 * np.log1p(deviation**2)
     # Where next to no noise is left, numbers cancel to less than nothing.
     spread = np.sqrt(np.maximum(np.linalg.inv(precision)[:, 0, 0], 1e-300))
     return np.asarray(value + np.where(positive, np.log(2.0) + log_ndtr(mean[:, 0] / spread), 0.0))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identification.diagnosis.dictionary import Dictionary, Entry, dictionary_of
 from identification.diagnosis.discrepancy import other_ways
-from identification.diagnosis.projection import PRIOR_SIZES, Base, Weighing, own_grams, scores
+from identification.diagnosis.projection import PRIOR_SIZES, Base, Weighing, own_grams, room, scores
 from identification.fit.fitted_model import Term, response
 from identification.fit.load_test import LoadTest
 from identification.fit.noise import NoiseModel, Weights
@@ -203,9 +203,10 @@ class _Scan:
         """The hypothesis with each further entry, which must explain what no shape of the others' laws can."""
         base, dictionary = self.base, self.dictionary
         if hypothesis.signatures:
-            shapes = [dictionary.shapes(entry, signature)
-                      for entry, signature in zip(hypothesis.entries, hypothesis.signatures, strict=True)]
-            base = base.extended(np.concatenate([*shapes, self._other_ways(hypothesis) / PRIOR_SIZES], axis=2))
+            sizes = self._sizes(hypothesis)
+            shapes = [room(float(np.linalg.norm(size))) * dictionary.shapes(entry, signature)
+                      for entry, signature, size in zip(hypothesis.entries, hypothesis.signatures, sizes, strict=True)]
+            base = base.extended(np.concatenate([*shapes, self._other_ways(hypothesis, sizes) / PRIOR_SIZES], axis=2))
         evidence, visible = self._without_doubt(base)
         grown = []
         # Two laws of one gear are one law that is not exactly the dictionary's.
@@ -226,13 +227,15 @@ class _Scan:
         carries that weight looks like one."""
         return entry.effect.gear_law or (entry.effect.carries_weight and self.state.robot.link_mass is None)
 
-    def _other_ways(self, hypothesis: Hypothesis) -> Array:
-        """What the structures of a hypothesis may do otherwise than their linear law (n, 3, m)."""
-        dictionary = self.dictionary
-        base = self.base.extended(dictionary.of(*hypothesis.signatures))
+    def _sizes(self, hypothesis: Hypothesis) -> list[Array]:
+        """The best coefficients of each of its signatures together, in typical sizes."""
+        base = self.base.extended(self.dictionary.of(*hypothesis.signatures))
         sizes = base.step(base.residual)[len(self.base.precision):]
-        each = np.split(sizes, np.cumsum(dictionary.widths[list(hypothesis.signatures)])[:-1])
-        terms = (dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, each, strict=True))
+        return np.split(sizes, np.cumsum(self.dictionary.widths[list(hypothesis.signatures)])[:-1])
+
+    def _other_ways(self, hypothesis: Hypothesis, sizes: list[Array]) -> Array:
+        """What the structures of a hypothesis of these sizes may do otherwise than their linear law (n, 3, m)."""
+        terms = (self.dictionary.term(self.state, k, size) for k, size in zip(hypothesis.signatures, sizes, strict=True))
         return other_ways(self.state, self.sight, terms)
 
     def _without_doubt(self, base: Base) -> tuple[Array, NDArray[np.bool_]]:

@@ -29,7 +29,8 @@ from identification.model.law_of import LawOf
 from identification.model.load_state import LoadState
 
 Array = NDArray[np.float64]
-# The prior of a parameter is this many typical sizes wide: what is met in practice, and generous.
+# The prior of a parameter is this many typical sizes wide: what is met in practice, and generous; and as wide as it is large
+# where the search begins.
 WIDE = 5.0
 # Differences ahead and behind that differ by such a factor may reach over a jump; then a step so much shorter is tried.
 UNLIKE, SHORTER = 10.0, 0.125
@@ -43,6 +44,11 @@ class Term(EffectInForce):
     start: Array
     scale: Array
     neutral: Array
+
+    def typical_sizes(self, values: Array) -> float:
+        """How large the effect is with values (P,), in typical sizes: the norm of the parameters that say how large it is."""
+        of_size = np.array([not parameter.shape for parameter in self.effect.parameters])
+        return float(np.linalg.norm((values - self.neutral)[of_size] / self.scale[of_size]))
 
 
 def predicted_deflection(data: LoadTest, x: Array, terms: Sequence[Term] = ()) -> Array:
@@ -122,6 +128,6 @@ def with_terms(prior: PriorModel, terms: Sequence[Term]) -> PriorModel:
     shape = np.array([parameter.shape for parameter in parameters])
     return replace(
         prior, term_mean=np.where(shape, start, neutral),
-        term_std=np.where(shape, np.maximum(scale, np.abs(start)), WIDE * scale),
+        term_std=np.where(shape, np.maximum(scale, np.abs(start)), np.maximum(WIDE * scale, np.abs(start - neutral))),
         term_low=np.array([parameter.low for parameter in parameters]),
         term_high=np.array([parameter.high for parameter in parameters]))

@@ -30,3 +30,10 @@ def ordinary(fitted: Posterior) -> VarianceComponents:
     if fitted.at_map.noise.stated[0]:
         components = replace(components, sensor=min(components.sensor, ORDINARY))
     return components
+
+
+def under_ordinary_noise(fitted: Posterior) -> Posterior:
+    """The fit as a place to look for causes from, as if no part of the noise, stated or not, were larger than ordinary and no
+    row counted for less: what is larger may be there for want of a cause."""
+    components = fitted.components.with_values(np.minimum(fitted.components.values, ORDINARY))
+    return replace(fitted, weights=fitted.at_map.noise.weights(components))

@@ -16,10 +16,10 @@ class _AxisGain(ForceAxes):
     name = "force_axis_gain"
     formula_source = "engineering judgement: each axis has a calibration of its own, in proportion to its force"
     parameters = tuple(
-        Parameter(axis, "1", 0.015, -0.2, 0.2,
+        Parameter(axis, "1", 0.015, -0.6, 0.6,
                   source="engineering judgement: 1 to 2 % of the reading, what six-axis sensors and load cells with their "
                          "amplifiers are calibrated to",
-                  bounds_source="engineering judgement: either way, to a gain that a weighed load shows at once")
+                  bounds_source="engineering judgement: either way, to one axis that is off by more than half, which a weighed load shows at once")
         for axis in "xy")
     sentence = ("the axes of the force measurement are not alike: one reads too much, another too little (a log of the same "
                 "sensor is off by as much)")

@@ -148,17 +148,18 @@ def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
 
 
 def test_evidence_is_the_integral() -> None:
-    """Against quadrature: a signed coefficient, a positive one, and two coefficients."""
+    """Against quadrature: a signed coefficient, a positive one, and two coefficients, usually of about 1.5 typical sizes and now and
+    then of far more."""
     def by_quadrature(information: np.ndarray, score: np.ndarray, positive: bool) -> float:
         grid = np.linspace(0 if positive else -12, 12, 4001 if len(score) == 1 else 401)
-        if len(score) == 1:
-            prior = np.exp(-0.5 * (grid / 1.5) ** 2) / (1.5 * np.sqrt(2 * np.pi)) * (2 if positive else 1)
-            return float(np.log(np.trapezoid(prior * np.exp(score[0] * grid - 0.5 * information[0, 0] * grid**2), grid)))
-        a, b = np.meshgrid(grid, grid, indexing="ij")
-        points = np.stack([a, b], axis=-1)
-        prior = np.exp(-0.5 * np.sum(points**2, axis=-1) / 2.25) / (2.25 * 2 * np.pi)
-        value = points @ score - 0.5 * np.einsum("...i,ij,...j", points, information, points)
-        return float(np.log(np.trapezoid(np.trapezoid(prior * np.exp(value), grid), grid)))
+        points = np.stack(np.meshgrid(*[grid] * len(score), indexing="ij"), axis=-1)
+        square = np.sum(points**2, axis=-1)
+        prior = sum(share * np.exp(-0.5 * square / std**2) / (std * np.sqrt(2 * np.pi)) ** len(score)
+                    for share, std in ((0.9, 1.5), (0.08, 6.0), (0.02, 24.0))) * (2 if positive else 1)
+        value = prior * np.exp(points @ score - 0.5 * np.einsum("...i,ij,...j", points, information, points))
+        for _ in score:
+            value = np.trapezoid(value, grid)
+        return float(np.log(value))
 
     for positive in (False, True):
         full, score = np.eye(3)[None].copy(), np.array([[4.0, 0, 0]])
