@@ -212,28 +212,26 @@ class Procedure:
             return replace(judgement, verdict="mistake", mistakes=(clear,))
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = posterior(plain.data, (), plain, usual_noise=True)
-        found, adequacy = self.searched(usual)
-        if adequacy.p_value <= INADEQUATE:
+        found = self.searched(usual)
+        if not found.enough:
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.
-            quiet, enough_then = self.searched(under_ordinary_noise(usual))
-            if enough_then.p_value > INADEQUATE or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
-                found, adequacy = quiet, enough_then
-        other = likelier_fit(found) if adequacy.p_value <= INADEQUATE else None
-        if found.best is not None and other is not None:
-            rival, enough_then = self.searched(other, rejected=found.best.key)
-            if enough_then.p_value > INADEQUATE:
-                found, adequacy = rival, enough_then
-        if adequacy.p_value <= INADEQUATE:
-            lost = found.lost
-            found, adequacy = self.searched(found.fitted, MOST_CAUSES)
-            found = replace(found, lost=tuple(dict.fromkeys((*lost, *found.lost))))
-        if adequacy.p_value <= INADEQUATE and found.best is not None and len(found.best.entries) > 1:
+            quiet = self.searched(under_ordinary_noise(usual))
+            if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
+                found = quiet
+        if not found.enough and found.best is not None:
+            other = likelier_fit(found.named)
+            rival = None if other is None else self.searched(other, rejected=found.best.key)
+            found = rival if rival is not None and rival.enough else found
+        if not found.enough:
+            lost = found.named.lost
+            found = self.searched(found.fitted, MOST_CAUSES)
+            found = replace(found, named=replace(found.named, lost=tuple(dict.fromkeys((*lost, *found.named.lost)))))
+        if not found.enough and found.best is not None and len(found.best.entries) > 1:
             # What several together do not explain one alone may, with another noise.
-            alone, enough_alone = self.searched(usual, 1)
-            if enough_alone.p_value > self.alarm:
-                found, adequacy = alone, enough_alone
-        seen, best, extended = found.seen, found.best, found.fitted
-        scatter = beyond_stated(extended, GRANTED_AFTER_NAMING)
+            alone = self.searched(usual, 1)
+            if alone.adequacy.p_value > self.alarm:
+                found = alone
+        seen, best, extended, adequacy, scatter = found.named.seen, found.best, found.fitted, found.adequacy, found.scatter
         slight: frozenset[str] = frozenset()
         if best is not None:
             extended, slight = without_slight(self.data, extended, self.rng)
@@ -246,7 +244,7 @@ class Procedure:
         enough = max(INADEQUATE, min(judgement.detection.p_value, self.alarm))
         to_the_noise = adequacy.p_value > enough and not scatter
         nearly = share.excess >= GROSS and share.share >= NEARLY_ALL
-        judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter, lost=found.lost,
+        judgement = replace(judgement, extended=extended, adequacy=adequacy, scatter=scatter, lost=found.named.lost,
                             law_differs=nearly and not to_the_noise)
         supported = best is not None and best.log_evidence >= SUPPORT
         if best is None or not supported or not (to_the_noise or nearly):
@@ -255,10 +253,11 @@ class Procedure:
             judgement = self.with_names(judgement, seen, best, slight)
         return beside(judgement, mistakes, physics)
 
-    def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> tuple[Named, Detection]:
+    def searched(self, start: Posterior, levels: int = 2, rejected: frozenset[int] | None = None) -> _Found:
         """The likeliest set of up to so many causes, seen from a fitted model, and whether it explains the rows."""
-        found = converged(start, self.catalogue, levels, rejected)
-        return found, goodness_of_fit(found.fitted, self.catalogue, self.rng, self.replicates)
+        named = converged(start, self.catalogue, levels, rejected)
+        return _Found(named, goodness_of_fit(named.fitted, self.catalogue, self.rng, self.replicates),
+                      beyond_stated(named.fitted, GRANTED_AFTER_NAMING))
 
     def with_names(self, judgement: Judgement, seen: Survey, best: Hypothesis, slight: frozenset[str]) -> Judgement:
         """Names where they are certain and of use on rows that were not fitted, else the set of them; slight: labels of the
@@ -317,6 +316,31 @@ class Procedure:
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
         return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """The likeliest set of causes and how it explains the rows: the test of the fit with them, and the parts of the noise that
+    are larger than granted."""
+
+    named: Named
+    adequacy: Detection
+    scatter: dict[str, float]
+
+    @property
+    def fitted(self) -> Posterior:
+        """The model with the causes."""
+        return self.named.fitted
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The causes."""
+        return self.named.best
+
+    @property
+    def enough(self) -> bool:
+        """Whether they explain the rows."""
+        return self.adequacy.p_value > INADEQUATE and not self.scatter
 
 
 def certain(together: float, causes: tuple[Cause, ...]) -> bool:
