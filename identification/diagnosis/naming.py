@@ -27,6 +27,8 @@ SLIGHT = 0.4
 OPEN_LAW = 0.01
 # So many of its own standard deviations from nothing is nothing.
 NOTHING = 2.0
+# ln of how much likelier the rows are with what is needed.
+NEEDED = float(np.log(1000.0))
 # Nor is one of this share of the signal of an effect whose law is uncertain by more.
 BESIDE = 0.15
 # ln of how much likelier rows that were not fitted must be without a name for it to be withdrawn; by as much with a term for it
@@ -158,7 +160,8 @@ def _of_no_use(data: LoadTest, extended: Posterior, label: str, rng: np.random.G
 
 def of_nothing(extended: Posterior) -> set[str]:
     """Labels of terms whose parameters, but for those that only shape them, all lie within two of their own standard deviations
-    of nothing, one by one and together: several that the rows know by their sum alone are something."""
+    of nothing, one by one and together: several that the rows know by their sum alone are something. So is one whose size
+    trades with its shape, and without which the rows are unlikely."""
     place, nothing = len(extended.mean[SPRINGS]), set()
     for term in extended.terms:
         size = len(term.effect.parameters)
@@ -168,7 +171,13 @@ def of_nothing(extended: Posterior) -> set[str]:
         covariance = extended.covariance[np.ix_(of_size, of_size)]
         if not beyond_nothing(off, covariance):
             nothing.add(term.label)
-    return nothing
+    return {label for label in nothing if not _needed(extended, label)}
+
+
+def _needed(extended: Posterior, label: str) -> bool:
+    """Whether the rows are far less likely without the term."""
+    without = attempt(extended.data, [term for term in extended.terms if term.label != label], extended)
+    return without is not None and log_evidence(extended) > log_evidence(without) + NEEDED
 
 
 def beyond_nothing(off: Array, covariance: Array) -> bool:

@@ -78,6 +78,7 @@ SCATTER_IN_WORDS = "several of one kind without a significant misfit stand for s
 SEVERAL = 3
 SEVERAL_IN_WORDS = ("{} do not fit the other poses, and no likely slip explains any: rather a cause that depends on the pose "
                     "than so many mistakes")
+LEAST_IN_WORDS = "{} fit least of all poses the springs of the others, which are not explained either"
 # Beyond this power of e how much likelier something is needs no figure.
 MOST_LOG = 50.0
 WORTH_NAMING = 0.01
@@ -163,6 +164,10 @@ class Procedure:
         again = rest.without_bad_rows(rest.judged())
         if again.verdict == "unknown" and judgement.verdict == "named":
             return self.without_bad_rows(judgement)
+        if again.verdict == "unknown" and judgement.verdict == "unknown":
+            # What depends on the pose shows most at some: no slip there, while nothing explains the others.
+            names = ", ".join(visit.score.name for visit in bad)
+            return self.without_bad_rows(replace(judgement, patterns=(LEAST_IN_WORDS.format(names), *judgement.patterns)))
         if again.verdict == "adequate" and len(bad) >= SEVERAL and not any(
                 mend.probability >= POSSIBLE for visit in bad for mend in visit.mends):
             names = ", ".join(visit.score.name for visit in bad)
@@ -297,6 +302,8 @@ class Procedure:
         companions = with_open_laws(seen, tuple(cause for cause in names if cause.label in slight))
         given = labels | slight | {f"{law}[{cause.joint}]" for cause in (*causes, *companions) for law in cause.open_laws}
         others = tuple(cause for cause in names if cause.label not in given and cause.probability >= WORTH_NAMING)
+        in_force = {term.label: term.effect for term in extended.terms}
+        causes = tuple(replace(cause, effect=in_force[cause.label]) for cause in causes)
         return replace(judgement, verdict="named", causes=causes, companions=companions, alternatives=others, gain=measured,
                        log_odds=odds[0], robot_difference=difference, carried=with_free_laws(extended))
 

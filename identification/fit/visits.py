@@ -3,10 +3,11 @@
 Robust weights and the re-seating size take up what is wrong at a whole pose, so that no row stands out by itself. Here each
 visit's own response (own_response.py) is held against what the other visits predict for it:
 
-    z = (g - M x)^T (C_g + M C_x M^T + f^2 G G^T)^-1 (g - M x) / s
+    z = (g - M x)^T (C_g + M C_x M^T + f^2 G G^T + L L^T)^-1 (g - M x) / s
 
 g, C_g: the visit's own response and its covariance; x, C_x: step and covariance of the fit without the visit, M: the response
-to a step; f: a force error that all readings of a visit share. s is the median of z over the visits, each in units of its
+to a step; f: a force error that all readings of a visit share; L: a share of what the named causes do there, whose real laws
+are none of the dictionary's exactly. s is the median of z over the visits, each in units of its
 chi-squared's median, and 1 at least: what is wrong everywhere makes no single visit stand out. The largest z gets its
 probability from replicates under the noise of the fit, which in the end is a fit without the visits in question (`bad_visits`).
 """
@@ -38,6 +39,8 @@ SCREEN = 0.1
 FEWEST, MOST = 6, 1 / 3
 # A force error that all readings of a visit share, in shares of the load: half a per cent, as of the single readings.
 SHARED_FORCE = 0.005
+# So much of what a named cause of the robot does at a pose its real law may do otherwise there, 1 sigma.
+LAW = 0.3
 SCREENING, REPLICATES, BATCH = 199, 399, 20
 # Above so many rows the replicates are left to the chi-squared: the noise is well known there.
 MANY_ROWS = 6000
@@ -168,6 +171,7 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
     residual = np.concatenate([residual, drawn], axis=2)
     sag = sag_columns(data.load_state(fitted.compliance), noise)
     design = np.concatenate([noise.whitening @ slope, sag], axis=2)
+    otherwise = noise.whitening @ _otherwise(fitted, data)
     others = _Others(fitted, noise, row_weight, was_fitted, design, residual)
     precision = noise.of_rows_alone(fitted.components)
     seat = np.maximum(fitted.components.offset * noise.offset, 1e-9)
@@ -188,7 +192,8 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
         step, spread = others.without(number)
         off = own.coefficients[:, :k] - step.T @ by_step[:k].T
         shared = np.kron(np.diag((shared_force * loads.scale) ** 2), stiff[mine[0]] @ stiff[mine[0]].T)
-        allowed = own.covariance[:, :k, :k] + by_step[:k] @ spread @ by_step[:k].T + shared
+        by_law = own.covariance[0] @ np.einsum("nip,niq->pq", weighted, otherwise[mine])
+        allowed = own.covariance[:, :k, :k] + by_step[:k] @ spread @ by_step[:k].T + shared + by_law[:k] @ by_law[:k].T
         squares.append(np.einsum("bp,bp->b", off, np.linalg.solve(allowed, off[:, :, None])[:, :, 0]))
         counts.append(_directions(columns[:, :, :k], precision[mine]))
         offset = own.coefficients[0, k:] if free else np.full(3, np.nan)
@@ -197,6 +202,14 @@ def score_visits(fitted: Posterior, data: LoadTest, rng: np.random.Generator, re
             float(misfit[number] / max(misfit.sum(), 1e-300)), offset,
             np.sqrt(seat**2 + np.diag(own.covariance[0])[k:])))
     return _judged(found, np.array(squares), np.array(counts), count)
+
+
+def _otherwise(fitted: Posterior, data: LoadTest) -> Array:
+    """What the named causes of the robot may do otherwise in these rows (n, 3, m) [m], 1 sigma at each pose by itself."""
+    state = data.load_state(fitted.compliance)
+    moved = [LAW * term.contribution(state, values)[:, :3]
+             for term, values in zip(fitted.terms, fitted.term_values, strict=True) if term.effect.of_robot]
+    return np.stack(moved, axis=2) if moved else np.zeros((len(data.rows), 3, 0))
 
 
 def visit_name(rows: Measurements, mine: NDArray[np.intp]) -> str:

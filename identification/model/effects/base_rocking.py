@@ -40,8 +40,36 @@ class AboutEach(_Rocking):
     parameters = tuple(replace(COMPLIANCE, name=f"{axis}_rad_per_nm") for axis in "xy")
 
 
+class Column(_Rocking):
+    """A column of height h under the base that bends: force F and moment M at its top move it there by F h^3 / 3EI and
+    M x z h^2 / 2EI, and turn it by z x F h^2 / 2EI and M h / EI."""
+
+    law = "column"
+    formula_source = ("Engineering Mechanics OER, StrengthBook, Appendix B.2 "
+                      "(engineeringmechanicsoer.github.io/StrengthBook), cantilever beams: P L^3 / 3EI and P L^2 / 2EI, the "
+                      "moment's part by reciprocity")
+    parameters = (
+        Parameter("flexibility_per_nm2", "1/(N*m^2)", 5e-8, 0.0, 2e-6,
+                  source="engineering judgement: EI = 2e7 N m^2, a steel tube of 0.4 m with walls of 5 mm",
+                  bounds_source="engineering judgement: rigid, to a fortieth of the typical EI"),
+        Parameter("height_m", "m", 0.7, 0.1, 3.0, grid=(0.4, 0.8, 1.5), shape=True,
+                  source="engineering judgement: pedestals under milling robots, half a metre to a metre",
+                  bounds_source="engineering judgement: a plate, to a column as tall as the robot"),
+    )
+    sentence = "the column under the robot bends"
+    settles = "dial gauges at the top and half way up the column while the tool is loaded"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        flexibility, height = values
+        top, z = np.zeros((len(rows), 3)), np.array([0.0, 0.0, 1.0])
+        force, moment = (part * (1 - z) for part in (rows.wrench[:, :3], rows.moment_about(top)))
+        moved = rows.turned(top, flexibility * (np.cross(z, force) * height**2 / 2 + moment * height))
+        moved[:, :3] += flexibility * (force * height**3 / 3 + np.cross(moment, z) * height**2 / 2)
+        return moved
+
+
 class BaseRocking(_Rocking):
     """c_x = c_y: a foot that gives way alike to all sides."""
 
-    other_laws = (AboutEach(),)
+    other_laws = (AboutEach(), Column())
     parameters = (COMPLIANCE,)

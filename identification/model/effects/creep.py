@@ -16,14 +16,48 @@ SHARES = STEP * np.exp(-RATES)
 CHUNK = 2_000_000
 
 
-class Creep(Effect):
-    """Each change of the springs' deflection creeps on by `rho log(1 + t / t0)`, t the time since it came (Boltzmann's
-    superposition): what crept under earlier loads of the visit goes back as slowly as it came. memory 0: nothing of it was
-    left, because the robot rested before each load. Along a toolpath nothing rests."""
+class _Creep(Effect):
+    """What the laws have in common."""
 
     name = "creep"
     family = "structure"
     of_robot = True
+    sentence = "the robot goes on yielding while the load is on"
+    settles = "hold one load and read the sensors after 5 and after 60 seconds"
+
+    def missing(self, rows: LoadState) -> str:
+        return "dwell_s is not given" if np.isnan(rows.dwell).all() else ""
+
+
+class OneElement(_Creep):
+    """Each change of the springs' deflection creeps on by `rho (1 - exp(-t / t0))`, as one Kelvin element does, and comes to an
+    end."""
+
+    law = "element"
+    formula_source = ("W. N. Findley, J. S. Lai, K. Onaran, Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976: "
+                      "the Kelvin element")
+    parameters = (
+        Parameter("ratio", "1", 0.03, 0.0, 1.0,
+                  source="engineering judgement: what `rho log(1 + t / t0)` of the first law comes to in a minute or so",
+                  bounds_source="engineering judgement: never backwards, to as much as the springs yield at once"),
+        Parameter("time_s", "s", 20.0, 0.2, 600.0, grid=(4.0, 15.0, 60.0), shape=True,
+                  source="engineering judgement: from the first reading after loading to the time one pose takes",
+                  bounds_source="engineering judgement: over before the first reading, to ten minutes"),
+    )
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        ratio, time = values
+        load, held = rows.compliance * rows.torque, np.nan_to_num(rows.dwell)
+        crept = load * -np.expm1(-held / time)[:, None] + _left_of_earlier(rows, load, held, np.array([1 / time]), np.ones(1))
+        return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
+
+
+class Creep(_Creep):
+    """Each change of the springs' deflection creeps on by `rho log(1 + t / t0)`, t the time since it came (Boltzmann's
+    superposition): what crept under earlier loads of the visit goes back as slowly as it came. memory 0: nothing of it was
+    left, because the robot rested before each load. Along a toolpath nothing rests."""
+
+    other_laws = (OneElement(),)
     formula_source = ("M. E. Kassner, K. K. Smith, C. S. Campbell, Low-temperature creep in pure metals and alloys, J. "
                       "Mater. Sci. 50, 2015: logarithmic in time; in proportion to the deflection, changes of the load "
                       "superposed as in linear viscoelasticity: engineering judgement")
@@ -38,11 +72,6 @@ class Creep(Effect):
                   source="engineering judgement: in a load cycle nobody waits for the robot to recover",
                   bounds_source="engineering judgement: what crept under earlier loads is all there still, or nothing of it"),
     )
-    sentence = "the robot goes on yielding while the load is on"
-    settles = "hold one load and read the sensors after 5 and after 60 seconds"
-
-    def missing(self, rows: LoadState) -> str:
-        return "dwell_s is not given" if np.isnan(rows.dwell).all() else ""
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         ratio, time, memory = values
@@ -51,12 +80,13 @@ class Creep(Effect):
         load, held = rows.compliance * rows.torque, np.nan_to_num(rows.dwell)
         crept = load * np.log1p(held / time)[:, None]
         if memory:
-            crept = crept + memory * _left_of_earlier(rows, load, held, time)
+            crept = crept + memory * _left_of_earlier(rows, load, held, RATES / time, SHARES)
         return np.asarray(ratio * np.einsum("nri,ni->nr", rows.jacobian, crept))
 
 
-def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> Array:
-    """What is still there (n, 6) of what crept under the loads (n, 6) of the visit before each row's own.
+def _left_of_earlier(rows: LoadState, load: Array, held: Array, rates: Array, shares: Array) -> Array:
+    """What is still there (n, 6) of what crept under the loads (n, 6) of the visit before each row's own, in elements of these
+    rates (m,) [1/s] and shares (m,).
 
     An element that stood at z when a load came stands at `load + (z - load) exp(-t / T)` a time t after. Between the reading
     before and a row's load the load before is still on; where no times are known, no time passes there.
@@ -68,8 +98,8 @@ def _left_of_earlier(rows: LoadState, load: Array, held: Array, time: float) -> 
     pause = np.where(pause > 0, pause, 0.0)
     later, total = ~rows.starts, np.zeros_like(load)
     at_once = max(1, CHUNK // load.size)
-    for start in range(0, len(RATES), at_once):
-        rate, share = RATES[start: start + at_once, None] / time, SHARES[start: start + at_once]
+    for start in range(0, len(rates), at_once):
+        rate, share = rates[start: start + at_once, None], shares[start: start + at_once]
         stays, waits = np.exp(-rate * held), np.exp(-rate * pause)                                      # (elements, n)
         # All elements as one chain that begins anew with each of them, as it does with each visit.
         bands = np.zeros((2, stays.size))

@@ -19,7 +19,7 @@ class _AxisGain(ForceAxes):
         Parameter(axis, "1", 0.015, -0.6, 0.6,
                   source="engineering judgement: 1 to 2 % of the reading, what six-axis sensors and load cells with their "
                          "amplifiers are calibrated to",
-                  bounds_source="engineering judgement: either way, to an axis off by more than half, which a weighed load shows at once")
+                  bounds_source="engineering judgement: either way, to an axis off by more than half, which is seen at once")
         for axis in "xy")
     sentence = ("the axes of the force measurement are not alike: one reads too much, another too little (a log of the same "
                 "sensor is off by as much)")

@@ -1,4 +1,4 @@
-"""The force frame is turned against the base: true force = Rot(r) reported force."""
+"""The force frame is turned against the base, or the sensor in its seat on the flange: true force = Rot(r) reported force."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from identification.model.load_state import LoadState
 from identification.model.rotations import rotation_matrix
 
 
-class ForceMisalignment(OfWrench):
-    """The springs' answer to `(Rot(r) - 1) w`."""
+class _Misalignment(OfWrench):
+    """The springs' answer to `(Rot(r) - 1) w`, r in the axes of the force."""
 
     name = "force_misalignment"
     family = "force measurement"
@@ -22,7 +22,24 @@ class ForceMisalignment(OfWrench):
         bounds_source="engineering judgement: 57 degrees; a file that states another frame is off by 90 or more")
     sentence = "the force was not applied (or not measured) in the direction that was written down"
     settles = "read a dead weight with the force sensor, or check the cylinder's direction with a level"
+    on_flange = False
 
     def true_wrench(self, rows: LoadState, joint: int | None, values: Array) -> Array:
         turn = rotation_matrix(values)
-        return np.concatenate([rows.wrench[:, :3] @ turn.T, rows.wrench[:, 3:] @ turn.T], axis=1)
+        if self.on_flange:
+            turn = rows.flange @ turn @ rows.flange.transpose(0, 2, 1)
+        return np.asarray((turn[..., None, :, :] @ rows.wrench.reshape(-1, 2, 3, 1)).reshape(-1, 6))
+
+
+class OnTheFlange(_Misalignment):
+    """The sensor turns with the flange, and is turned in its seat there."""
+
+    law, on_flange = "flange", True
+    sentence = "the force sensor is turned in its seat on the flange against the axes that were written down"
+    settles = "read a dead weight with the force sensor in two postures of the flange"
+
+
+class ForceMisalignment(_Misalignment):
+    """The same in the cell, wherever the tool is turned to."""
+
+    other_laws = (OnTheFlange(),)

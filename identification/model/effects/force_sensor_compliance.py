@@ -26,10 +26,10 @@ class ForceSensorCompliance(Effect):
     ways = 3
     formula_source = "the paper, eq. 3 and 5, for two more torsion springs, about flange x and y"
     parameters = (
-        Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 3e-5,
+        Parameter("tilt_rad_per_nm", "rad/(N*m)", 3e-6, 0.0, 1e-4,
                   source="engineering judgement: 3.3e5 N m/rad, about joint 5 (the paper, Table 1): a sensor works by "
                          "yielding",
-                  bounds_source="engineering judgement: rigid, to 3.3e4 N m/rad, half of joint 6 (the paper, Table 1)"),
+                  bounds_source="engineering judgement: rigid, to 1e4 N m/rad, a seventh of joint 6 (the paper, Table 1)"),
     )
     sentence = "the force sensor between flange and spindle tilts under load"
     settles = "the sensor's data sheet, or a dial gauge between flange and spindle"

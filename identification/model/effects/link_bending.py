@@ -1,4 +1,4 @@
-"""The lower arm (2) or the forearm (3) bends like a cantilever."""
+"""The lower arm (2) or the forearm (3) bends like a cantilever, or the lower arm twists about its length."""
 
 from __future__ import annotations
 
@@ -10,6 +10,34 @@ from identification.model.effects.kinds import AtJoint
 from identification.model.load_state import LoadState
 
 
+class Twist(AtJoint):
+    """The moment M_u along the lower arm turns all beyond it about the arm by M_u L / GJ. (The forearm's twist is what the gear
+    of axis 4 does.)"""
+
+    name = "link_bending"
+    law = "twist"
+    family = "structure"
+    stiffens = True
+    joints = (2,)
+    formula_source = ("Engineering Mechanics OER, StrengthBook (engineeringmechanicsoer.github.io/StrengthBook), torsion of a "
+                      "bar: T L / GJ")
+    parameters = (
+        Parameter("flexibility_per_nm2", "1/(N*m^2)", 1e-7, 0.0, 4e-6,
+                  source="engineering judgement: GJ = 1e7 N m^2, a closed steel box of 0.26 m with walls of 5 mm",
+                  bounds_source="engineering judgement: rigid, to a fortieth of the typical GJ"),
+    )
+    sentence = "link {joint} (2 lower arm) twists about its length"
+    settles = "a dial gauge on either side of the elbow while the tool is pushed sideways"
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        start, end = rows.origins[:, 1], rows.origins[:, 2]
+        along = end - start
+        length = np.linalg.norm(along, axis=1, keepdims=True)
+        u = along / length
+        moment = u * np.sum(u * rows.moment_about(end), axis=1, keepdims=True)
+        return np.asarray(rows.turned(end, values[0] * length * moment))
+
+
 class LinkBending(AtJoint):
     """An end force F across the link moves its end by F L^3 / 3EI and turns it by u x F L^2 / 2EI; an end moment M by
     M x u L^2 / 2EI and M L / EI. On a parallel-rod robot the rod keeps the forearm's angle, so that bending of the lower arm in
@@ -19,6 +47,7 @@ class LinkBending(AtJoint):
     family = "structure"
     stiffens = True
     joints = (2, 3)
+    other_laws = (Twist(),)
     formula_source = ("Engineering Mechanics OER, StrengthBook, Appendix B.2 "
                       "(engineeringmechanicsoer.github.io/StrengthBook), cantilever beams: P L^3 / 3EI and P L^2 / 2EI, the "
                       "moment's part by reciprocity; that links yield beside joints: A. Klimchik, S. Caro, B. Furet, A. "

@@ -148,8 +148,8 @@ def test_false_alarms_of_the_bootstrap(tmp_path: Path) -> None:
 
 
 def test_evidence_is_the_integral() -> None:
-    """Against quadrature: a signed coefficient, a positive one, and two coefficients, usually of about 1.5 typical sizes and now and
-    then of far more."""
+    """Against quadrature: a signed coefficient, a positive one, and two coefficients, usually of about 1.5 typical sizes and
+    now and then of far more."""
     def by_quadrature(information: np.ndarray, score: np.ndarray, positive: bool) -> float:
         grid = np.linspace(0 if positive else -12, 12, 4001 if len(score) == 1 else 401)
         points = np.stack(np.meshgrid(*[grid] * len(score), indexing="ij"), axis=-1)
