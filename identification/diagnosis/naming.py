@@ -11,7 +11,7 @@ from identification.diagnosis.attempt import attempt
 from identification.diagnosis.discrepancy import discrepancies
 from identification.diagnosis.gain import gain
 from identification.diagnosis.judgement import Cause
-from identification.diagnosis.search import Hypothesis, Survey, survey
+from identification.diagnosis.search import Hypothesis, Survey, log_prior, survey
 from identification.fit.load_test import LoadTest
 from identification.fit.mistakes.evidence import log_evidence
 from identification.fit.posterior import Posterior
@@ -83,6 +83,17 @@ def converged(
         fits[as_weighed] = fitted
         # Its dictionary makes room for that of the next.
         del seen
+
+
+def likeliest_fit(start: Posterior, catalogue: dict[str, Effect], levels: int) -> Posterior:
+    """Of the likeliest sets of one, two, ... causes, as seen from a fitted model, the one whose own fit, with its own noise, is
+    likeliest; the model itself where none converges."""
+    seen = survey(start, catalogue, levels)
+    sets = [hypothesis for size in range(1, levels + 1)
+            for hypothesis in [each for each in seen.hypotheses if len(each.entries) == size][:MOST_TRIED]]
+    fits = [fit for hypothesis in sets if (fit := attempt(start.data, seen.terms(hypothesis), start)) is not None]
+    entries = len(seen.dictionary.entries)
+    return max(fits, key=lambda fit: log_evidence(fit) + log_prior(len(fit.terms), entries), default=start)
 
 
 def likelier_fit(found: Named) -> Posterior | None:

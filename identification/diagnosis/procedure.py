@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import comb
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from identification.diagnosis.naming import (
     inclusion,
     kindred,
     likelier_fit,
+    likeliest_fit,
     of_nothing,
     only_local,
     with_free_laws,
@@ -33,7 +33,7 @@ from identification.diagnosis.naming import (
     without_slight,
 )
 from identification.diagnosis.power import showing
-from identification.diagnosis.search import PRIOR_OF_SIZE, Hypothesis, Survey
+from identification.diagnosis.search import Hypothesis, Survey, log_prior
 from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
@@ -220,7 +220,7 @@ class Procedure:
         found = self.searched(usual)
         if not found.enough:
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.
-            quiet = self.searched(under_ordinary_noise(usual))
+            quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
             if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
                 found = quiet
         if not found.enough and found.best is not None:
@@ -380,12 +380,6 @@ def log_odds(judgement: Judgement, entries: int) -> tuple[float, float]:
     odds = log_evidence(extended) + log_prior(len(extended.terms), entries) - log_evidence(plain)
     before, after = plain.components.degrees, extended.components.degrees
     return odds if after >= before else -np.inf, odds if after <= before else np.inf
-
-
-def log_prior(terms: int, entries: int) -> float:
-    """ln prior of one set of so many causes among `entries`."""
-    size = min(terms, len(PRIOR_OF_SIZE))
-    return float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
 
 
 def beside(judgement: Judgement, mistakes: Mistakes, physics: float) -> Judgement:

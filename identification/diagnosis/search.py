@@ -286,6 +286,12 @@ def _entry_evidence(values: Array, members: NDArray[np.intp]) -> tuple[float, in
     return top + float(np.log(np.mean(np.exp(values - top)))), int(members[np.argmax(values)])
 
 
+def log_prior(terms: int, entries: int) -> float:
+    """ln prior of one set of so many causes among `entries`."""
+    size = min(terms, len(PRIOR_OF_SIZE))
+    return float(np.log(PRIOR_OF_SIZE[size - 1] / comb(entries, size)))
+
+
 def _weighed(hypotheses: list[Hypothesis], entries: int) -> tuple[Hypothesis, ...]:
     """With probabilities, the likeliest first."""
     if not hypotheses:

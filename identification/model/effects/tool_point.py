@@ -18,9 +18,9 @@ class _ToolPoint(OfWrench):
     family = "load path"
     formula_source = "the paper, eq. 5, with another lever"
     parameters = along_axes(
-        "{}_m", "m", 0.008, 0.1,
+        "{}_m", "m", 0.008, 0.3,
         source="engineering judgement: 3 to 20 mm, their geometric mean: a cylinder put to a tool by eye",
-        bounds_source="engineering judgement: 100 mm, a tool's own length")
+        bounds_source="engineering judgement: 300 mm, a long tool's own length")
     sentence = "the load did not act at the modelled tool point"
     settles = "measure where the cylinder touches the tool"
 
