@@ -41,17 +41,15 @@ class AboutEach(_Rocking):
 
 
 class Column(_Rocking):
-    """A column of height h under the base that bends: force F and moment M at its top move it there by F h^3 / 3EI and
-    M x z h^2 / 2EI, and turn it by z x F h^2 / 2EI and M h / EI."""
+    """A column of height h under the base that bends: a moment M at its top turns it there by c M, c = h / EI, and moves it by
+    M x z c h / 2; a force F turns it by z x F c h / 2 and moves it by F c h^2 / 3."""
 
     law = "column"
     formula_source = ("Engineering Mechanics OER, StrengthBook, Appendix B.2 "
                       "(engineeringmechanicsoer.github.io/StrengthBook), cantilever beams: P L^3 / 3EI and P L^2 / 2EI, the "
                       "moment's part by reciprocity")
     parameters = (
-        Parameter("flexibility_per_nm2", "1/(N*m^2)", 5e-8, 0.0, 2e-6,
-                  source="engineering judgement: EI = 2e7 N m^2, a steel tube of 0.4 m with walls of 5 mm",
-                  bounds_source="engineering judgement: rigid, to a fortieth of the typical EI"),
+        COMPLIANCE,
         Parameter("height_m", "m", 0.7, 0.1, 3.0, grid=(0.4, 0.8, 1.5), shape=True,
                   source="engineering judgement: pedestals under milling robots, half a metre to a metre",
                   bounds_source="engineering judgement: a plate, to a column as tall as the robot"),
@@ -60,11 +58,11 @@ class Column(_Rocking):
     settles = "dial gauges at the top and half way up the column while the tool is loaded"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        flexibility, height = values
+        compliance, height = values
         top, z = np.zeros((len(rows), 3)), np.array([0.0, 0.0, 1.0])
         force, moment = (part * (1 - z) for part in (rows.wrench[:, :3], rows.moment_about(top)))
-        moved = rows.turned(top, flexibility * (np.cross(z, force) * height**2 / 2 + moment * height))
-        moved[:, :3] += flexibility * (force * height**3 / 3 + np.cross(moment, z) * height**2 / 2)
+        moved = rows.turned(top, compliance * (np.cross(z, force) * height / 2 + moment))
+        moved[:, :3] += compliance * (force * height**2 / 3 + np.cross(moment, z) * height / 2)
         return moved
 
 
