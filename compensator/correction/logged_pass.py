@@ -59,6 +59,13 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     return LoggedPass(offsets, stiffness, (*findings, *agreed, *told, *of_slot), slot=slot), predicted
 
 
+def driven_as_said(predicted: Predicted) -> tuple[Finding, ...]:
+    """What the positions in the log say of the offsets that the pass is said to have had, --logged-with or none: as
+    `said_of_positions`. Raises what `read_offsets` raises."""
+    logged_with = predicted.settings.correction.logged_with
+    return said_of_positions(predicted, None if logged_with is None else read_offsets(logged_with, predicted.path))
+
+
 def known_before(
     predicted: Predicted, offsets: Array | None = None
 ) -> tuple[CuttingStiffness | None, tuple[Finding, ...]]:

@@ -114,9 +114,10 @@ def _beside(
     if abs(middle) < BESIDE or scatter > 0.2 * abs(middle):
         return []
     return [Finding("CS5327", "warning", f"with a tool radius of {1e3 * radius:g} mm the points stand "
-                    f"{1e3 * abs(middle):.3g} mm {'short of' if middle > 0 else 'beyond'} where the tool went, along their normals, in the middle",
-                    file=points.source, hint="--tool-radius-mm is the radius of the cutter; the probe's own must be taken off "
-                    f"the points. {1e3 * (radius + middle):.3g} mm would fit")]
+                    f"{1e3 * abs(middle):.3g} mm {'short of' if middle > 0 else 'beyond'} where the tool went, along their "
+                    "normals, in the middle", file=points.source,
+                    hint="--tool-radius-mm is the radius of the cutter; the probe's own must be taken off the points. "
+                    f"{1e3 * (radius + middle):.3g} mm would fit")]
 
 
 def _numbered(
