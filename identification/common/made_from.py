@@ -29,4 +29,5 @@ def said_of_changes(record: dict[str, Any], folder: Path, output: Path, program:
     what = f"{changed[0]} was changed since this was worked out from it"
     if len(changed) > 1:
         what = f"{' and '.join(changed)} were changed since this was worked out from them"
-    return (Finding("CS4205", "warning", what, file=str(output), hint="correct again; right where nothing but a comment was changed"),)
+    return (Finding("CS4205", "warning", what, file=str(output),
+                    hint="correct again; right where nothing but a comment was changed"),)
