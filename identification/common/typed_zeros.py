@@ -19,7 +19,7 @@ def typed_zeros(values: Array, sigma: Array) -> NDArray[np.bool_]:
     for readings with the noise sigma (N, C); else none. Nothing is said of a table that is rounded coarser than its noise."""
     measured = ~np.isnan(values)
     size = np.abs(np.nan_to_num(values))
-    zero = measured.any(axis=1) & (size == 0).all(axis=1)
+    zero: NDArray[np.bool_] = measured.any(axis=1) & (size == 0).all(axis=1)
     none = np.zeros_like(zero)
     steps = np.diff(np.unique(size[measured]))
     if zero.sum() < max(FEWEST, SHARE * len(zero)) or not len(steps):

@@ -26,11 +26,13 @@ def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
     return made
 
 
-def cutting(job: MillingJob, stock: Path, *words: object, cell: str = "cut.yaml", log: str = "part.forces.csv") -> set[str]:
+def cutting(
+    job: MillingJob, stock: Path, *words: object, cell: str = "cut.yaml", log: str = "part.forces.csv", code: int = 0
+) -> set[str]:
     done = kit.run("cutting", job.folder / cell, job.program, "--stock", stock, "--stiffness", job.folder / "springs.json",
                    "--forces", job.folder / log, "--tare", "0:2", "-o", job.folder / "cutting.json", "--force", "--json",
                    *words)
-    assert done.code == 0, done
+    assert done.code == code, done
     return kit.codes(done) & SAID
 
 
@@ -65,6 +67,14 @@ def test_a_ball_for_a_flat_cutter(job: MillingJob) -> None:
 
 def test_a_stock_that_stands_higher_in_its_file(job: MillingJob) -> None:
     assert "CS4746" in cutting(job, moved(job, height_mm=2.0))
+
+
+@pytest.mark.parametrize("aside_mm", [150.0, -150.0])
+def test_a_stock_that_stands_beside_the_cut_is_refused(job: MillingJob, aside_mm: float) -> None:
+    """As in another work object, or taken from the blank's other corner; what an earlier call wrote stays."""
+    (job.folder / "cutting.json").write_text("{}")
+    assert cutting(job, moved(job, origin_mm=aside_mm), code=3) == {"CS4738"}
+    assert (job.folder / "cutting.json").read_text() == "{}"
 
 
 def test_the_log_of_the_corrected_pass_without_its_offsets(job: MillingJob) -> None:
