@@ -20,6 +20,7 @@ from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
 from compensator.learning.rows import rows_of
+from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
@@ -88,6 +89,7 @@ def learn(
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
     findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
+                *said_of_shift(rows, rows.value - rows.seen(offsets)[:, 0], predicted, points.source),
                 *said_of(result, before, mean), *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)

@@ -29,7 +29,7 @@ def told(job: ErringJob, points: Path, *words: object) -> set[str]:
     done = kit.run("learn", job.cell, job.program, points, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
                    job.folder / "learned.json", "--force", "--json", *words)
     assert done.code == 0, done
-    return kit.codes(done) & {"CS5327", "CS5328", "CS6047"}
+    return kit.codes(done) & {"CS5327", "CS5328", "CS5329", "CS6047"}
 
 
 @pytest.mark.parametrize(("radius", "probe_mm", "said"), [
@@ -55,3 +55,14 @@ def test_zeros_where_nothing_was_measured(job: ErringJob) -> None:
     lost = [",".join([*row.split(",")[:3], "0,0,0,3"]) if k % 5 == 0 else row for k, row in enumerate(rows)]
     file.write_text("\n".join([header, *lost]) + "\n")
     assert "CS6047" in told(job, file)
+
+
+@pytest.mark.parametrize(("by", "said"), [(0, set()), (1, set()), (6, {"CS5329"}), (-8, {"CS5329"})])
+def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: int, said: set[str]) -> None:
+    """By rows of half a millimetre; one is within how well a log is placed."""
+    file = job.measure(job.first, "shifted.csv")
+    header, *rows = file.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows])
+    values[:, 3:6] = np.roll(values[:, 3:6], by, axis=0)
+    file.write_text("\n".join([header, *(",".join(row) for row in values)]) + "\n")
+    assert told(job, file) == said
