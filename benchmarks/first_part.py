@@ -15,6 +15,7 @@ shares of the true one.
 forces of both parts B off those predicted with them, in their own sigmas: with teeth that stand out alike, with the run-out of
 the virtual cell's cutter, and with what the widths allow for drawn anew for each robot: an axis that is off by 0 to 10 um any
 way, and stocks that stand aside along x and y by as much as their files say.
+--clamped-anew: what the widths allow for is drawn anew between the log and the part (clamped_anew.py).
 --hidden: what the comparison of B's log with its stock says where something is
 not as it was when A was logged. --speed: CPU seconds and memory of a
 finishing program of 100 000 targets on 300 x 200 mm at 0.2 mm.
@@ -36,6 +37,7 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import compstiff
+from benchmarks import clamped_anew
 from compensator.correction.files import Inputs, predict_files
 from compensator.correction.settings import Settings
 from tests.runs.milling.first_part_job import CUTTING, stock_file
@@ -116,9 +118,9 @@ def covered(job: MillingJob, cell: Path, coefficients: Path, stock: Path) -> tup
     return float(np.mean(z <= 1)), float(np.mean(z <= 2))
 
 
-def force_off(job: MillingJob, cell: Path, coefficients: Path, stock: Path) -> tuple[np.ndarray, float]:
-    """The true mean forces less the predicted (n, 3), in sigmas, at steps on plan that cut; and the median sigma, as a share of
-    the force."""
+def force_off(job: MillingJob, cell: Path, coefficients: Path, stock: Path) -> tuple[np.ndarray, float, np.ndarray]:
+    """The true mean forces less the predicted (n, 3), in sigmas, at steps on plan that cut; the median sigma, as a share of
+    the force; and which steps (S,) these are."""
     from compensator.cutting.coefficients import read_coefficients
     from compensator.cutting.predicted_log import in_base, predicted_log
     from compensator.path.robot_path import robot_path
@@ -139,7 +141,7 @@ def force_off(job: MillingJob, cell: Path, coefficients: Path, stock: Path) -> t
     sigma = np.sqrt(np.diagonal(log.predicted.covariance[log.predicted.step[row]], axis1=1, axis2=2))
     cut = np.linalg.norm(truth, axis=1) > 5
     share = np.linalg.norm(sigma[cut], axis=1) / np.linalg.norm(truth[cut], axis=1)
-    return (truth - log.force[row])[cut] / (sigma[cut] + 0.05), float(np.median(share))
+    return (truth - log.force[row])[cut] / (sigma[cut] + 0.05), float(np.median(share)), cut
 
 
 def one(seed: int) -> dict[str, dict[str, tuple[float, ...]]]:
@@ -226,7 +228,7 @@ def recovered(seed: int) -> dict[str, tuple[np.ndarray, list[np.ndarray], list[f
             for place, (kind, sizes) in zip(aside[1:], PARTS_B.items(), strict=True):
                 (root / kind).mkdir()
                 b = MillingJob(root / kind, seed, part=slot_and_pocket(**sizes), cutter=cutter)
-                z, share = force_off(b, b.cell_with("cut.yaml", CUTTING), root / "log.json",
+                z, share, _ = force_off(b, b.cell_with("cut.yaml", CUTTING), root / "log.json",
                                      stock_file(b.part, root / f"{kind}.npz", place))
                 forces.append(z)
                 wide.append(share)
@@ -277,6 +279,7 @@ def main() -> None:
     parser.add_argument("first_seed", nargs="?", type=int, default=9700)
     parser.add_argument("--hidden", action="store_true")
     parser.add_argument("--coefficients", action="store_true")
+    parser.add_argument("--clamped-anew", action="store_true")
     parser.add_argument("--speed", action="store_true")
     chosen = parser.parse_args()
     seeds = range(chosen.first_seed, chosen.first_seed + chosen.robots)
@@ -288,6 +291,13 @@ def main() -> None:
         return
     if chosen.speed:
         speed()
+        return
+    if chosen.clamped_anew:
+        every_part = []
+        for seed in seeds:
+            every_part.append(clamped_anew.one(seed, PARTS_B, force_off))
+            print(f"robot {seed}", flush=True)
+        clamped_anew.table(every_part)
         return
     if chosen.coefficients:
         every = [recovered(seed) for seed in seeds]

@@ -206,7 +206,7 @@ def _measurements(file: Path, cell: Cell, settings: Settings) -> tuple[str, tupl
 
 def _toolpath(file: Path, cell: Cell, settings: Settings) -> tuple[str, tuple[Finding, ...]]:
     from compensator.correction.predict import other_tools
-    from compensator.correction.record import check_not_corrected
+    from compensator.correction.recorded import check_not_corrected
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
 

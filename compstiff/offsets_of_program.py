@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from compensator.correction.record import check_as_written
+from compensator.correction.recorded import check_as_written, said_of_offsets
 from compensator.modbus.against_deviation import check_deviation
 from compensator.modbus.of_program import check_program
 from compensator.modbus.offset_file import Offsets
@@ -13,14 +13,15 @@ from identification.model.cell import Cell
 
 
 def check_offsets_of(offsets: Offsets, program: Path | None, cell: Cell) -> tuple[Finding, ...]:
-    """What is said of them; program: the planned one, None: not known. Raises what `check_as_written`, `check_program`,
-    `check_deviation` and reading the program raise."""
+    """What is said of them; program: the planned one, None: not known. Raises what `check_as_written`, `said_of_offsets`,
+    `check_program`, `check_deviation` and reading the program raise."""
     check_as_written(Path(offsets.source), offsets.sha256, program)
+    recorded = said_of_offsets(Path(offsets.source), program, cell.robot.name)
     if program is None:
-        return check_deviation(offsets, None, cell.world_from_base.rotation.T[:, 2])
+        return (*recorded, *check_deviation(offsets, None, cell.world_from_base.rotation.T[:, 2]))
     from compensator.path.robot_path import robot_path
     from compensator.posting.read_toolpath import read_toolpath
 
     toolpath = read_toolpath(program, cell).toolpath
     told = check_program(offsets, toolpath.position, str(program))
-    return (*told, *check_deviation(offsets, robot_path(toolpath, cell).base_from_object.rotation))
+    return (*recorded, *told, *check_deviation(offsets, robot_path(toolpath, cell).base_from_object.rotation))

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from compensator.coefficients.fitted import FittedCoefficients
 from compensator.coefficients.next_cut import next_cut
-from compensator.correction.logged_pass import read_offsets
+from compensator.correction.logged_pass import driven_as_said, read_offsets
 from compensator.correction.predict import Predicted, predict
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.cutting.coefficients import Coefficients
 from compensator.cutting.cut import cut_of
 from compensator.cutting.cutter import cutter_of, said_of_cutter
 from compensator.cutting.materials import coefficients_of
-from compensator.cutting.posterior import fit_coefficients
+from compensator.cutting.posterior import ForcePosterior, ForceRows, fit_coefficients
 from compensator.cutting.rows import FEWEST, logged_rows
 from compensator.cutting.runout import missing_force
 from compensator.cutting.settings import CuttingSettings
@@ -28,6 +28,7 @@ from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
 from identification.common.files import sha256
 from identification.common.findings import Finding, Refused, error
+from identification.common.quantities import two_sigma
 from identification.model.cell import Cell
 from identification.model.stiffness import IdentifiedModel
 
@@ -37,6 +38,9 @@ ANY_MATERIAL, ANY_WIDTH = "steel", 2.0
 TABLE_MODEL_ERROR = 0.05
 # Of the targets with force at most such a share may lie beside the stock: roughing may have taken more than its file says.
 MOST_BESIDE = 0.8
+# A fit leaves no more than this share of the force at the middling target (right ones leave up to 3 %), and no chip needs less
+# than this share of what the table has for its material (engineering judgement).
+MOST_LEFT, LEAST_OF_TABLE = 0.1, 0.25
 
 
 def cutting_coefficients(
@@ -85,7 +89,8 @@ def cutting_coefficients(
     noise = float(np.hypot(found.floor, 0.5))
     further = next_cut(coefficients.mean, found.covariance, cut.cutter, depth, float(np.median(chip)), noise)
     said = said_of_the_fit(found.mean, found.aside, cut.left.position_std, predicted.forces, used)
-    findings = (*predicted.findings, *cut.findings(), *assumed, *said)
+    findings = (*predicted.findings, *driven_as_said(predicted), *cut.findings(), *assumed, *said,
+                *said_of_the_forces(rows, found, mean, predicted.forces.log.source))
     return FittedCoefficients(coefficients, np.sqrt(np.diag(covariance)), found, cut, further, findings)
 
 
@@ -173,6 +178,26 @@ def said_of_the_fit(
             aside, "xyz", far, strict=True) if one)
         findings.append(Finding("CS4735", "warning", f"the log fits best where the stock stands aside by {where}, more than "
                                 "twice what its file says may be", file=source, hint="measure where the stock stands"))
+    return findings
+
+
+def said_of_the_forces(rows: ForceRows, found: ForcePosterior, table: Array, source: str) -> list[Finding]:
+    """Warnings: a fit that leaves too much of the force (CS4745), a chip that would need next to none (CS4746). table (6,): the
+    coefficients before the log."""
+    findings = []
+    left, size = (float(np.median(np.linalg.norm(force, axis=1))) for force in (found.residual, rows.force))
+    if left > MOST_LEFT * size:
+        findings.append(Finding("CS4745", "warning", f"the fit leaves {left:.3g} N of the {size:.3g} N of a target, in the "
+                                "middle: these are not the forces of this cutter in this stock", file=source,
+                                hint="is it the stock the program started from, not what it left; the cutter's diameter and "
+                                "corner radius; the log of this program? Do not use these coefficients"))
+    pulled = found.mean[1] < -two_sigma(float(np.sqrt(found.covariance[1, 1])))
+    if 0 < found.mean[0] < LEAST_OF_TABLE * table[0] or pulled:
+        told = (f"need {100 * found.mean[0] / table[0]:.0f} % of the force that the table has for it" if not pulled
+                else f"pull the cutter into the material (Krc {1e-6 * found.mean[1]:.0f} N/mm^2)")
+        findings.append(Finding("CS4746", "warning", f"the chip would {told}", file=source,
+                                hint="does the stock stand higher or wider in its file than it did, is the spindle's speed, "
+                                "the number of teeth and the material right?"))
     return findings
 
 

@@ -19,6 +19,8 @@ FEWEST, LEAST = 40, 3e-5
 EXPLAINS, TIMES, HARDLY = 0.5, (0.7, 1.4), 0.3
 # What is left stands off by the same everywhere where its middle is as large [m]: corners cut and lag cancel in it.
 BESIDE = 1.5e-4
+# So does a stretch, where the middles of so many targets that follow each other are as large [m], over this share of all.
+IN_A_ROW, STRETCH, SHARE = 15, 2.5e-4, 0.12
 
 
 def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Finding, ...]:
@@ -50,11 +52,11 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
                 "CS3076", "warning", f"the positions in the log stand {size:.0f} um RMS off the planned path, and not as the "
                 f"offsets of --logged-with do ({1e6 * rms(np.linalg.norm(sent, axis=1)):.0f} um)", file=log.source,
                 hint="was it logged without them? Then leave --logged-with out"),)
-        return _another_version(off - sent, log.source)
+        return _another_version(off - sent, which, planned)
     times = float(np.sum(off * deflection) / max(np.sum(deflection**2), 1e-30))
     if (rms(np.linalg.norm(deflection, axis=1)) < LEAST or not TIMES[0] < abs(times) < TIMES[1]
             or times * np.sum(off * deflection) < EXPLAINS * np.sum(off**2)):
-        return _another_version(off, log.source)
+        return _another_version(off, which, planned)
     if times < 0:
         what = "against the deflection, as those of a corrected pass do"
         hint = "name the offsets of that pass with --logged-with, and the planned program"
@@ -66,11 +68,30 @@ def said_of_positions(planned: Predicted, offsets: Array | None) -> tuple[Findin
                     file=log.source, hint=hint),)
 
 
-def _another_version(off: Array, source: str) -> tuple[Finding, ...]:
-    """A pass that stands off its plan by (n, 3) [m] by the same everywhere (CS3120): less than any other program does."""
-    middle = np.median(off, axis=0)
+def _another_version(off: Array, which: NDArray[np.intp], planned: Predicted) -> tuple[Finding, ...]:
+    """A pass that stands off its plan by (n, 3) [m] at the targets `which` (n,) by the same everywhere, or in a stretch
+    (CS3120): less than any other program does."""
+    middle, source = np.median(off, axis=0), planned.forces.log.source
     if np.linalg.norm(middle) < BESIDE:
-        return ()
+        return _stretch(off, which, planned)
     return (Finding("CS3120", "warning", f"the samples lie beside the path, by {1e3 * np.linalg.norm(middle):.2g} mm in the "
                     f"middle of the cuts ({', '.join(f'{1e3 * axis:+.2f}' for axis in middle)} mm, base frame)", file=source,
                     hint="is it the log of another version of this program, or of another TCP or work object?"),)
+
+
+def _stretch(off: Array, which: NDArray[np.intp], planned: Predicted) -> tuple[Finding, ...]:
+    """Where an operation of the program was changed since the log was taken, and the others were not."""
+    middles = np.median(np.lib.stride_tricks.sliding_window_view(off, IN_A_ROW, axis=0), axis=2)
+    far = np.flatnonzero(np.linalg.norm(middles, axis=1) > STRETCH)
+    inside = np.zeros(len(off), dtype=bool)
+    inside[(far[:, None] + np.arange(IN_A_ROW)).ravel()] = True
+    if inside.sum() < SHARE * len(off) or not len(far):
+        return ()
+    worst = middles[far[np.argmax(np.linalg.norm(middles[far], axis=1))]]
+    line = planned.path.toolpath.line
+    first, last = (int(line[which[np.flatnonzero(inside)[end]]]) for end in (0, -1))
+    by = f"{1e3 * np.linalg.norm(worst):.2g} mm ({', '.join(f'{1e3 * axis:+.2f}' for axis in worst)} mm, base frame)"
+    some = f"{int(inside.sum())} of {len(off)} targets"
+    return (Finding("CS3120", "warning", f"the samples of {some}, from line {first} to {last}, lie "
+                    f"beside the path by up to {by}", file=planned.forces.log.source,
+                    hint="was this part of the program changed since the log was taken?"),)

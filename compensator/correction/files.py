@@ -9,7 +9,8 @@ from pathlib import Path
 from compensator.correction.correct import Corrected, correct
 from compensator.correction.offsets import offset_blocks
 from compensator.correction.predict import Predicted, predict
-from compensator.correction.record import check_not_corrected, record
+from compensator.correction.record import record
+from compensator.correction.recorded import check_not_corrected
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.read_toolpath import read_toolpath
 from compensator.posting.split_files import split_files

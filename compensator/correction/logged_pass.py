@@ -17,6 +17,7 @@ from compensator.correction.cutting_stiffness import CuttingStiffness, PassPair,
 from compensator.correction.engagement import LoggedPass, across_feed, depth_logged, standing
 from compensator.correction.known_slot import known_slot, slot_of_passes
 from compensator.correction.predict import Predicted, under_forces
+from compensator.correction.recorded import said_of_offsets
 from compensator.correction.settings import Estimate
 from compensator.forces.two_logs import compared
 from compensator.path.robot_path import RobotPath
@@ -47,7 +48,7 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     offsets = read_offsets(settings.logged_with, planned.path) if settings.logged_with else None
     predicted = as_sent(planned, offsets)
     prior, findings = known_before(predicted, offsets)
-    findings = (*said_of_positions(planned, offsets), *findings)
+    findings = (*driven_as_said(planned), *findings)
     if settings.first_forces is None or offsets is None:
         slot, of_slot = known_slot(predicted, offsets, prior)
         return LoggedPass(offsets, prior, (*findings, *of_slot), slot=slot), predicted
@@ -57,6 +58,16 @@ def logged_pass(planned: Predicted) -> tuple[LoggedPass, Predicted]:
     stiffness, told = of_passes(prior, [pass_pair(first, predicted, offsets)], predicted)
     slot, of_slot = slot_of_passes(first, predicted, offsets, prior)
     return LoggedPass(offsets, stiffness, (*findings, *agreed, *told, *of_slot), slot=slot), predicted
+
+
+def driven_as_said(predicted: Predicted) -> tuple[Finding, ...]:
+    """What the positions in the log, and the record of the offsets, say of the offsets that the pass is said to have had,
+    --logged-with or none: as `said_of_positions`. Raises what `read_offsets` and `said_of_offsets` raise."""
+    logged_with = predicted.settings.correction.logged_with
+    if logged_with is None:
+        return said_of_positions(predicted, None)
+    return (*said_of_offsets(logged_with, predicted.program.source, predicted.cell.robot.name),
+            *said_of_positions(predicted, read_offsets(logged_with, predicted.path)))
 
 
 def known_before(

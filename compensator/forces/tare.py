@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from compensator.forces.log import ForceLog
 from compensator.forces.payload import TURN, Payload, estimate_payload, interval_factor, turns
+from compensator.forces.still_doubts import said_of_centre, said_of_pull
 from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
 from identification.common.quantities import two_sigma
@@ -121,12 +122,14 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
     if form.kind == "sensor" and form.flange_from_sensor is not None:
         flange_from_log = form.flange_from_sensor
     base_from_log = forward(cell.robot, readings.theta, Frame.identity()) @ flange_from_log
-    payload = _payload(base_from_log.inverse().turn(fall_in_base(cell.world_from_base)), readings.load, log)
+    fall = base_from_log.inverse().turn(fall_in_base(cell.world_from_base))
+    payload = _payload(fall, readings.load, log)
     findings = [finding for finding in log.findings if finding.code not in OF_THE_SPINDLE]
     if readings.between:
         findings.append(Finding("CS3038", "note", f"{counted(readings.between, 'sample')} between the orientations not used",
                                 file=log.source))
-    findings += [*_doubts(payload, readings, log), *_against_stated(payload, cell, log)]
+    doubts = _doubts(payload, readings, log) or said_of_pull(payload, fall, readings.theta, readings.load, log.source)
+    findings += [*doubts, *_against_stated(payload, cell, log)]
     centre = centre_std = None
     if payload.centre is not None and payload.centre_std is not None:
         centre = flange_from_log.apply(payload.centre)
@@ -136,6 +139,7 @@ def still_payload(log: ForceLog, cell: Cell) -> Stills:
             raise error("CS3047", f"the centre of mass would be {1e-3 * away:.3g} m from the flange, with a mass of "
                         f"{payload.mass:.3g} kg", file=log.source,
                         hint="moments are in newton metres, forces in newtons: is one of them in another unit?")
+        findings += said_of_centre(centre, centre_std, payload, cell, flange_from_log, log.source)
     return Stills(payload, centre, centre_std, form.sign * payload.bias, payload.bias_std, len(readings.load),
                   tuple(findings))
 

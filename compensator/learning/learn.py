@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compensator.correction.logged_pass import read_offsets
+from compensator.correction.logged_pass import driven_as_said, read_offsets
 from compensator.correction.predict import predict
 from compensator.correction.settings import DEFAULTS, EXACTLY_ONE, Estimate, Settings
 from compensator.forces.placement import ForceLog
@@ -20,6 +20,7 @@ from compensator.learning.path_places import place_points
 from compensator.learning.posterior import Posterior, expected
 from compensator.learning.refusals import refuse_without_physics, refuse_worse, said_of
 from compensator.learning.rows import rows_of
+from compensator.learning.shifted import said_of_shift
 from compensator.learning.terms import Terms
 from compensator.posting.read_toolpath import PlannedProgram
 from identification.common.arrays import Array
@@ -57,6 +58,7 @@ def learn(
     plain = replace(settings, correction=replace(chosen, scale=EXACTLY_ONE, learned=None, repeats="nothing"))
     points = read_points(points_file, cell)
     predicted = predict(cell, program, model, forces, plain)
+    driven = driven_as_said(replace(predicted, settings=settings))
     placed = place_points(points, predicted, radius, within)
     rows = rows_of(points, placed, predicted)
     offsets = np.zeros((len(predicted.path.toolpath), 3))
@@ -86,8 +88,9 @@ def learn(
     result = Learning(predicted, terms, fitted.sizes, learned, measured, parts,
                       _motion(fitted.believed.covariance, found, motion, cell), fitted.chance, fitted.tried, asked,
                       (len(placed.rows), len(points)), points.source, chosen.logged_with, ())
-    findings = (*points.findings, *predicted.findings, *placed.findings, *rows.findings, *said_of(result, before, mean),
-                *said_of_causes(asked, points.source))
+    findings = (*points.findings, *predicted.findings, *driven, *placed.findings, *rows.findings,
+                *said_of_shift(rows, rows.value - rows.seen(offsets)[:, 0], predicted, points.source),
+                *said_of(result, before, mean), *said_of_causes(asked, points.source))
     refuse_worse(fitted.tried, points.source, findings)
     refuse_without_physics(result, points.source, findings)
     return replace(result, findings=findings)

@@ -12,6 +12,7 @@ from identification.common.arrays import Array, read_only
 from identification.common.findings import Finding, counted, error
 from identification.common.predicted_tables import check_measured
 from identification.common.tables import Table, read_table
+from identification.common.typed_zeros import said_of_zeros
 from identification.model.cell import Cell
 
 Indices = NDArray[np.intp]
@@ -86,7 +87,8 @@ def read_points(file: str | Path, cell: Cell) -> MeasuredPoints:
                     file=table.source, line=int(table.line[row]), hint="deviations are in micrometres")
     return MeasuredPoints(table.source, 1e-3 * table.stack(*POSITION), _targets(table), table.line, normal,
                           point.astype(np.intp), directions[point, component].copy(),
-                          value, sigma[point], (*table.findings, *findings, *_copied(table, values)))
+                          value, sigma[point], (*table.findings, *findings, *_copied(table, values), *said_of_zeros(
+                              table, 1e-6 * values, np.broadcast_to(sigma[:, None], values.shape))))
 
 
 def _copied(table: Table, values: Array) -> list[Finding]:

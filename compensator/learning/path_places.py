@@ -27,6 +27,8 @@ STEP, MARGIN, DISTANCES, ELSEWHERE = 0.25e-3, 0.5e-3, 4.0, 5e-3
 MOST_STEPS = 2_000_000
 # A larger share of points off the path or ambiguous: it is another program, another frame, or it needs the column target.
 MOST_LOST = 0.3
+# So many points that stand beside the path by more than this [m], along their normals, by the same in the middle.
+FEWEST_BESIDE, BESIDE = 10, 3e-4
 CHUNK = 2000
 
 
@@ -76,6 +78,7 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     lost = far | ambiguous | without
     findings = [
         *numbered,
+        *_beside(points, sought, place, cut=(position, along), used=~far, radius=radius),
         *left_out(points, far, "CS5305", f"more than {1e3 * within:g} mm from the cutting path (the farthest "
                   f"{1e3 * float(np.nanmax(np.where(far, distance, 0.0))):.3g} mm)",
                   "points on the surface need --tool-radius-mm and normals; else --within-mm"),
@@ -94,6 +97,27 @@ def place_points(points: MeasuredPoints, predicted: Predicted, radius: float, wi
     targets = predicted.targets
     when = (1 - share[order]) * time[targets[before[order]]] + share[order] * time[targets[after[order]]]
     return PathPlaces(order, before[order], after[order], share[order], place[order], when, tuple(findings))
+
+
+def _beside(
+    points: MeasuredPoints, sought: Array, place: Array, cut: tuple[Array, Array], used: NDArray[np.bool_], radius: float
+) -> list[Finding]:
+    """A warning (CS5327) where the points stand beside the path by the same all along their normals: the tool's radius, or the
+    probe's, is not taken off, or is a diameter. sought (N, 3) [m], place (N,) [m] along the path."""
+    known = used & ~np.isnan(points.normal).any(axis=1) & np.isfinite(place)
+    if known.sum() < FEWEST_BESIDE:
+        return []
+    at = np.column_stack([np.interp(place[known], cut[1], axis) for axis in cut[0].T])
+    off = np.einsum("ni,ni->n", at - sought[known], points.normal[known])
+    middle = float(np.median(off))
+    scatter = float(np.median(np.abs(off - middle)))
+    if abs(middle) < BESIDE or scatter > 0.2 * abs(middle):
+        return []
+    return [Finding("CS5327", "warning", f"with a tool radius of {1e3 * radius:g} mm the points stand "
+                    f"{1e3 * abs(middle):.3g} mm {'short of' if middle > 0 else 'beyond'} where the tool went, along their "
+                    "normals, in the middle", file=points.source,
+                    hint="--tool-radius-mm is the radius of the cutter; the probe's own must be taken off the points. "
+                    f"{1e3 * (radius + middle):.3g} mm would fit")]
 
 
 def _numbered(

@@ -8,9 +8,12 @@ from compensator.learning.held_out import HeldOut
 from compensator.learning.learning import Learning
 from identification.common.arrays import Array, rms
 from identification.common.findings import Finding, Refused
+from identification.common.quantities import two_sigma
 
 # Chance of springs that differ so much from their load test.
 PULLED = 1e-3
+# A robot in motion gives way more than in its load tests (Theissen et al. 2022); surely under this, something else is wrong.
+STIFFER, SURE = 0.85, 3.0
 # By less than this on stretches left out nothing is lost: where there is nothing to learn, learning costs a little everywhere.
 WORSE = 1.1
 # A set-up that is off by more than this [m] deserves a word of its own.
@@ -69,6 +72,13 @@ def said_of(learning: Learning, before: Array, mean: Array) -> list[Finding]:
             "CS5313", "warning", f"the measured part pulls the springs away from what their load tests say (chi-square "
             f"{chi2:.0f} with {len(mean)} parameters)", file=source, hint="the model lacks something that acts with the force: "
             "compstiff diagnose on the load tests, and learn again with its --extended file"))
+    motion = learning.motion
+    if motion.value + SURE * motion.std < STIFFER:
+        findings.append(Finding(
+            "CS5328", "warning", f"the part was off by {motion.value:.2f} +- {two_sigma(motion.std):.2g} (2 sigma) times what "
+            "the load tests let expect: a robot in motion gives way more than at rest, not less", file=learning.source,
+            hint="is it the deviation a side where both are meant, were places without a reading given 0, is the sensor's gain "
+            "right, and the stiffness file this robot's? Do not carry it to another program else"))
     size, frame = learning.learned.springs, learning.learned.frame
     job = learning.learned.mean[size:size + 9]
     if learning.setup_on:

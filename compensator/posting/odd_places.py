@@ -29,7 +29,7 @@ def said_of_places(cam_path: CamPath, flange_from_tcp: Frame) -> list[Finding]:
     if reach < SMALLEST:
         return [Finding("CS4308", "warning", f"all {len(position)} targets lie within {1e3 * reach:.2g} mm: in metres?",
                         file=cam_path.source, hint="x_mm y_mm z_mm are millimetres; an APT file is in its UNITS")]
-    up = _to_spindle(cam_path, flange_from_tcp)
+    up = to_spindle(cam_path, flange_from_tcp)
     return [*_deeper(position, rapid, up, cam_path.source), *_leaps(cam_path)]
 
 
@@ -80,7 +80,7 @@ def _leaps(cam_path: CamPath) -> list[Finding]:
                     hint="are the rows still in the order in which they are driven, or were they sorted?")]
 
 
-def _to_spindle(cam_path: CamPath, flange_from_tcp: Frame) -> Array:
+def to_spindle(cam_path: CamPath, flange_from_tcp: Frame) -> Array:
     """Unit vectors (N, 3) from the tip towards the spindle, whichever way the tool's z points."""
     if cam_path.axis is not None:
         return cam_path.axis

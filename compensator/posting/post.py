@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from compensator.posting.campath import CamPath
 from compensator.posting.module_text import module_text
-from compensator.posting.odd_places import said_of_places
+from compensator.posting.odd_moves import said_of_moves
+from compensator.posting.odd_places import said_of_places, to_spindle
 from compensator.posting.orientation import Orientations, orientations
 from compensator.posting.parked import as_parked, parked_values, said_of_parked
 from compensator.posting.settings import PostingSettings
@@ -29,6 +30,8 @@ LEAST_FEED, MOST_FEED = 0.5, 500.0
 LEAST_TURN, MOST_TURN = 0.002, 0.25
 # Cutters whose diameters differ by no more [mm] are one, ground again.
 SAME_CUTTER_MM = 0.2
+# Speeds of the spindle that differ by less than this share are one, as an override sets it.
+SAME_SPEED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +116,9 @@ def post(cam_path: CamPath, cell: Cell, settings: PostingSettings, name: str) ->
             str(cell.source), hint="give tool.mass_kg and tool.centre_of_mass_mm, or enter the load on the controller first"))
     for name in ("tool.", "workobject."):
         findings += said_of_order(f"{name}quaternion", cell.frames[name].rotation, str(cell.source))
-    findings += [*_odd_feeds(cam_path, cell), *_odd_cutters(cam_path, cell), *said_of_places(cam_path, cell.flange_from_tcp)]
+    up = to_spindle(cam_path, cell.flange_from_tcp)
+    findings += [*_odd_feeds(cam_path, cell), *_odd_spindle(cam_path, cell), *_odd_cutters(cam_path, cell),
+                 *said_of_places(cam_path, cell.flange_from_tcp), *said_of_moves(cam_path, up, settings)]
     content = module_text(cam_path, cell, settings, orientation, external).encode("ascii")
     program = read_rapid(content, name)
     _check(program, cam_path, orientation, external, settings)
@@ -136,6 +141,16 @@ def _odd_feeds(cam_path: CamPath, cell: Cell) -> list[Finding]:
         return []
     return [Finding("CS4307", "warning", f"at {middle:.3g} mm/s and {rpm:g} rpm the feed is {middle * 60 / rpm:.2g} mm a turn, "
                     f"of a cutter of {diameter:g} mm", file=cam_path.source, hint=f"{hint}; spindle, cutter: cell.yaml")]
+
+
+def _odd_spindle(cam_path: CamPath, cell: Cell) -> list[Finding]:
+    """A speed of the spindle in the file that is not cell.yaml's (CS4325), by which forces and chips are worked out."""
+    stated, there = cell.force_log.form.spindle_rpm, cam_path.spindle_rpm
+    if not stated or not there or abs(there / stated - 1) < SAME_SPEED:
+        return []
+    return [Finding("CS4325", "warning", f"the spindle turns at {there:g} rpm in the file; force_log.spindle_rpm in cell.yaml "
+                    f"is {stated:g}", file=cam_path.source,
+                    hint="mean forces and chips are worked out with cell.yaml's: state the one that runs")]
 
 
 def _odd_cutters(cam_path: CamPath, cell: Cell) -> list[Finding]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from compensator.upload.session import MOST_BYTES
 from identification.common.findings import Finding, Refused, error
+from identification.common.made_from import said_of_changes
 
 SUFFIXES = (".mod", ".modx", ".sys", ".sysx")
 RECORD = "compstiff-correction"
@@ -110,7 +111,7 @@ def _record(file: Path, digest: str, robot: str, changed: bool) -> tuple[dict[st
     if corrected_for != robot:
         raise Refused(Finding("CS6103", "error", f"was corrected for the robot '{corrected_for}', the cell has '{robot}'",
                               file=str(file), hint="give the cell.yaml it was corrected with"))
-    return record, ()
+    return record, said_of_changes(record, path.parent, file)
 
 
 def _outputs(record: dict[str, Any]) -> list[dict[str, Any]]:

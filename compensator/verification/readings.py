@@ -14,6 +14,7 @@ from identification.common.arrays import Array, read_only, rms
 from identification.common.findings import Finding, counted, error
 from identification.common.predicted_tables import check_measured
 from identification.common.tables import Table, read_table
+from identification.common.typed_zeros import said_of_zeros
 from identification.model.cell import Cell
 
 Indices = NDArray[np.intp]
@@ -126,7 +127,7 @@ def read_readings(file: Path, cell: Cell) -> Readings:
         normal = normal / length
     readings = Readings(table.source, key, place, deviation, np.where(np.isnan(deviation), np.nan, sigma), normal)
     _check_scatter(readings)
-    return _in_order(readings, findings)
+    return _in_order(readings, [*findings, *said_of_zeros(table, deviation, sigma)])
 
 
 def _check_scatter(readings: Readings) -> None:

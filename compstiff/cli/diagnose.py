@@ -76,15 +76,17 @@ def diagnose(
     if mend:
         mended = diagnosis.mended()
         if mended is None:
-            refused.append(Finding("CS1703", "warning", f"no mistake is named, so that there is nothing to mend: {mend} was "
-                                   "not written", file=str(measurements_file)))
+            refused.append(Finding(
+                "CS1703", "warning", "no mistake is named, so that there is nothing to mend: "
+                f"{mend} was not written{_earlier(mended_as)}", file=str(measurements_file)))
         else:
             files[mended.beside(mend)] = mended.content
             original = measurements_file if mended.suffix == ".csv" else cell_file
             session.say(f"{mended.beside(mend)} is {original} without the mistake: {mended.changed}")
     if extended and diagnosis.verdict == "mistake":
-        refused.append(Finding("CS1704", "warning", f"a model of rows with a mistake is none: {extended} was not written",
-                               file=str(measurements_file), hint="--mend writes the file without the mistake"))
+        refused.append(Finding(
+            "CS1704", "warning", f"a model of rows with a mistake is none: {extended} was not written{_earlier([extended])}",
+            file=str(measurements_file), hint="--mend writes the file without the mistake"))
     elif extended:
         model = diagnosis.extended()
         files[extended] = json_bytes(model.as_dict())
@@ -103,6 +105,12 @@ def diagnose(
         f"warm the robot up, measure again, then {call('diagnose', cell_file, measurements_file, '-o', output, '--force')}"
         if unsettled else _next_after(diagnosis.verdict, cell_file, measurements_file, output)),
         exit_code=REFUSED if refused else DONE)
+
+
+def _earlier(files: list[Path]) -> str:
+    """That one of these files is there all the same, of another call, in words."""
+    there = [file for file in files if file.exists()]
+    return f"; the {there[0].name} that stands there is of an earlier call" if there else ""
 
 
 def _diagnose_logs(

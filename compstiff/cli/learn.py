@@ -53,7 +53,7 @@ def learn(
     """
     from dataclasses import replace
 
-    from compensator.correction.record import check_not_corrected
+    from compensator.correction.recorded import check_not_corrected
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import learn, read_cell, read_stiffness, read_toolpath
     from identification.common.files import check_writable, json_bytes, write_whole

@@ -48,6 +48,7 @@ def predict(
     lines may fail, and what would help by how much.
     """
     from compensator.correction.files import predict_files
+    from compensator.correction.logged_pass import driven_as_said
     from compensator.posting.suffixes import rapid_suffix, toolpath_stem
     from compstiff import Inputs, deviation_csv, error_budget
     from identification.common.files import check_writable, write_whole
@@ -72,7 +73,8 @@ def predict(
 
         files[report] = page_of(spent or predicted).encode()
     write_whole(files, overwrite=session.overwrite, read=session.read)
-    figures, findings, lines = predicted.as_dict(), predicted.findings, predicted.lines()
+    figures, lines = predicted.as_dict(), predicted.lines()
+    findings = (*predicted.findings, *(driven_as_said(predicted) if forces_file and not budget else ()))
     if spent is not None:
         figures, findings, lines = figures | {"budget": spent.as_dict()}, (*findings, *spent.findings), [*lines, *spent.lines()]
     return Outcome(figures, findings, lines,

@@ -31,6 +31,7 @@ class Measures:
         self.feed: Feed | None = None
         self._feed_assumed = False
         self._turns_per_minute: float | None = None
+        self.cut_at_rpm = 0.0                               # of the first move that cuts, 0: not stated
         self._counterclockwise: Statement | None = None     # the SPINDL in force that says so
         self._cut_so: Statement | None = None               # the first of them under which a move cuts
 
@@ -81,6 +82,7 @@ class Measures:
                                  hint="let the CAM system write FEDRAT before the first cut, or RAPID before moves in the air")
         length, per = feed
         self._cut_so = self._cut_so or self._counterclockwise
+        self.cut_at_rpm = self.cut_at_rpm or self._turns_per_minute or 0.0
         if per == "turn" and self._turns_per_minute is None:
             raise statement.fail("CS2107", "the feed is per turn, and no SPINDL says the speed",
                                  hint="write the feed per minute")

@@ -58,6 +58,12 @@ def test_a_right_log_is_left_in_peace_and_another_pass_is_told(planned: Predicte
         assert codes(beside(planned, errors + version), None) == ["CS3120 False"]
         assert codes(beside(planned, errors + offsets + version), offsets) == ["CS3120 False"]
     assert codes(beside(planned, -offsets + errors), None) == ["CS3075 False"]
+    # One operation of several was changed since, by half a millimetre across the passes.
+    first = int(rng.integers(len(d) // 2))
+    operation = np.zeros_like(d)
+    operation[first:first + len(d) // 3, 1 + int(rng.integers(2))] = 5e-4
+    assert codes(beside(planned, errors + operation), None) == ["CS3120 False"]
+    assert codes(beside(planned, errors + offsets + operation), offsets) == ["CS3120 False"]
 
 
 def test_the_sample_as_it_is_and_its_corrected_program(sample_inputs: Inputs, planned: Predicted, tmp_path: Path) -> None:

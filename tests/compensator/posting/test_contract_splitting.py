@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compensator.correction.files import Inputs, Outputs, correct_files
-from compensator.correction.record import check_not_corrected
+from compensator.correction.recorded import check_not_corrected
 from compensator.correction.settings import DEFAULTS, Settings
 from compensator.posting.settings import PostingSettings
 from compensator.posting.split_files import split_files

@@ -129,6 +129,11 @@ def test_no_model_comes_from_rows_with_a_mistake(tmp_path: Path) -> None:
     assert "CS1704" in done.stderr
     assert not extended.exists()
     assert "Mistakes in the files" in page.read_text()
+    assert "earlier call" not in done.stderr
+    extended.write_text("{}")           # of yesterday
+    stale = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--extended", extended, "--force", *FEW)
+    assert "extended.json that stands there is of an earlier call" in " ".join(stale.stderr.split())
+    assert extended.read_text() == "{}"
     over = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", table, *FEW)
     assert over.exit_code == 1
     assert "CS0006" in over.stderr

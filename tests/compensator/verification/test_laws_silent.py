@@ -1,0 +1,88 @@
+"""Tables of measured parts that are not what they seem are spoken of, and right ones are not: zeros where nothing was measured,
+a second pass that was the first one again, a robot that would be stiffer in motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compensator.verification.verify import verify
+from identification.common.typed_zeros import typed_zeros
+from identification.model.cell import Cell, read_cell
+from tests.support import write_cell
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Cell:
+    return read_cell(write_cell(tmp_path))
+
+
+def field(rng: np.random.Generator, count: int, size: float) -> np.ndarray:
+    """A smooth deviation along a path (count, 3) [um]."""
+    place = np.linspace(0, 1, count)[:, None]
+    waves = [rng.normal(size=3) * np.sin(2 * np.pi * k * place + rng.uniform(0, 6, 3)) for k in range(1, 5)]
+    return np.asarray(size * sum(waves))
+
+
+def rounded(values: np.ndarray, step: float) -> np.ndarray:
+    return step * np.round(values / step)
+
+
+@pytest.mark.parametrize("components", [1, 3])
+def test_right_readings_have_no_typed_zeros_however_they_are_rounded(components: int) -> None:
+    """Noise as stated, or half or twice of it, a part that is off by much or by nothing, steps of 0.01 to 20 um."""
+    for seed in range(500):
+        rng = np.random.default_rng([6047, components, seed])
+        count, noise = int(rng.integers(20, 600)), rng.uniform(0.5, 8)
+        stated = noise * rng.choice([0.5, 1.0, 2.0])
+        off = field(rng, count, rng.choice([0.0, 1.0, 10.0, 100.0]))[:, :components]
+        values = off + noise * rng.normal(size=(count, components))
+        values = rounded(values, float(rng.choice([0.01, 0.1, 1.0, 5.0, 10.0, 20.0])))
+        assert not typed_zeros(values, np.full(values.shape, stated)).any(), seed
+
+
+@pytest.mark.parametrize(("step", "components"), [(0.01, 1), (0.1, 3), (1.0, 3)])
+def test_zeros_where_nothing_was_measured_are_found(step: float, components: int) -> None:
+    for seed in range(40):
+        rng = np.random.default_rng([6147, seed])
+        values = rounded(field(rng, 200, 30.0)[:, :components] + 3 * rng.normal(size=(200, components)), step)
+        lost = rng.random(200) < 0.2
+        values[lost] = 0.0
+        assert (typed_zeros(values, np.full(values.shape, 3.0))[lost]).all(), seed
+
+
+def written(folder: Path, name: str, values_um: np.ndarray) -> Path:
+    rows = [f"{k},{','.join(f'{x:.3f}' for x in row)},3,3,3" for k, row in enumerate(values_um)]
+    (folder / name).write_text("\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *rows]) + "\n")
+    return folder / name
+
+
+def codes(cell: Cell, folder: Path, before: np.ndarray, after: np.ndarray, predicted: np.ndarray | None = None) -> set[str]:
+    of_program = None
+    if predicted is not None:
+        rows = [f"{k},{','.join(f'{x:.3f}' for x in row)}" for k, row in enumerate(predicted)]
+        of_program = folder / "deviation.csv"
+        of_program.write_text("\n".join(["target,dx_um,dy_um,dz_um", *rows]) + "\n")
+    said = verify(cell, written(folder, "before.csv", before), written(folder, "after.csv", after), of_program).findings
+    return {finding.code for finding in said} & {"CS6047", "CS6048", "CS6049"}
+
+
+def test_a_pass_that_was_the_first_one_again_is_said_and_a_correction_is_not(cell: Cell, tmp_path: Path) -> None:
+    """A correction that leaves up to 80 % of the deviation is one, and so is one that makes it worse."""
+    for seed in range(60):
+        rng = np.random.default_rng([6048, seed])
+        off, noise = field(rng, 120, 40.0), 3 * rng.normal(size=(3, 120, 3))
+        left = rng.choice([0.0, 0.1, 0.3, 0.8, 1.3, 2.0]) * off + field(rng, 120, 5.0)
+        assert codes(cell, tmp_path, off + noise[0], left + noise[1], off) == set(), seed
+        assert codes(cell, tmp_path, off + noise[0], off + noise[2]) == {"CS6048"}, seed
+        assert codes(cell, tmp_path, off + noise[0], np.round(off + noise[0], 1)) == {"CS6048"}, seed
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.6, True), (0.75, True), (0.95, False), (1.0, False), (1.3, False)])
+def test_a_robot_that_would_be_stiffer_in_motion_is_said(cell: Cell, tmp_path: Path, share: float, said: bool) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng([6049, seed])
+        predicted, noise = field(rng, 200, 40.0), 3 * rng.normal(size=(2, 200, 3))
+        assert ("CS6049" in codes(cell, tmp_path, share * predicted + noise[0], noise[1], predicted)) is said, seed

@@ -1,0 +1,91 @@
+"""What stands in a folder of an earlier run and is not of this one: said, by the records of the corrections; what is as it was
+is not spoken of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.command_line.test_mistakes import ROBOTS, call
+from tests.runs.command_line.test_silent_mistakes import edited
+from tests.runs.command_line.workshop import workshop
+
+SAID = {"CS4129", "CS4205", "CS5026", "CS5028", "CS6101", "CS6103"}
+
+
+@pytest.fixture
+def corrected(tmp_path: Path) -> Path:
+    """A folder in which a program was corrected, out.mod with offsets.csv."""
+    done = workshop(ROBOTS[0]).run(tmp_path, {}, *call("--offsets", "@offsets.csv"))
+    assert done.code == 0, done
+    return tmp_path
+
+
+def remarked(file: Path) -> None:
+    text = file.read_text()
+    file.write_text(text.replace("{", "{ ", 1) if file.suffix == ".json" else text + "! once more\n")
+
+
+def push(folder: Path, cell: str = "cell.yaml") -> kit.Run:
+    return kit.run("push", folder / cell, folder / "offsets.csv", "--program", folder / "part.mod", "--json")
+
+
+def upload(folder: Path, monkeypatch: pytest.MonkeyPatch) -> kit.Run:
+    """A dry run, nobody there."""
+    monkeypatch.setenv("COMPSTIFF_CONTROLLER_PASSWORD", "secret")
+    return kit.run("upload", folder / "cell.yaml", folder / "out.mod", "--host", "127.0.0.1", "--port", "9", "--retries", "0",
+                   "--json")
+
+
+def again(folder: Path) -> kit.Run:
+    """The second correction, by the log of a pass with the offsets."""
+    words = [word.replace("@out.mod", "@second.mod") for word in call("--logged-with", "@offsets.csv", "--force")]
+    return kit.run(*(str(folder / word[1:]) if word.startswith("@") else word for word in words), "--json")
+
+
+@pytest.mark.parametrize(("changed", "names"), [
+    ((), ""), (("part.mod",), "part.mod was"), (("stiffness.json",), "stiffness.json was"),
+    (("part.mod", "stiffness.json"), "part.mod and stiffness.json were"), (("cell.yaml",), ""), (("forces.csv",), "")])
+def test_a_program_or_stiffness_file_that_was_changed_since(
+    corrected: Path, monkeypatch: pytest.MonkeyPatch, changed: tuple[str, ...], names: str
+) -> None:
+    """The cell gets its controller and the log its next pass; both count for nothing here."""
+    cell = corrected / "cell.yaml"
+    for name in changed:
+        if name == "cell.yaml":
+            cell.write_text(cell.read_text() + "# stands in hall 3\n")
+        elif name == "forces.csv":
+            (corrected / name).write_text((corrected / name).read_text().replace("\n", "\n\n", 1))
+        else:
+            remarked(corrected / name)
+    for done in (push(corrected), upload(corrected, monkeypatch)):
+        assert done.code == 0, done
+        told = [one["message"] for one in done.json["findings"] if one["code"] == "CS4205"]
+        assert [one.startswith(names) for one in told] == ([True] if names else []), told
+        assert kit.codes(done) & SAID == ({"CS4205"} if names else set())
+
+
+def test_offsets_of_another_robot_are_not_pushed(corrected: Path) -> None:
+    other = workshop(ROBOTS[1]).files["cell.yaml"]
+    (corrected / "neighbour.yaml").write_text(other)
+    done = push(corrected, "neighbour.yaml")
+    assert (done.code, kit.codes(done) & SAID) == (3, {"CS5028"})
+
+
+def test_offsets_of_a_logged_pass_that_were_changed(corrected: Path) -> None:
+    assert kit.codes(again(corrected)) & SAID == set()
+    edited(corrected / "offsets.csv", corrected / "offsets.csv", 0.8)
+    assert kit.codes(again(corrected)) & SAID == {"CS4129"}
+
+
+def test_offsets_of_a_logged_pass_of_a_program_that_was_changed(corrected: Path) -> None:
+    remarked(corrected / "part.mod")
+    assert kit.codes(again(corrected)) & SAID == {"CS4205"}
+
+
+def test_offsets_without_a_record_are_taken_as_they_are(corrected: Path) -> None:
+    (corrected / "out.mod.json").unlink()
+    edited(corrected / "offsets.csv", corrected / "offsets.csv", 1.05)
+    assert kit.codes(push(corrected)) & SAID == set()

@@ -1,0 +1,93 @@
+"""`cutting` of a log with a stock, cutter or pass that are not its own: said, and nothing of right ones. The truth is the
+virtual cell's end mill and engagement alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.first_part_job import CUTTING, stock_file
+from tests.runs.milling.milling_job import MillingJob
+from tests.virtual_cell.milled_part import slot_and_pocket
+
+SAID = {"CS3075", "CS3076", "CS4733", "CS4734", "CS4735", "CS4738", "CS4745", "CS4746"}
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> MillingJob:
+    made = MillingJob(tmp_path_factory.mktemp("part"), 47451, part=slot_and_pocket(2.0))
+    made.springs("springs.json", made.case.stiffness)
+    made.cell_with("cut.yaml", CUTTING)
+    made.log(made.first, made.planned, "part.forces.csv")
+    stock_file(made.part, made.folder / "part.stock.npz")
+    return made
+
+
+def cutting(
+    job: MillingJob, stock: Path, *words: object, cell: str = "cut.yaml", log: str = "part.forces.csv", code: int = 0
+) -> set[str]:
+    done = kit.run("cutting", job.folder / cell, job.program, "--stock", stock, "--stiffness", job.folder / "springs.json",
+                   "--forces", job.folder / log, "--tare", "0:2", "-o", job.folder / "cutting.json", "--force", "--json",
+                   *words)
+    assert done.code == code, done
+    return kit.codes(done) & SAID
+
+
+def moved(job: MillingJob, **by_mm: float) -> Path:
+    """The stock, with its grid or its heights elsewhere."""
+    with np.load(job.folder / "part.stock.npz") as whole:
+        arrays = dict(whole)
+    for name, value in by_mm.items():
+        arrays[name] = arrays[name] + value
+    file = job.folder / "moved.npz"
+    np.savez(file, **arrays)
+    return file
+
+
+def test_nothing_is_said_of_the_right_stock(job: MillingJob) -> None:
+    assert cutting(job, job.folder / "part.stock.npz") == set()
+
+
+def test_a_block_for_a_roughed_pocket_and_what_the_pass_itself_left(job: MillingJob) -> None:
+    block = job.folder / "block.yaml"
+    block.write_text("box: {from_mm: [-62, -42, -20], to_mm: [62, 64, 0]}\n")
+    assert "CS4745" in cutting(job, block)
+    left = job.folder / "left.npz"
+    cutting(job, job.folder / "part.stock.npz", "--leaves", left)
+    assert "CS4745" in cutting(job, left)
+
+
+def test_a_ball_for_a_flat_cutter(job: MillingJob) -> None:
+    job.cell_with("ball.yaml", CUTTING.replace("teeth: 3", "teeth: 3, corner_radius_mm: 8"))
+    assert "CS4745" in cutting(job, job.folder / "part.stock.npz", cell="ball.yaml")
+
+
+def test_a_stock_that_stands_higher_in_its_file(job: MillingJob) -> None:
+    assert "CS4746" in cutting(job, moved(job, height_mm=2.0))
+
+
+@pytest.mark.parametrize("aside_mm", [150.0, -150.0])
+def test_a_stock_that_stands_beside_the_cut_is_refused(job: MillingJob, aside_mm: float) -> None:
+    """As in another work object, or taken from the blank's other corner; what an earlier call wrote stays."""
+    (job.folder / "cutting.json").write_text("{}")
+    assert cutting(job, moved(job, origin_mm=aside_mm), code=3) == {"CS4738"}
+    assert (job.folder / "cutting.json").read_text() == "{}"
+
+
+def test_the_log_of_the_corrected_pass_without_its_offsets(job: MillingJob) -> None:
+    """`cutting`, `predict` and `learn` hear of it as `correct` does; named with its offsets nothing is said."""
+    model = job.folder / "springs.json"
+    found = job.correct(job.folder / "part.forces.csv", model)
+    offsets = job.offsets(found, "offsets.csv")
+    job.log(job.mill(found.commands, part=found.part), found.commands, "second.forces.csv", part=found.part)
+    stock = job.folder / "part.stock.npz"
+    assert cutting(job, stock, log="second.forces.csv") == {"CS3075"}
+    assert cutting(job, stock, "--logged-with", offsets, log="second.forces.csv") == set()
+    assert cutting(job, stock, "--logged-with", offsets) == {"CS3076"}
+    for log, said in (("second.forces.csv", {"CS3075"}), ("part.forces.csv", set())):
+        done = kit.run("predict", job.folder / "cut.yaml", job.program, "--stiffness", model, "--forces", job.folder / log,
+                       "--tare", "0:2", "-o", job.folder / "deviation.csv", "--force", "--json")
+        assert kit.codes(done) & SAID == said

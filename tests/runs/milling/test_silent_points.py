@@ -1,0 +1,68 @@
+"""`learn` of points that stand beside the path, or of a part that is off by less than the robot yields: said, and nothing of
+right ones. The truth is the virtual cell's alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.runs.command_line import user_files as kit
+from tests.runs.milling.learning_job import ErringJob
+from tests.virtual_cell.endmill import EndMill
+from tests.virtual_cell.milled_part import slot_and_pocket
+
+RADIUS = EndMill().radius_mm
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> ErringJob:
+    return ErringJob(tmp_path_factory.mktemp("part"), 53271, part=slot_and_pocket(3.0), motion=1.1)
+
+
+def told(job: ErringJob, points: Path, *words: object) -> set[str]:
+    model = job.springs("springs.json", job.case.stiffness)
+    log = job.folder / "part.forces.csv"
+    if not log.exists():
+        job.log(job.first, job.planned, log.name)
+    done = kit.run("learn", job.cell, job.program, points, "--stiffness", model, "--forces", log, "--tare", "0:2", "-o",
+                   job.folder / "learned.json", "--force", "--json", *words)
+    assert done.code == 0, done
+    return kit.codes(done) & {"CS5327", "CS5328", "CS5329", "CS6047"}
+
+
+@pytest.mark.parametrize(("radius", "probe_mm", "said"), [
+    (RADIUS, 0.0, False), (0.0, 0.0, True), (2 * RADIUS, 0.0, True), (RADIUS, 1.0, True), (RADIUS, 0.1, False)])
+def test_points_beside_the_path_along_their_normals(job: ErringJob, radius: float, probe_mm: float, said: bool) -> None:
+    file = job.measure(job.first, "normal.csv", along_normal=True)
+    header, *rows = file.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows], dtype=float)
+    values[:, :3] += probe_mm * values[:, 3:6]
+    file.write_text("\n".join([header, *(",".join(f"{x:.6g}" for x in row) for row in values)]) + "\n")
+    assert told(job, file, "--tool-radius-mm", radius, "--within-mm", 10) == ({"CS5327"} if said else set())
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, set()), (0.6, {"CS5328"})])
+def test_a_part_that_is_off_by_less_than_the_robot_yields(job: ErringJob, share: float, said: set[str]) -> None:
+    assert told(job, job.measure(job.first, "points.csv", values_um=share * job.first.off_um)) == said
+
+
+def test_zeros_where_nothing_was_measured(job: ErringJob) -> None:
+    values = job.first.off_um.copy()
+    file = job.measure(job.first, "zeros.csv", values_um=values)
+    header, *rows = file.read_text().splitlines()
+    lost = [",".join([*row.split(",")[:3], "0,0,0,3"]) if k % 5 == 0 else row for k, row in enumerate(rows)]
+    file.write_text("\n".join([header, *lost]) + "\n")
+    assert "CS6047" in told(job, file)
+
+
+@pytest.mark.parametrize(("by", "said"), [(0, set()), (1, set()), (6, {"CS5329"}), (-8, {"CS5329"})])
+def test_deviations_that_were_shifted_against_their_places(job: ErringJob, by: int, said: set[str]) -> None:
+    """By rows of half a millimetre; one is within how well a log is placed."""
+    file = job.measure(job.first, "shifted.csv")
+    header, *rows = file.read_text().splitlines()
+    values = np.array([row.split(",") for row in rows])
+    values[:, 3:6] = np.roll(values[:, 3:6], by, axis=0)
+    file.write_text("\n".join([header, *(",".join(row) for row in values)]) + "\n")
+    assert told(job, file) == said
