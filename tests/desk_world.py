@@ -122,6 +122,15 @@ def _uneven(rows: Rows, rng: np.random.Generator) -> Hidden:
     return Hidden(name, rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None], 0.9)
 
 
+def _worn_stretch(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """Softer about one angle, by at most twice as much: no wave, and most at a few poses."""
+    joint = int(rng.integers(1, 6))
+    angle = rows.q[:, joint]
+    share = np.exp(-0.5 * ((angle - rng.choice(angle)) / rng.uniform(0.3, 0.6)) ** 2)
+    name = "gravity_compensator" if joint == 1 else f"uneven_gear[{joint + 1}]"
+    return Hidden(name, rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None], 1.0)
+
+
 def _free_play(rows: Rows, rng: np.random.Generator) -> Hidden:
     """A joint that jumps by its play when its torque changes sign; a tenth of a degree is a gear that is broken."""
     joint = int(rng.integers(6))
@@ -138,6 +147,19 @@ def _softer_near_zero(rows: Rows, rng: np.random.Generator) -> Hidden:
                   1.5 * knee * twist[largest] / torque[largest])
 
 
+def _unlike_signs(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """A joint that yields more to one sign of its torque, by at most eight tenths."""
+    joint = int(rng.integers(6))
+    return Hidden(f"one_sided[{joint + 1}]", rows.jacobian[:, :, joint] * np.abs(rows.twist[:, [joint]]), 0.8)
+
+
+def _softer_when_loaded(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """A joint that yields the more the larger its torque, at its largest torque by at most as much again."""
+    joint = int(rng.integers(6))
+    share = (rows.torque[:, joint] / np.abs(rows.torque[:, joint]).max()) ** 2
+    return Hidden(f"soft_beyond[{joint + 1}]", rows.jacobian[:, :, joint] * (rows.twist[:, joint] * share)[:, None], 1.0)
+
+
 def _other_force(label: str, error: Callable[[Rows, np.random.Generator], np.ndarray]) -> Term:
     """The springs answer to another force than was written down: by `error` (n, 3)."""
     def term(rows: Rows, rng: np.random.Generator) -> Hidden:
@@ -151,6 +173,12 @@ def _other_force(label: str, error: Callable[[Rows, np.random.Generator], np.nda
 
 def _turned_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(np.cross(rng.standard_normal(3), rows.force))
+
+
+def _turned_in_its_seat(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    """A sensor on the flange, by a small angle."""
+    read = np.einsum("nji,nj->ni", rows.tool, rows.force)
+    return np.asarray(np.einsum("nij,nj->ni", rows.tool, np.cross(rng.standard_normal(3), read)))
 
 
 def _constant_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
@@ -219,10 +247,13 @@ TERMS: dict[str, Term] = {
     "a gear softer near zero": _softer_near_zero, "a base that slides": _base_slides, "a base that tips": _base_tips,
     "a tool that bends": _tool_bends, "axes 5 and 6 coupled": _coupled(4, 5),
     "a force frame turned": _other_force("force_misalignment", _turned_force),
+    "a sensor turned in its seat": _other_force("force_misalignment", _turned_in_its_seat),
     "a force zero": _other_force("force_offset", _constant_force),
     "one axis of the force": _other_force("force_axis_gain", _one_axis_of_force), "one gauge's scale": _gauge_scale,
     "gauges turned": _gauges_turned, "a gauge zero": _gauge_zero, "a gauge bumped": _gauge_bumped, "a joint off": _joint_off,
-    "a joint off later": _joint_off_later, "a wave over the angle": _wave, "a robot that softens": _softens}
+    "a joint off later": _joint_off_later, "a wave over the angle": _wave, "a robot that softens": _softens,
+    "a gear unlike to either sign": _unlike_signs, "a gear softer when loaded": _softer_when_loaded,
+    "a gear worn about one angle": _worn_stretch}
 
 
 def desk(seed: int, term: str | None, shares: tuple[float, float] = (0.08, 0.25)) -> Desk:

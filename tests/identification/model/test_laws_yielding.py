@@ -1,0 +1,151 @@
+"""Laws of gears, links and columns against answers of their own: beams slice by slice, springs in series, loads one by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from identification.model.effects import effects
+from identification.model.law_of import known
+from identification.model.load_state import LoadState, load_state
+from identification.model.rotations import Frame
+from tests.support import random_poses, robot
+
+TOOL = Frame(np.eye(3), np.array([0.1, 0.0, 0.2]))
+COMPLIANCE = 1 / np.array([1.6e6, 5.1e6, 1.5e6, 0.5e6, 0.2e6, 0.08e6])
+
+
+def drawn(count: int = 8, *, heavy: bool = False, moments: bool = False) -> LoadState:
+    """Loads at poses of a robot with articulated arm, which may weigh something."""
+    arm, rng = robot("irb6700-200-2.60"), np.random.default_rng(11)
+    if heavy:
+        arm = replace(arm, link_mass=np.array([500, 400, 300, 100, 40, 20.0]), link_centre=np.full((6, 3), 0.2))
+    wrench = rng.uniform(-400, 400, (count, 6)) * [1, 1, 1, 0.3, 0.3, 0.3]
+    wrench[:, 3:] *= moments
+    return load_state(arm, TOOL, random_poses(arm, count, rng, 0.6), wrench, COMPLIANCE)
+
+
+@pytest.mark.parametrize(("law", "joint", "values"), [
+    ("link_bending.twist", 2, [1e-7]), ("base_rocking.column", None, [5e-8, 0.7])])
+def test_maxwell_betti(law: str, joint: int | None, values: list[float]) -> None:
+    """What a load along a moves along b, the same load along b moves along a; no load gains energy."""
+    rows, effect = drawn(), known(law)
+    assert effect is not None
+    units = [load_state(rows.robot, TOOL, rows.theta, np.repeat(unit[None], len(rows), axis=0), COMPLIANCE, at_load=True)
+             for unit in np.eye(6)]
+    matrix = np.stack([effect.contribution(unit, joint, np.array(values)) for unit in units], axis=2)
+    assert np.abs(matrix).max() > 0
+    assert_allclose(matrix, np.swapaxes(matrix, 1, 2), atol=1e-12 * np.abs(matrix).max())
+    assert np.all(np.linalg.eigvalsh(matrix)[:, 0] > -1e-12 * np.abs(matrix).max())
+
+
+def test_a_column_bends_as_its_curvature_integrates() -> None:
+    """Slice by slice: each turns what is above it by M / EI, M the load's moment about the slice, level."""
+    rows, height, compliance = drawn(moments=True), 0.9, 6e-8
+    effect = known("base_rocking.column")
+    assert effect is not None
+    moved, slices = np.zeros((len(rows), 6)), 4000
+    for z in -height * (np.arange(slices) + 0.5) / slices:
+        arms = rows.tcp - np.array([0.0, 0.0, z])
+        moment = np.cross(arms, rows.wrench[:, :3]) + rows.wrench[:, 3:]
+        turn = compliance / slices * moment * [1.0, 1.0, 0.0]
+        moved += np.concatenate([np.cross(turn, arms), turn], axis=1)
+    assert_allclose(effect.contribution(rows, None, np.array([compliance, height])), moved, atol=1e-6 * np.abs(moved).max())
+
+
+def test_a_twisted_arm_turns_all_beyond_it_about_the_line_from_shoulder_to_elbow() -> None:
+    rows, effect = drawn(moments=True), known("link_bending.twist")
+    assert effect is not None
+    moved = effect.contribution(rows, 2, np.array([1e-7]))
+    for n in range(len(rows)):
+        shoulder, elbow = rows.origins[n, 1], rows.origins[n, 2]
+        u = (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
+        moment = u @ (np.cross(rows.tcp[n] - shoulder, rows.wrench[n, :3]) + rows.wrench[n, 3:])
+        turn = 1e-7 * np.linalg.norm(elbow - shoulder) * moment * u
+        expected = np.concatenate([np.cross(turn, rows.tcp[n] - shoulder), turn])
+        assert_allclose(moved[n], expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_one_sided_gear_has_two_compliances() -> None:
+    """Under the arm's weight, load by load: how far it stands with the load, less how far without."""
+    rows, joint, share = drawn(heavy=True), 2, 0.2
+    moved = effects()["one_sided"].contribution(rows, joint, np.array([share]))
+
+    def twist(torque: float) -> float:
+        return COMPLIANCE[joint - 1] * (1 + share if torque > 0 else 1 - share) * torque
+
+    for n in range(len(rows)):
+        g, tau = rows.gravity[n, joint - 1], rows.torque[n, joint - 1]
+        more = twist(g + tau) - twist(g) - COMPLIANCE[joint - 1] * tau
+        assert_allclose(moved[n], rows.jacobian[n, :, joint - 1] * more, rtol=1e-9, atol=1e-18)
+    sides = np.sign(rows.gravity[:, joint - 1] + rows.torque[:, joint - 1])
+    assert set(sides) == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("joint", [2, 5])
+def test_a_gear_that_opens_beyond_its_preload(joint: int) -> None:
+    """Two springs in series, the second of which does nothing up to its preload."""
+    rows, share, preload = drawn(heavy=True), 0.4, 60.0
+    moved = effects()["soft_beyond"].contribution(rows, joint, np.array([share, preload]))
+
+    def opened(torque: float) -> float:
+        return float(np.sign(torque)) * max(abs(torque) - preload, 0.0) * share * COMPLIANCE[joint - 1]
+
+    for n in range(len(rows)):
+        g, tau = rows.gravity[n, joint - 1], rows.torque[n, joint - 1]
+        assert_allclose(moved[n], rows.jacobian[n, :, joint - 1] * (opened(g + tau) - opened(g)), rtol=1e-9, atol=1e-18)
+    cubic = known("soft_beyond.cubic")
+    assert cubic is not None
+    moved = cubic.contribution(rows, joint, np.array([3.0]))
+    for n in range(len(rows)):
+        g, tau = 1e-3 * rows.gravity[n, joint - 1], 1e-3 * rows.torque[n, joint - 1]
+        more = 3e3 * COMPLIANCE[joint - 1] * ((g + tau) ** 3 - g**3)
+        assert_allclose(moved[n], rows.jacobian[n, :, joint - 1] * more, rtol=1e-9, atol=1e-18)
+
+
+def test_one_element_creeps_as_the_sum_of_its_steps() -> None:
+    """Each change of the load creeps on from when it came, and comes to an end; each visit begins from rest."""
+    arm, rng, ratio, time = robot(), np.random.default_rng(4), 0.05, 12.0
+    held = np.array([6.0, 20.0, 11.0, 40.0, 5.0] * 2)
+    force = np.zeros((10, 6))
+    force[:, 1] = [100, 300, 0, -200, 0] * 2
+    rows = load_state(arm, TOOL, np.repeat(random_poses(arm, 2, rng, 0.6), 5, axis=0), force, np.full(6, 1e-6), dwell=held)
+    rows = replace(rows, visit=np.repeat(np.array([0, 1]), 5), time=np.cumsum(held + 4.0) + 300.0 * np.repeat([0, 1], 5))
+    twist, expected = rows.compliance * rows.torque, np.zeros((10, 6))
+    for n in range(10):
+        first = 5 * (n // 5)
+        for k in range(first, n + 1):
+            age = rows.time[n] - (rows.time[k] - rows.dwell[k])
+            step = twist[k] - (twist[k - 1] if k > first else 0.0)
+            expected[n] += ratio * (1 - np.exp(-age / time)) * (rows.jacobian[n] @ step)
+    element = known("creep.element")
+    assert element is not None
+    assert_allclose(element.contribution(rows, None, np.array([ratio, time])), expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_sensor_that_is_turned_in_its_seat_turns_with_the_flange() -> None:
+    """A quarter about the flange's z: what it calls x was y there."""
+    rows, effect = drawn(), known("force_misalignment.flange")
+    assert effect is not None
+    true = effect.true_wrench(rows, None, np.array([0.0, 0.0, np.pi / 2]))
+    assert true is not None
+    for n in range(len(rows)):
+        read = rows.flange[n].T @ rows.wrench[n, :3]
+        assert_allclose(rows.flange[n].T @ true[n, :3], [-read[1], read[0], read[2]], atol=1e-9)
+
+
+def test_a_load_that_comes_from_the_same_side_of_the_cell_acts_there() -> None:
+    """The springs by the work of the load: dq = c J^T w, with w moved to the point where it acts."""
+    rows, effect, beside = drawn(), known("tool_point.base"), np.array([0.02, -0.03, 0.01])
+    assert effect is not None
+    moved = effect.contribution(rows, None, beside)
+    for n in range(len(rows)):
+        moment = np.concatenate([np.zeros(3), np.cross(beside, rows.wrench[n, :3])])
+        expected = rows.jacobian[n] @ (COMPLIANCE * (rows.jacobian[n].T @ moment))
+        assert_allclose(moved[n], expected, rtol=2e-3, atol=1e-3 * np.abs(expected).max())
+    hung = replace(rows, wrench=np.concatenate([np.tile(rows.fall * 20, (len(rows), 1)), np.zeros((len(rows), 3))], axis=1))
+    assert effect.missing(hung)
+    assert not effect.missing(rows)
