@@ -13,19 +13,29 @@ import numpy as np
 from identification.common.arrays import Array
 from identification.fit.fitted_model import WIDE, Term
 from identification.fit.sight import Sight
+from identification.model.effects import effects
 from identification.model.law_of import LawOf, stiffening_ways, uncertain
 from identification.model.load_state import LoadState
 
 # Another shape's coefficient, 1 sigma, as a share of the effect's own size: laws of real gears differ by some ten per cent.
 SHARE = 0.3
+# One of three axes off by g: they differ from their mean by 2/3 and 1/3 of that, and the mean, which nobody sees, is off by g / 3:
+# 0.45 to 0.71 of the norm of what is told of two of them.
+COMMON = 0.6
 # Each way in which a structure may stiffen, 1 sigma, as a share of what it does: about 28 % in all.
 STIFFENS = 0.15
 
 
 def discrepancies(rows: LoadState, terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """One more term for each whose effect has shapes; its size comes from the term's start."""
+    """One more term for each whose effect has shapes, and for each that leaves something open; its size comes from the term's
+    start."""
     free = []
     for term in terms:
+        if term.effect.leaves_open:
+            # Where one axis of three is off, the three are so in common by about this share of how unlike they are.
+            other, width = effects()[term.effect.leaves_open], COMMON * float(np.linalg.norm(term.start - term.neutral))
+            neutral = other.neutral(rows)
+            free.append(Term(other, None, start=neutral, scale=np.full(len(neutral), max(width, 1e-6) / WIDE), neutral=neutral))
         if not uncertain(term.effect):
             continue
         law = LawOf(term.effect)

@@ -70,7 +70,8 @@ class Effect(ABC):
     data. of_track: the track under the robot does it. stiffens: it is a structure, and real ones yield less the more they
     carry. ways: in how many further ways one of its kind yields (`further_ways`). gear_law: one of the laws by which a gear's
     twist may follow its torque. unsettles: while it acts the springs change. carries_weight: it carries the arm beside a gear.
-    near_laws: effects of the same joint whose shapes a real one of this kind may mix in. law_family: what laws of one gear
+    near_laws: effects of the same joint whose shapes a real one of this kind may mix in. leaves_open: an effect that comes with
+    it and that no row shows, "" where there is none. law_family: what laws of one gear
     that imitate each other have in common, as a sentence; "" where there is no other. weighed: its last parameter is what
     hangs on the gear, where nobody stated that; no slope leads to it. law: which law this is, where one name has several (""
     for the first); other_laws: the others, of the first, whose signatures have theirs too. sentence: the cause as a shop-floor
@@ -92,6 +93,7 @@ class Effect(ABC):
     unsettles: ClassVar[bool] = False
     carries_weight: ClassVar[bool] = False
     near_laws: ClassVar[tuple[str, ...]] = ()
+    leaves_open: ClassVar[str] = ""
     law_family: ClassVar[str] = ""
     weighed: ClassVar[bool] = False
     law: str = ""

@@ -16,10 +16,10 @@ class DeflectionSensorGain(OfReading):
     formula_source = ("J. A. Bosch, Coordinate Measuring Machines and Systems, 1995: cosine error, in proportion to the "
                       "travel")
     parameters = along_axes(
-        "{}", "1", 0.014, 0.3,
+        "{}", "1", 0.014, 0.6,
         source="the same: the cosine of 9.6 degrees is 1.4 % under 1; that a sensor stands so far off is engineering "
                "judgement",
-        bounds_source="the same: the cosine of 45 degrees is 29 % under 1")
+        bounds_source="the same: the cosine of 66 degrees is 59 % under 1")
     sentence = "a deflection sensor reads too much or too little"
     settles = "move the target by a gauge block in front of each sensor"
 

@@ -14,6 +14,7 @@ class _AxisGain(ForceAxes):
     `force_gain`, which no deflection shows."""
 
     name = "force_axis_gain"
+    leaves_open = "force_gain"
     formula_source = "engineering judgement: each axis has a calibration of its own, in proportion to its force"
     parameters = tuple(
         Parameter(axis, "1", 0.015, -0.6, 0.6,

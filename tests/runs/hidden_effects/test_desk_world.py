@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import compstiff
-from tests.desk_world import TERMS, desk
+from identification.diagnosis.judgement import Judgement
+from tests.desk_world import TERMS, Desk, desk
 
 
 @pytest.mark.parametrize("term", TERMS)
@@ -22,6 +23,46 @@ def test_it_is_named_or_in_the_set(term: str, tmp_path: Path) -> None:
     found = named or [{cause.label for cause in judgement.alternatives}]
     assert len(found) == 1
     assert case.hidden in {label.replace("gravity_compensator[2]", "gravity_compensator") for label in found[0]}
+
+
+def found_at(folder: Path, seed: int, term: str, shares: tuple[float, float]) -> tuple[Desk, Judgement]:
+    """What is hidden in a load test, and what `diagnose` says of it."""
+    case = desk(seed, term, shares)
+    cell_file, table = case.write(folder)
+    cell = compstiff.read_cell(cell_file)
+    return case, compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot)).judgement
+
+
+@pytest.mark.parametrize(("seed", "term"), [
+    (1718000, "a gauge zero"), (1709001, "a base that slides"), (1706000, "drift without a clock"),
+    (1715000, "one axis of the force")])
+def test_a_large_cause_is_named_too(seed: int, term: str, tmp_path: Path) -> None:
+    """A third to two thirds of the deflection, many times what is typical: it had been scatter, or had another name."""
+    case, judgement = found_at(tmp_path, seed, term, (0.3, 0.7))
+    assert case.share > 0.3
+    assert [cause.label for cause in judgement.causes] == [case.hidden]
+    assert judgement.verdict == "named"
+
+
+def test_a_large_cause_is_no_other_robot(tmp_path: Path) -> None:
+    """The lengths of another robot of the maker's do nearly what a tool that is pressed in does."""
+    _, judgement = found_at(tmp_path, 2102000, "a tool pressed in", (0.25, 0.6))
+    assert [cause.label for cause in judgement.causes] == ["spindle_compliance"]
+
+
+def test_the_law_that_was_found_is_the_one_that_is_told(tmp_path: Path) -> None:
+    """Not the first law of that name: a shop would check the wrong axes."""
+    _, judgement = found_at(tmp_path, 1803002, "axes 4 and 5 coupled", (0.25, 0.6))
+    (cause,) = judgement.causes
+    assert cause.label == "wrist_coupling"
+    assert "a torque at axis 4 turns axis 5" in cause.sentence
+
+
+def test_poses_that_a_named_cause_moves_most_are_no_slips(tmp_path: Path) -> None:
+    """A gear that is worn about one angle is no wave: the poses there are a little off, and are not written wrongly."""
+    case, judgement = found_at(tmp_path, 2230003, "a gear worn about one angle", (0.08, 0.25))
+    assert [cause.effect.name for cause in judgement.causes] == [case.hidden]
+    assert not judgement.bad_visits
 
 
 def test_a_law_that_explains_nothing_gives_way_to_its_rival(tmp_path: Path) -> None:
