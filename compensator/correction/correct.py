@@ -157,7 +157,7 @@ def correct(planned: Predicted) -> Corrected:
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
     correction = correct_path(cut.loaded, Restraint(prediction, cut.stood, cut.left, settings.confidence,
-                                                    predicted.slope, settings.tolerance))
+                                                    predicted.slope, settings.tolerance, settings.depth_of_cut))
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,

@@ -71,7 +71,7 @@ class Restraint:
     """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, where the tool
     stood off the plan (M, 3) [m], base frame, while the log was taken, 1 sigma (M,) [m] of what the force that follows the cut
     leaves (engagement.py), the probability with which it must make a point better, and the steepest change of the offset along
-    the path [m/m]. tolerance [m]: what is left at a corner is told from there on."""
+    the path [m/m]. tolerance [m]: what is left at a corner is told from there on. depth [m] of the cut, None: not stated."""
 
     prediction: Prediction
     stood: Array
@@ -79,6 +79,7 @@ class Restraint:
     confidence: float
     slope: float
     tolerance: float
+    depth: float | None
 
 
 def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
@@ -245,7 +246,8 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
     path, targets, axes = loaded.path, loaded.targets, loaded.path.axes
     known = np.sqrt(np.maximum(np.trace(restraint.prediction.known, axis1=1, axis2=2), 0.0))
     asked, stood, force = (axes.turned_to_rest(vectors, targets) for vectors in (offset, restraint.stood, loaded.wrench[:, :3]))
-    made = held_before_the_wall(path, targets, asked, np.maximum(known, restraint.unfollowed), stood, force)
+    made = held_before_the_wall(path, targets, asked, np.maximum(known, restraint.unfollowed), stood, force,
+                                restraint.depth)
     result = axes.turned_to_base(made, targets)
     held = np.linalg.norm(result - offset, axis=1)
     told = int((held > restraint.tolerance).sum())
@@ -257,7 +259,8 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
         f"at sharp corners the tool of the log turned early, so that the force where the corrected one turns is not known: "
         f"towards the wall behind {counted(told, 'correction')} are held back, by up to {1e6 * held[worst]:.0f} um, which may "
         "be left there as stock",
-        "correct again by the log of the corrected pass (--logged-with), round the corner in the toolpath, or rough it closer")]
+        "correct again by the log of the corrected pass (--logged-with), or round the corner in the toolpath; where the cut is "
+        "deeper than the tool stood aside it was in that stock: state --depth-of-cut")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

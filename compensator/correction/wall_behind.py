@@ -5,7 +5,8 @@ the corner, D how far it stood off the plan along the way behind. Corrected it t
 met: what it cuts there pushes it along the feed, on into the wall behind, and the push back of that wall, which the log shows
 as the corner comes near, may be missing. So towards the wall behind an offset is made for the worse side: from where it begins
 to rise before the corner, to D behind it, it stays one sigma below what it was before. What it would have risen is left as
-stock, which the log of that pass shows; it is never so much that the point is farther off than without correction.
+stock, which the log of that pass shows; it is never so much that the point is farther off than without correction. A
+tool that stood aside by less than a stated depth of cut turned within the stock: its log tells the force there.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ ROOM = float(np.sqrt(0.5))
 STRAIGHT = 1 - 1e-6     # cosine between moves that are in line
 
 
-def held_before_the_wall(path: RobotPath, targets: Indices, offset: Array, sigma: Array, stood: Array, force: Array) -> Array:
+def held_before_the_wall(
+    path: RobotPath, targets: Indices, offset: Array, sigma: Array, stood: Array, force: Array, depth: float | None
+) -> Array:
     """The offsets (M, 3) [m] of the targets (M,), held at inner sharp corners.
 
     sigma (M,) [m] of them. stood (M, 3) [m]: where the tool of the log stood off the plan; force (M, 3) [N] on it. All in the
-    resting frame (external_axes.py).
+    resting frame (external_axes.py). depth [m] of the cut across the feed, None: nobody stated it.
     """
     corners = sharp_corners(path, targets)
     result, length = offset.copy(), path.length[targets]
@@ -40,8 +43,10 @@ def held_before_the_wall(path: RobotPath, targets: Indices, offset: Array, sigma
         before, behind = way[targets[corner] - 1], way[targets[corner]]
         early = float(stood[corner] @ behind)
         first, stop = int(ends[end - 1]), min(int(np.searchsorted(length, length[corner] + early)), int(ends[end + 1]))
-        if early <= 0 or force[stop] @ before >= 0:
-            continue                    # an outer corner, or no wall behind it
+        if early <= (depth or 0.0) or force[stop] @ before >= 0:
+            continue        # an outer corner, one in whose stock the tool turned, or no wall behind it
+        calm = np.linalg.norm(offset[corner + 1:stop] - offset[stop], axis=1) <= sigma[corner + 1:stop]
+        stop = corner + 1 + int(np.argmax(calm)) if calm.any() else stop      # it is in the cut behind already
         low = first + _low_before(offset[first:corner + 1] @ before, sigma[first:corner + 1])
         size = np.linalg.norm(offset[low:stop + 1], axis=1)
         unsure = sigma[low] * np.abs(offset[low] @ before) / max(size[0], 1e-12)

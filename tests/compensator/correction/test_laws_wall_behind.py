@@ -32,7 +32,8 @@ class Lines:
         return len(self.move)
 
 
-def held(offset: np.ndarray, aside: float, force: np.ndarray, turn: Rotation, leave_out: tuple[int, ...] = ()) -> np.ndarray:
+def held(offset: np.ndarray, aside: float, force: np.ndarray, turn: Rotation, leave_out: tuple[int, ...] = (),
+         depth: float | None = None) -> np.ndarray:
     """The offsets (M, 3) of the path turned about, turned back; only the targets not left out have force."""
     along = 2e-4 * np.arange(COUNT)
     places = np.column_stack([np.minimum(along, along[CORNER]), np.maximum(along - along[CORNER], 0.0), np.zeros(COUNT)])
@@ -43,7 +44,7 @@ def held(offset: np.ndarray, aside: float, force: np.ndarray, turn: Rotation, le
     stood = np.tile([0.0, aside, 0.0], (len(targets), 1))
     forces = np.tile(force, (len(targets), 1))
     found = held_before_the_wall(cast(Any, path), targets, turn.apply(offset[targets]), np.full(len(targets), SIGMA),
-                                 turn.apply(stood), turn.apply(forces))
+                                 turn.apply(stood), turn.apply(forces), depth)
     return np.asarray(turn.inv().apply(found))
 
 
@@ -74,6 +75,23 @@ def test_scatter_below_sigma_is_no_rise() -> None:
 def test_other_corners_keep_what_is_asked_for(aside: float, force: np.ndarray, leave_out: tuple[int, ...]) -> None:
     targets = np.setdiff1d(np.arange(COUNT), leave_out)
     np.testing.assert_array_equal(held(OFFSET, aside, force, Rotation.identity(), leave_out), OFFSET[targets])
+
+
+def test_a_log_that_is_in_the_cut_behind_already_needs_no_holding_there() -> None:
+    """Its second target behind the corner asks for what those behind ask for, although the tool had stood farther aside."""
+    early = OFFSET.copy()
+    early[11:] = OFFSET[13]
+    found = held(early, EARLY, PUSHED_BACK, Rotation.identity())
+    np.testing.assert_array_equal(found[11:], early[11:])
+    assert np.all(found[6:11, 0] < early[6:11, 0])
+
+
+def test_a_tool_that_stood_aside_by_less_than_the_cut_is_deep_turned_in_its_stock() -> None:
+    depths = (None, 0.9 * EARLY, 1.1 * EARLY)
+    at_depth = [held(OFFSET, EARLY, PUSHED_BACK, Rotation.identity(), depth=depth) for depth in depths]
+    np.testing.assert_array_equal(at_depth[0], at_depth[1])
+    np.testing.assert_array_equal(at_depth[2], OFFSET)
+    assert not np.array_equal(at_depth[0], OFFSET)
 
 
 def test_a_stretch_before_a_gap_in_the_cut_tells_nothing_of_the_corner() -> None:
