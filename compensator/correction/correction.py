@@ -21,6 +21,7 @@ from compensator.correction.forward import loaded_blocks, off_goal, resting_angl
 from compensator.correction.loaded_path import LoadedPath
 from compensator.correction.prediction import Prediction
 from compensator.correction.restraint import chance_of_harm, confident_share, fair_to_both, limited_steps
+from compensator.correction.wall_behind import held_before_the_wall
 from compensator.path.legs import Poses
 from compensator.path.robot_path import RobotPath
 from identification.common.arrays import read_only
@@ -67,14 +68,18 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class Restraint:
-    """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, the probability
-    with which it must make a point better, and the steepest change of the offset along the path [m/m]. tolerance [m]: what no
-    offset gives both sides of a corner is told from there on."""
+    """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, where the tool
+    stood off the plan (M, 3) [m], base frame, while the log was taken, 1 sigma (M,) [m] of what the force that follows the cut
+    leaves (engagement.py), the probability with which it must make a point better, and the steepest change of the offset along
+    the path [m/m]. tolerance [m]: what is left at a corner is told from there on. depth [m] of the cut, None: not stated."""
 
     prediction: Prediction
+    stood: Array
+    unfollowed: Array
     confidence: float
     slope: float
     tolerance: float
+    depth: float | None
 
 
 def correct_path(loaded: LoadedPath, restraint: Restraint | None = None) -> Correction:
@@ -192,7 +197,8 @@ def _restrained(loaded: LoadedPath, full: Array, restraint: Restraint) -> tuple[
                            f"each correction makes its point better with a probability of at least {restraint.confidence:g} "
                            "(--confidence)"))
     sure, at_corners = _at_corners(loaded, sure, restraint)
-    findings += at_corners
+    sure, at_walls = _before_walls(loaded, sure, restraint)
+    findings += [*at_corners, *at_walls]
     if not np.isfinite(restraint.slope):
         return sure, findings
     axes = path.axes
@@ -233,6 +239,28 @@ def _at_corners(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tupl
         f"behind it {other:.0f} um, {apart:.0f} um apart; up to {1e6 * left[worst]:.0f} um are left there",
         "no offset serves both, nor do two targets or a stop: round the corner in the toolpath, rough it closer, or correct "
         "again by the log of the corrected pass (--logged-with)")]
+
+
+def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tuple[Array, list[Finding]]:
+    """The offsets (M, 3) [m], base frame, held before the walls behind sharp corners, and what stays as stock (CS4116)."""
+    path, targets, axes = loaded.path, loaded.targets, loaded.path.axes
+    known = np.sqrt(np.maximum(np.trace(restraint.prediction.known, axis1=1, axis2=2), 0.0))
+    asked, stood, force = (axes.turned_to_rest(vectors, targets) for vectors in (offset, restraint.stood, loaded.wrench[:, :3]))
+    made = held_before_the_wall(path, targets, asked, np.maximum(known, restraint.unfollowed), stood, force,
+                                restraint.depth)
+    result = axes.turned_to_base(made, targets)
+    held = np.linalg.norm(result - offset, axis=1)
+    told = int((held > restraint.tolerance).sum())
+    if not told:
+        return result, []
+    worst = int(np.argmax(held))
+    return result, [path.finding(
+        int(targets[worst]), "CS4116", "warning",
+        f"at sharp corners the tool of the log turned early, so that the force where the corrected one turns is not known: "
+        f"towards the wall behind {counted(told, 'correction')} are held back, by up to {1e6 * held[worst]:.0f} um, which may "
+        "be left there as stock",
+        "correct again by the log of the corrected pass (--logged-with), or round the corner in the toolpath; where the cut is "
+        "deeper than the tool stood aside it was in that stock: state --depth-of-cut")]
 
 
 def _limited(loaded: LoadedPath, offset: Array, slope: float) -> Array:

@@ -84,13 +84,14 @@ class LoggedPass:
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPass:
-    """The path under the forces that the corrected pass meets. left (M,) [m]: 1 sigma of how far off the plan the force that
-    follows the cut leaves the tool; in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]:
-    what a cutting stiffness of ASSUMED would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where
-    the force is as logged. at_depths, at_slot_depths: depths [m], and what `left` would be there [m], root mean square; none
-    where more is known of the cut."""
+    """The path under the forces that the corrected pass meets. stood (M, 3) [m], base frame: where the tool of the logged pass
+    stood off the plan. left (M,) [m]: 1 sigma of how far off the plan the force that follows the cut leaves the tool;
+    in_covariance (M,) [m]: what of that is in the prediction's. left_as_logged (M,) [m]: what a cutting stiffness of ASSUMED
+    would leave, None where the force follows the cut. gain: the largest K c_nn, 0 where the force is as logged. at_depths,
+    at_slot_depths: depths [m], and what `left` would be there [m], root mean square; none where more is known of the cut."""
 
     loaded: LoadedPath
+    stood: Array
     left: Array
     in_covariance: Array
     left_as_logged: Array | None
@@ -105,8 +106,10 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     cause, the error of the cutting stiffness in its covariance."""
     if logged.on_plan:
         nothing = np.zeros(len(predicted.targets))
-        return CorrectedPass(predicted.loaded, nothing, nothing, None, 0.0), predicted.prediction
+        return (CorrectedPass(predicted.loaded, np.zeros((len(nothing), 3)), nothing, nothing, None, 0.0),
+                predicted.prediction)
     offsets = _at_all(logged.offsets, kept, predicted)
+    stood = standing(predicted, offsets)[predicted.targets]
     with np.errstate(over="ignore", invalid="ignore"):          # absurd numbers in targets without force
         direction, across = across_feed(predicted.path, predicted.forces.wrench[:, :3])
         per_newton, chosen = _deeper(predicted, offsets, direction, across)
@@ -120,7 +123,7 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
             left = np.hypot(left, _left(predicted, _where_it_changes(predicted, np.abs(per_newton) * across)))
         if not followed.any():
             as_logged = _left(predicted, np.abs(ASSUMED * per_newton))
-            return CorrectedPass(predicted.loaded, left, np.zeros(len(left)), as_logged, 0.0,
+            return CorrectedPass(predicted.loaded, stood, left, np.zeros(len(left)), as_logged, 0.0,
                                  at_depths=wall.at_depths, at_slot_depths=in_slots.at_depths), predicted.prediction
     forces, findings = _engaged(predicted, followed, wall.stiffness, chosen)
     gain = _check_gain(predicted, wall.stiffness, direction)
@@ -131,7 +134,7 @@ def following_the_cut(predicted: Predicted, kept: Indices, logged: LoggedPass) -
     along = prediction.position / np.maximum(np.linalg.norm(prediction.position, axis=1), 1e-300)[:, None]
     covariance = prediction.covariance + np.einsum("n,ni,nj->nij", left**2, along, along)
     covariance.flags.writeable = False
-    return (CorrectedPass(loaded, left, left, None, gain, findings, wall.at_depths, in_slots.at_depths),
+    return (CorrectedPass(loaded, stood, left, left, None, gain, findings, wall.at_depths, in_slots.at_depths),
             replace(prediction, covariance=covariance))
 
 
