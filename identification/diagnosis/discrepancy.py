@@ -19,8 +19,8 @@ from identification.model.load_state import LoadState
 
 # Another shape's coefficient, 1 sigma, as a share of the effect's own size: laws of real gears differ by some ten per cent.
 SHARE = 0.3
-# One of three axes off by g: they differ from their mean by 2/3 and 1/3 of that, and the mean, which nobody sees, is off by g / 3:
-# 0.45 to 0.71 of the norm of what is told of two of them.
+# One of three axes off by g: they differ from their mean by 2/3 and 1/3 of that, and the mean, which nobody sees, is off by
+# g / 3: 0.45 to 0.71 of the norm of what is told of two of them.
 COMMON = 0.6
 # Each way in which a structure may stiffen, 1 sigma, as a share of what it does: about 28 % in all.
 STIFFENS = 0.15
