@@ -18,7 +18,8 @@ from tests.support import random_poses, robot
 
 DOCUMENT = (Path(__file__).parents[3] / "docs" / "effects.md").read_text()
 CONTRACT = [
-    "backlash", "soft_zone", "soft_beyond", "one_sided", "hysteresis", "bearing_tilt", "link_bending", "base_rocking", "base_shift",
+    "backlash", "soft_zone", "soft_beyond", "one_sided", "hysteresis", "bearing_tilt", "link_bending", "base_rocking",
+    "base_shift",
     "force_sensor_compliance", "spindle_compliance", "parallelogram", "gravity_compensator", "uneven_gear", "wrist_coupling",
     "force_gain", "force_misalignment", "side_load", "tool_point", "deflection_sensor_gain", "deflection_sensor_rotation",
     "target_curvature", "drift", "creep", "channel_delay", "joint_friction", "motor_inertia", "sensor_step",
