@@ -95,7 +95,7 @@ def read_readings(file: Path, cell: Cell) -> Readings:
     or both kinds, CS6021 no column places the rows, CS6035 smaller than their own scatter, CS6036 in another unit, CS6039
     what `predict` or `correct` wrote."""
     table = read_table(file, required=(), optional=("target", "path_mm", *POSITION, *DEVIATION, *SIGMA, "dn_um", "sn_um",
-                                                    *NORMAL),
+                                                    *NORMAL, "std_um"),
                        may_be_empty=(*DEVIATION, "dn_um"), together=(POSITION, SIGMA, NORMAL))
     check_measured(table, "it goes to --predicted")
     key, place = _placed(table)
@@ -106,14 +106,17 @@ def read_readings(file: Path, cell: Cell) -> Readings:
                     "along the normal")
     names, sigmas = (("dn_um",), ("sn_um",)) if along_normal else (DEVIATION, SIGMA)
     deviation, findings = _columns(table, names), list(table.findings)
-    sigma = _columns(table, sigmas)
-    if sigmas[0] not in table.numbers:
+    if sigmas[0] in table.numbers:
+        sigma = _columns(table, sigmas)
+    elif "std_um" in table.numbers:         # of each number, as `learn` has it
+        sigma = np.tile(1e-6 * table.numbers["std_um"][:, None], (1, len(names)))
+    else:
         stated = cell.noise.deflection
         sigma = np.tile(np.sqrt(np.mean(stated**2)) if along_normal else stated, (len(table), 1))
         findings.append(Finding("CS6025", "note", f"no column {' '.join(sigmas)}: 1 sigma of a reading taken from the cell's "
                                 f"measurement.deflection_std_um, {', '.join(f'{1e6 * x:g}' for x in np.unique(sigma))} um",
                                 file=table.source, hint="state what your probe does"))
-    elif not (sigma > 0).all():
+    if not (sigma > 0).all():
         row = int(np.flatnonzero(~(sigma > 0).all(axis=1))[0])
         raise error("CS0203", "a 1 sigma must be larger than 0", file=table.source, line=int(table.line[row]))
     normal = None

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compensator.verification.readings import read_readings
 from compensator.verification.verify import verify
 from identification.common.typed_zeros import typed_zeros
 from identification.model.cell import Cell, read_cell
@@ -57,6 +58,18 @@ def written(folder: Path, name: str, values_um: np.ndarray) -> Path:
     rows = [f"{k},{','.join(f'{x:.3f}' for x in row)},3,3,3" for k, row in enumerate(values_um)]
     (folder / name).write_text("\n".join(["target,dx_um,dy_um,dz_um,sx_um,sy_um,sz_um", *rows]) + "\n")
     return folder / name
+
+
+def test_the_sigma_that_learn_reads_is_read_too(cell: Cell, tmp_path: Path) -> None:
+    """One table of measured points serves both commands."""
+    off = field(np.random.default_rng(3), 40, 40.0)
+    both = []
+    for header, sigma in (("sx_um,sy_um,sz_um", "7,7,7"), ("std_um", "7")):
+        rows = [f"{k},{','.join(f'{x:.3f}' for x in row)},{sigma}" for k, row in enumerate(off)]
+        (tmp_path / "points.csv").write_text("\n".join([f"target,dx_um,dy_um,dz_um,{header}", *rows]) + "\n")
+        both.append(read_readings(tmp_path / "points.csv", cell))
+    assert np.array_equal(both[0].sigma, both[1].sigma)
+    assert both[1].findings == ()
 
 
 def codes(cell: Cell, folder: Path, before: np.ndarray, after: np.ndarray, predicted: np.ndarray | None = None) -> set[str]:
