@@ -156,8 +156,8 @@ def correct(planned: Predicted) -> Corrected:
     predicted, kept, looked_at = with_intermediate_targets(cornered)
     del cornered
     cut, prediction = following_the_cut(predicted, kept, logged)
-    correction = correct_path(cut.loaded, Restraint(prediction, cut.stood, cut.left, settings.confidence,
-                                                    predicted.slope, settings.tolerance, settings.depth_of_cut))
+    correction = correct_path(cut.loaded, Restraint(prediction, cut.stood, settings.confidence, predicted.slope,
+                                                    settings.tolerance, settings.depth_of_cut))
     known = foreseen(predicted, cut, prediction)
     del prediction
     written = rewrite(predicted.program.text, correction.targets, correction.position, correction.quaternion,

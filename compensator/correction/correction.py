@@ -69,13 +69,12 @@ class Correction:
 @dataclass(frozen=True, eq=False)
 class Restraint:
     """What a correction must satisfy beyond landing on the plan (restraint.py): the prediction it rests on, where the tool
-    stood off the plan (M, 3) [m], base frame, while the log was taken, 1 sigma (M,) [m] of what the force that follows the cut
-    leaves (engagement.py), the probability with which it must make a point better, and the steepest change of the offset along
-    the path [m/m]. tolerance [m]: what is left at a corner is told from there on. depth [m] of the cut, None: not stated."""
+    stood off the plan (M, 3) [m], base frame, while the log was taken, the probability with which it must make a point better,
+    and the steepest change of the offset along the path [m/m]. tolerance [m]: what is left at a corner is told from there on.
+    depth [m] of the cut, None: not stated."""
 
     prediction: Prediction
     stood: Array
-    unfollowed: Array
     confidence: float
     slope: float
     tolerance: float
@@ -246,8 +245,7 @@ def _before_walls(loaded: LoadedPath, offset: Array, restraint: Restraint) -> tu
     path, targets, axes = loaded.path, loaded.targets, loaded.path.axes
     known = np.sqrt(np.maximum(np.trace(restraint.prediction.known, axis1=1, axis2=2), 0.0))
     asked, stood, force = (axes.turned_to_rest(vectors, targets) for vectors in (offset, restraint.stood, loaded.wrench[:, :3]))
-    made = held_before_the_wall(path, targets, asked, np.maximum(known, restraint.unfollowed), stood, force,
-                                restraint.depth)
+    made = held_before_the_wall(path, targets, asked, known, stood, force, restraint.depth)
     result = axes.turned_to_base(made, targets)
     held = np.linalg.norm(result - offset, axis=1)
     told = int((held > restraint.tolerance).sum())
