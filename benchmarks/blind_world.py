@@ -5,10 +5,10 @@
 One cause a case moves the tool by 5 to 30 % of the RMS deflection; every sixth case hides nothing. No seed is skipped.
 
 Shared with the program: the robot files and docs/formats.md, nothing else. Chain, statics, poses and loads are blind_arm.py's,
-laws this file's: finite motions of a chain with flexes between its frames, at rest under the loads and its own weight (8 times the payload,
-which no file states). Each visit begins with an unloaded reading, which the memory of friction and creep sees. Some laws no
-dictionary has (softer one way, softening, F^(2/3), a tracker moved): `unknown` or a set is right for these. Noise 1 to 15 um,
-a third of it Student 4, re-seating to 4 um, force to 0.8 %; cell.yaml states all of it or the sensor's alone.
+laws this file's: finite motions of a chain with flexes between its frames, at rest under the loads and its own weight (8 times
+the payload, which no file states). Each visit begins with an unloaded reading, which the memory of friction and creep sees.
+Some laws no dictionary has (softer one way, softening, F^(2/3), a tracker moved): `unknown` or a set is right for these. Noise
+1 to 15 um, a third of it Student 4, re-seating to 4 um, force to 0.8 %; cell.yaml states all of it or the sensor's alone.
 
 Judged: right, twin (a name that load tests hardly tell from it), in set (ambiguous, with the truth), set without, unknown,
 adequate, WRONG, and more (a true name and one that is no twin; a `bad_visit` counts), alarm. `sigma`: the norm, under the true
