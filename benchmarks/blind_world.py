@@ -113,7 +113,8 @@ def causes(arm, rows, r):
         "gear waves, skewed": (uneven, "", gear(j, lambda c, x: x / (1.4 + np.cos(c["q"][:, j] + phase)))),
         "spring beside gear 2": ("gravity_compensator[2]", "uneven_gear[2]", gear(
             1, lambda c, x: -x * np.sin(c["q"][:, 1] - phase) ** 2)),
-        "softer one way": (f"one_sided[{free + 1}]", f"{soft} {free_play}", gear(free, lambda c, x: np.maximum(x - c["weight"][:, free], 0))),
+        "softer one way": (f"one_sided[{free + 1}]", f"{soft} {free_play}", gear(
+            free, lambda c, x: np.maximum(x - c["weight"][:, free], 0))),
         "soft near zero": (soft, f"backlash[{j + 1}]", gear(j, lambda c, x: low * np.arctan(x / low))),
         "softens": (f"soft_beyond[{free + 1}]", "", gear(free, lambda c, x: x * (x / top[free]) ** 2)),
         "play": (free_play, f"soft_zone[{free + 1}]", gear(free, lambda c, x: top[free] * np.tanh(x / (.02 * top[free])))),
