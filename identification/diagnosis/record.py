@@ -15,6 +15,7 @@ from identification.diagnosis.naming import brought_along
 from identification.diagnosis.procedure import ALARM, NAMING
 from identification.diagnosis.swing import EFFECT, Swing
 from identification.fit.mending import BadVisit
+from identification.fit.misfit import needed
 from identification.fit.mistakes.judge import common_factor_findings, mistake_finding
 from identification.fit.seating import moving_zero
 from identification.fit.visit_findings import mending, sentence, validation_findings, visit_findings
@@ -168,7 +169,7 @@ def answer(judgement: Judgement) -> list[str]:
     if decades is not None and judgement.detection.p_value > NAMING:
         lines.append("  a noise large enough would show as much (p above); with how large noise usually is the name is "
                      f"10^{decades:.0f} times likelier than nothing")
-    lines += [f"  the data need {factor:.1f} times the stated {part}" for part, factor in judgement.scatter.items()]
+    lines += [f"  {needed(part, factor)}" for part, factor in judgement.scatter.items()]
     if judgement.gain is not None:
         gain = judgement.gain
         low, high = gain.interval
@@ -325,8 +326,8 @@ def judgement_findings(judgement: Judgement) -> list[Finding]:
                                 file=source,
                                 hint="if it is what you suspect, do its check by hand; otherwise nothing need be done"))
     for part, factor in judgement.scatter.items():
-        findings.append(Finding("CS1403", "warning", f"the data need {factor:.1f} times the {part} that cell.yaml states",
-                                file=source, hint="state the noise as it is, or look for what scatters"))
+        findings.append(Finding("CS1403", "warning", needed(part, factor), file=source,
+                                hint="state the noise as it is, or look for what scatters"))
     if robot.link_mass is None:
         findings.append(Finding("CS1404", "note", "the robot file has no links: what gravity holds gears to is not known, so "
                                 "backlash and soft zones of joints 2 to 5 were tried without it and under many weights",

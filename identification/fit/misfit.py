@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP
+from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP, USUAL_SETUP, memory_of
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import WORTH_DEGREES, Conflict
@@ -68,8 +68,7 @@ def model_check(fitted: Posterior, conflicts: tuple[Conflict, ...]) -> ModelChec
     found = [(min(tests * p, 1.0), words) for p, words in found]
     found += [(min(tests * conflict.corrected, 1.0), f"{conflict.part} and {conflict.rest} want different stiffnesses")
               for conflict in conflicts[:1]]
-    beyond = "; ".join(f"the {name} would have to be {multiple:.1f} times the stated"
-                       for name, multiple in beyond_stated(fitted, GRANTED).items())
+    beyond = "; ".join(needed(name, multiple) for name, multiple in beyond_stated(fitted, GRANTED).items())
     p_value, seen = min(found, default=(1.0, ""))
     if p_value >= REJECTED and beyond:
         return ModelCheck(p_value, True, beyond)
@@ -124,6 +123,17 @@ def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
         return p_value
     known = degrees.along(columns, eigenvalues[kept], vectors[:, kept])
     return float(f.sf(explained / rank / variance, rank, min(left, known)))
+
+
+def needed(part: str, multiple: float) -> str:
+    """What the rows need of a part of the noise (`beyond_stated`), in words: no file states two of the parts."""
+    if part == PARTS[SETUP]:
+        return (f"the forces would have to differ by {100 * USUAL_SETUP * multiple:.2g} % from one set-up to the next "
+                f"({100 * USUAL_SETUP:g} % is usual)")
+    if part == PARTS[MEMORY]:
+        alike, usual = memory_of(np.array([multiple, 1.0]))
+        return f"the readings of a pose would have to be alike by {100 * alike:.0f} % ({100 * usual:.0f} % is usual)"
+    return f"the {part} would have to be {multiple:.1f} times the stated"
 
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
