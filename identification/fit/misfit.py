@@ -21,7 +21,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit.noise import ABSOLUTE, FORCE, MEMORY, OFFSET, SENSOR, SETUP, USUAL_SETUP, memory_of
+from identification.fit.noise import (
+    ABSOLUTE,
+    FORCE,
+    MEMORY,
+    OFFSET,
+    SENSOR,
+    SETUP,
+    USUAL_FORCE_RELATIVE,
+    USUAL_OFFSET_M,
+    USUAL_SETUP,
+    memory_of,
+)
 from identification.fit.noise_degrees import NoiseDegrees, beside_the_springs
 from identification.fit.posterior import Posterior
 from identification.fit.subsets import WORTH_DEGREES, Conflict
@@ -37,13 +48,17 @@ READINGS_A_COLUMN = 4
 # Data sheets are nominal: a named cause may leave this many times the stated noise, a plain model that much more, with 95 %
 # confidence.
 GRANTED_AFTER_NAMING, GRANTED, ONE_SIDED_95 = 3.0, 4.0, 1.645
-# No loading device is set up by more than 1 % or half a degree anew each time; and readings that are alike by more than 0.86
-# follow something that happens while a pose is measured.
-UNSTATED_GRANTED = {SETUP: 10.0, MEMORY: 60.0}
+# No loading device is set up by more than 1 % or half a degree anew each time; readings that are alike by more than 0.86
+# follow something that happens while a pose is measured; and re-seating of 30 um, or a force that is 5 % off from row to row,
+# is something that whoever measures knows of.
+UNSTATED_GRANTED = {SETUP: 10.0, MEMORY: 60.0, OFFSET: 10.0, FORCE: 10.0}
 # What a sensor remembers matters to nobody where it scatters by less than this share of what is stated.
 WORTH_REMEMBERING = 0.1
 PARTS = {SENSOR: "sensor noise", FORCE: "force error", ABSOLUTE: "absolute force error", OFFSET: "re-seating",
          SETUP: "force error between set-ups (0.1 % is usual)", MEMORY: "memory of the readings (odds of 0.1 are usual)"}
+# The same parts where no file states them.
+UNSTATED = PARTS | {OFFSET: f"re-seating ({1e6 * USUAL_OFFSET_M:g} um is usual)",
+                    FORCE: f"force error ({100 * USUAL_FORCE_RELATIVE:g} % is usual)"}
 
 
 @dataclass(frozen=True)
@@ -126,14 +141,15 @@ def _p_value(degrees: NoiseDegrees, columns: Array) -> float:
 
 
 def needed(part: str, multiple: float) -> str:
-    """What the rows need of a part of the noise (`beyond_stated`), in words: no file states two of the parts."""
+    """What the rows need of a part of the noise (`beyond_stated`), in words."""
     if part == PARTS[SETUP]:
         return (f"the forces would have to differ by {100 * USUAL_SETUP * multiple:.2g} % from one set-up to the next "
                 f"({100 * USUAL_SETUP:g} % is usual)")
     if part == PARTS[MEMORY]:
         alike, usual = memory_of(np.array([multiple, 1.0]))
         return f"the readings of a pose would have to be alike by {100 * alike:.0f} % ({100 * usual:.0f} % is usual)"
-    return f"the {part} would have to be {multiple:.1f} times the stated"
+    of_what = "the stated" if part in PARTS.values() else "that"
+    return f"the {part} would have to be {multiple:.1f} times {of_what}"
 
 
 def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
@@ -144,8 +160,9 @@ def beyond_stated(fitted: Posterior, granted: float) -> dict[str, float]:
         return {}
     noise, multiples, log_std = fitted.at_map.noise, fitted.components.values, fitted.components_log_std
     allowed = {part: granted for part in PARTS if noise.stated[part]}
-    allowed |= {part: most for part, most in UNSTATED_GRANTED.items() if noise.active[part]}
+    allowed |= {part: most for part, most in UNSTATED_GRANTED.items() if noise.active[part] and not noise.stated[part]}
     if multiples[0] < WORTH_REMEMBERING:
         allowed.pop(MEMORY, None)
-    return {PARTS[part]: float(multiples[part]) for part, most in allowed.items()
+    names = [PARTS if stated else UNSTATED for stated in noise.stated]
+    return {names[part][part]: float(multiples[part]) for part, most in allowed.items()
             if np.log(multiples[part] / most) > ONE_SIDED_95 * log_std[part]}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import compstiff
@@ -79,3 +81,17 @@ def test_a_drift_without_a_clock_says_what_was_assumed(tmp_path: Path) -> None:
     found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
     assert [cause.label for cause in found.causes] == ["drift"]
     assert "CS1409" in {finding.code for finding in found.findings}
+
+
+def test_re_seating_that_nobody_stated_is_not_without_end(tmp_path: Path) -> None:
+    """Each pose off by 80 um, which no cell.yaml speaks of: something is wrong that six springs do not explain."""
+    case = desk(2400003, None)
+    assert case.poses is not None
+    shift = 80.0 * np.random.default_rng(1).standard_normal((case.poses.max() + 1, 3))
+    rows = case.rows.copy()
+    rows[:, 9:12] += shift[case.poses]
+    cell_file, table = replace(case, rows=rows).write(tmp_path)
+    cell = compstiff.read_cell(cell_file)
+    found = compstiff.diagnose(cell, compstiff.read_measurements(table, cell.robot))
+    assert found.verdict != "adequate"
+    assert any("re-seating (3 um is usual)" in finding.message for finding in found.findings if finding.code == "CS1403")
