@@ -35,7 +35,7 @@ def signed_permutations() -> tuple[Array, ...]:
 
 
 def axes_mistakes(data: LoadTest) -> list[Mistake]:
-    """Forces, deflections or both in other axes; one column in another unit."""
+    """Forces, deflections or both in other axes; one column in another unit, or all of them in a part of the rows."""
     found = []
     for matrix in signed_permutations():
         opposite = np.array_equal(matrix, -np.eye(3))
@@ -46,7 +46,7 @@ def axes_mistakes(data: LoadTest) -> list[Mistake]:
         elif np.linalg.det(matrix) > 0:
             found.append(_both_turned(matrix))
     found += _in_frames(data)
-    for axis in range(3):
+    for axis in (0, 1, 2, None):
         found += [_column_unit(FORCE, axis, factor, words) for factor, words in FORCE_UNITS]
         found += [_column_unit(DEFLECTION, axis, factor, words) for factor, words in DEFLECTION_UNITS]
     return found
@@ -146,15 +146,18 @@ def _to_base(rotation: Array, moves: bool, chosen: tuple[str, ...]) -> Callable[
     return change
 
 
-def _column_unit(quantity: str, axis: int, factor: float, words: str) -> Mistake:
-    name, scale = COLUMNS[quantity][axis], np.ones(3)
-    scale[axis] = factor
+def _column_unit(quantity: str, axis: int | None, factor: float, words: str) -> Mistake:
+    """One column, or (None) all three, from or to a row: another person, another display."""
+    scale = np.ones(3)
+    scale[slice(None) if axis is None else axis] = factor
 
     def change(data: LoadTest) -> dict[str, Array]:
         if quantity == DEFLECTION:
             return {"deflection": data.rows.deflection * scale}
-        return {"wrench": data.rows.wrench * np.concatenate([scale, np.ones(3)])}
+        return {"wrench": data.rows.wrench * np.concatenate([scale, np.full(3, factor) if axis is None else np.ones(3)])}
 
-    return table_mistake(f"{quantity}_unit[{name[1]}]", f"{name} seems to be {words}, in {{rows}}",
+    name = f"{quantity}s" if axis is None else COLUMNS[quantity][axis]
+    key, seem = (f"{quantity}_unit", "seem") if axis is None else (f"{quantity}_unit[{name[1]}]", "seems")
+    return table_mistake(key, f"{name} {seem} to be {words}, in {{rows}}",
                          "compare one reading of each axis with the instrument's display", change,
-                         scale=scale if quantity == DEFLECTION else None)
+                         scale=scale if quantity == DEFLECTION else None, in_part=axis is None)

@@ -25,8 +25,8 @@ def _unscaled() -> Array:
 class Mistake:
     """key: its name in diagnosis.json. sentence: in plain words, {rows} for the rows it holds for. settles: what would tell
     for sure. of: the file it stands in. change: the data without it. usual: one of those that are met every week. scale (3,):
-    by how much the readings of each axis grow when it is mended. splits: the sentence is one of the sessions, not of a
-    column."""
+    by how much the readings of each axis grow when it is mended. in_part: made in a part of the rows alone; in all of them
+    it is another matter (units.py)."""
 
     key: str
     sentence: str
@@ -35,6 +35,7 @@ class Mistake:
     change: Callable[[LoadTest], LoadTest]
     usual: bool = True
     scale: Array = field(default_factory=_unscaled)
+    in_part: bool = False
 
     def mended(self, data: LoadTest, rows: NDArray[np.bool_] | None = None) -> LoadTest:
         """The data without the mistake, in these rows (n,) alone where they are given."""
@@ -44,14 +45,14 @@ class Mistake:
 
 def table_mistake(
     key: str, sentence: str, settles: str, change: Callable[[LoadTest], dict[str, Array]], *, usual: bool = True,
-    scale: Array | None = None,
+    scale: Array | None = None, in_part: bool = False,
 ) -> Mistake:
     """A mistake in columns of the table; change: the mended columns, by their names in Measurements."""
     def mend(data: LoadTest) -> LoadTest:
         columns: dict[str, Any] = dict(change(data))
         return data.with_rows(replace(data.rows, **columns))
 
-    return Mistake(key, sentence, settles, "table", mend, usual, _unscaled() if scale is None else scale)
+    return Mistake(key, sentence, settles, "table", mend, usual, _unscaled() if scale is None else scale, in_part)
 
 
 def _merged(table: Measurements, mended: Measurements, rows: NDArray[np.bool_]) -> Measurements:

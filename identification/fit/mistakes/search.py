@@ -235,6 +235,8 @@ class _Look:
         found = []
         for score, (k, place) in zip(scores, labels, strict=True):
             rows, share = places[place]
+            if rows is None and self.mistakes[k].in_part:
+                continue
             prior = self._log_prior(self.mistakes[k].usual, rows is not None)
             found.append(_Guess(self.mistakes[k], rows, float(score) + volume[k] * share + prior, prior))
         return found + self._of_two_robots(before)
