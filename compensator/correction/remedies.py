@@ -15,7 +15,6 @@ from compensator.correction.engagement import LoggedPass, across_feed, following
 from compensator.correction.expected_left import expected_left, foreseen
 from compensator.correction.known_slot import known_slot
 from compensator.correction.loaded_path import LoadedPath
-from compensator.correction.logged_pass import known_by_depth
 from compensator.correction.other_stance import best_shift, shifted, turned
 from compensator.correction.posture import advise
 from compensator.correction.predict import Predicted
@@ -132,11 +131,11 @@ def _known_cut(corrected: Corrected) -> Array:
 
 
 def _stated_depth(corrected: Corrected) -> Array | None:
+    """Corrected anew: other moves ask for targets then, and less is held back behind sharp corners."""
     planned = corrected.planned
-    settings = replace(planned.settings, correction=replace(planned.settings.correction, depth_of_cut=DEPTH))
-    stiffness, _ = known_by_depth(replace(planned, settings=settings), corrected.logged.offsets)
-    logged = replace(corrected.logged, stiffness=stiffness)
-    return None if stiffness is None else _again(corrected, corrected.predicted, logged)
+    chosen = replace(planned.settings.correction, depth_of_cut=DEPTH)
+    stated = correct(replace(planned, settings=replace(planned.settings, correction=chosen)))
+    return None if stated.stiffness is None else stated.left.std
 
 
 def _stated_slots(corrected: Corrected) -> Array:

@@ -115,8 +115,7 @@ def test_stated_numbers_are_worth_what_was_told(
     scaled = job.correct(log, job.folder / "stiffness.json", settings(scale=Estimate(1.0, 0.01))).job
     assert sigma_alone(remedy.left, budget.corrected) == pytest.approx(sigma_alone(scaled.left.std, scaled), rel=1e-6)
     assert rms(remedy.left) == pytest.approx(rms(scaled.left.std), rel=1e-3)
-    # Corrected for the force that follows, other moves ask for targets.
-    assert told(everything, "--depth-of-cut") == pytest.approx(taken(job, log, depth_of_cut=0.75e-3), rel=0.03)
+    assert told(everything, "--depth-of-cut") == pytest.approx(taken(job, log, depth_of_cut=0.75e-3), rel=1e-6)
     assert told(everything, "--tighten-zones") == pytest.approx(taken(job, log, tolerance=2.5e-6, tighten_zones=True), rel=1e-6)
 
 
