@@ -110,6 +110,21 @@ def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
     assert "90 rows are left out" in (tmp_path / "mended.csv").read_text().splitlines()[1]
 
 
+@pytest.mark.parametrize(("column", "factor", "key", "words"), [
+    ("force", 1 / 9.80665, "force_unit", "forces seem to be in kgf"),
+    ("moved", 1e-3, "deflection_unit", "deflections seem to be in mm")])
+def test_another_unit_from_a_row_on_is_no_other_robot(tmp_path: Path, column: str, factor: float, key: str, words: str) -> None:
+    """Two robots would fit six springs to what one factor is."""
+    case = right(14, "irb6700-200-2.60")
+    values = getattr(case, column).copy()
+    half = len(values) // 2
+    values[half:] *= factor
+    found = diagnosed(tmp_path, *replace(case, **{column: values}).write(tmp_path))
+    (mistake,) = found["mistakes"]
+    assert (mistake["mistake"], mistake["last_row"]) == (key, len(values))
+    assert words in mistake["sentence"]
+
+
 def test_nothing_is_mended_without_a_mistake(tmp_path: Path) -> None:
     cell, table = right(12, "irb6640-235-2.55").write(tmp_path)
     done = call("diagnose", cell, table, "-o", tmp_path / "d.json", "--mend", tmp_path / "mended", *FEW)
