@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -26,6 +27,8 @@ OF_THE_KIND = (ONLY_IN_MOTION, ONLY_AS_SCATTER, NOTHING_HANGS, NO_TRACK)
 # Torques [N m] that are tried where nobody stated what hangs on the wrist, and on the arm: play is crossed at one of them.
 OF_TOOL = tuple(np.geomspace(40.0, 800.0, 31).round(1).tolist())
 OF_ARM = tuple(np.geomspace(400.0, 8000.0, 31).round(0).tolist())
+# Where a gear is worn: so many angles, evenly over those of the rows, and half widths [rad] are tried.
+PLACES, WIDTHS = 9, (0.25, 0.5)
 # A load hangs where it is plumb to this share; loads are of hung weights where so many of them are plumb.
 PLUMB = 1e-3
 MOST_HANG = 0.75
@@ -236,6 +239,37 @@ class SofterAtAngles(SizeAndAngle, GearTwist):
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         share = values[0] * np.cos(self.harmonic * rows.theta[:, i] + values[1])
         return np.asarray(rows.torque[:, i] * rows.compliance[i] * share)
+
+
+class SofterAbout(GearTwist):
+    """`J_i tau_i c_i a exp(-(q_i - q_0)^2 / 2 w^2)`: the gear is softer about one angle of its joint."""
+
+    law = "worn"
+    gear_law = False
+    formula_source = "engineering judgement: wear is as the angles at which the joint worked are spread"
+    parameters = (
+        Parameter("share", "1", 0.3, 0.0, 5.0,
+                  source="engineering judgement: as the amplitude of a wave, peak to peak",
+                  bounds_source="engineering judgement: none, to a gear that has a sixth of its stiffness left there"),
+        Parameter("angle_rad", "rad", 1.0, -6.2832, 6.2832, shape=True,
+                  source="engineering judgement: no angle is more likely than another",
+                  bounds_source="engineering judgement: any angle that a joint reaches"),
+        Parameter("width_rad", "rad", 0.35, 0.1, 1.5, shape=True,
+                  source="engineering judgement: 15 to 30 degrees, what one job moves the joint",
+                  bounds_source="engineering judgement: a few teeth, to half of the joint's way"),
+    )
+    def twist(self, rows: LoadState, i: int, values: Array) -> Array:
+        share, angle, width = values
+        return np.asarray(rows.torque[:, i] * rows.compliance[i] * share
+                          * np.exp(-0.5 * ((rows.theta[:, i] - angle) / width) ** 2))
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        angle = rows.theta[:, self.index(joint)]
+        found = []
+        for shape in ((place, width) for place in np.linspace(angle.min(), angle.max(), PLACES) for width in WIDTHS):
+            column = self.contribution(rows, joint, np.array([1.0, *shape]))[:, :3, None]
+            found.append(Signature(column, self.typical(rows, joint)[:1], True, partial(np.append, values=shape), self))
+        return found
 
 
 def amplitude_and_phase(typical: float, source: str) -> tuple[Parameter, Parameter]:
