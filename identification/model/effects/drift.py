@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from identification.common.arrays import Array
+from identification.model.effects.base import Parameter, Signature
 from identification.model.effects.kinds import OfReading, along_axes
 from identification.model.load_state import LoadState
 
@@ -12,21 +15,63 @@ from identification.model.load_state import LoadState
 PACE_S = 60.0
 
 
-class Drift(OfReading):
-    """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
+# How soon a warm-up settles, as shares of the time that the rows take, is tried.
+SETTLING = (0.1, 0.3, 1.0)
+SETTLES_S = Parameter("settles_s", "s", 1800.0, 30.0, 1e5, shape=True,
+                      source="engineering judgement: half an hour for grease, brackets and lasers",
+                      bounds_source="engineering judgement: over before the next row, to a day")
+
+
+class _Drift(OfReading):
+    """What the laws have in common."""
 
     name = "drift"
+    sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
+    settles = "leave the robot unloaded and read the sensors every ten minutes"
+
+
+class Settling(_Drift):
+    """It comes to an end: `d (1 - exp(-t / t0))`, t the time since the unloaded reference was taken."""
+
+    law = "settling"
+    formula_source = "engineering judgement: what warms up comes to a temperature, as one heat capacity does"
+    parameters = (*along_axes(
+        "{}_m", "m", 1.5e-5, 1e-2,
+        source="engineering judgement: half an hour of the first law's rate",
+        bounds_source="engineering judgement: none, to 10 mm: the bracket fell off"), SETTLES_S)
+
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        since = np.nan_to_num(since_reference(rows))
+        return np.asarray(-np.expm1(-since / values[3])[:, None] * values[:3])
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        scale, found = self.typical(rows, joint)[:3], []
+        for settles in settling_times(rows):
+            each = [self.contribution(rows, joint, np.append(one, settles))[:, :3] for one in np.eye(3)]
+            found.append(Signature(np.stack(each, axis=2), scale, False, partial(np.append, values=settles), self))
+        return found
+
+
+class Drift(_Drift):
+    """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
+
+    other_laws = (Settling(),)
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
     parameters = along_axes(
         "{}_m_per_s", "m/s", 8.3e-9, 1e-6,
         source="Pollack Periodica 15(3), p. 60, 2020: a laser tracker warms up for two hours and is off by up to tenths of "
                "a millimetre, 1.4e-8 m/s for one; 30 um an hour for a bracket is engineering judgement",
         bounds_source="engineering judgement: nothing in a hall warms up by 3.6 mm an hour")
-    sentence = "the reading drifts with time, loaded or not (temperature, mounting)"
-    settles = "leave the robot unloaded and read the sensors every ten minutes"
 
     def misread(self, rows: LoadState, values: Array) -> Array:
         return np.asarray(np.nan_to_num(since_reference(rows))[:, None] * values)
+
+
+def settling_times(rows: LoadState) -> list[float]:
+    """Times [s] in which a warm-up may settle that these rows show."""
+    time = clock(rows)
+    took = float(np.nanmax(time) - np.nanmin(time)) if np.isfinite(time).any() else 0.0
+    return [float(np.clip(share * took, SETTLES_S.low, SETTLES_S.high)) for share in SETTLING]
 
 
 def clock(rows: LoadState) -> Array:

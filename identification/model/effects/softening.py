@@ -2,34 +2,67 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from identification.common.arrays import Array
-from identification.model.effects.base import Effect, Parameter
-from identification.model.effects.drift import clock
+from identification.model.effects.base import Effect, Parameter, Signature
+from identification.model.effects.drift import SETTLES_S, clock, settling_times
 from identification.model.load_state import LoadState
 
 HOUR_S = 3600.0
 
 
-class Softening(Effect):
-    """The springs' deflection grows by `s t`, t the time since the first row: gears soften while they warm up. A force
-    measurement whose gain wanders looks the same. The springs told are those of the first row: not those to mill with."""
+class _Softening(Effect):
+    """What the laws have in common."""
 
     name = "softening"
     family = "structure"
     of_robot = False
     unsettles = True
+    sentence = "the robot gives way more, or less, from row to row: it warms up, or the gain of the force measurement wanders"
+    settles = "warm the robot up, measure again, and repeat the first pose at the end"
+
+
+class Settling(_Softening):
+    """It comes to an end: the springs' deflection grows by `s (1 - exp(-t / t0))`."""
+
+    law = "settling"
+    formula_source = "engineering judgement: what warms up comes to a temperature, as one heat capacity does"
+    parameters = (
+        Parameter("share", "1", 0.05, -0.9, 3.0,
+                  source="engineering judgement: some per cent from cold grease to warm",
+                  bounds_source="engineering judgement: ten times stiffer, to four times as soft as when it was cold"),
+        SETTLES_S,
+    )
+
+    def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
+        share, settles = values
+        return np.asarray(-share * np.expm1(-since_first(rows) / settles)[:, None] * rows.elastic)
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        return [Signature(self.contribution(rows, joint, np.array([1.0, settles]))[:, :3, None], self.typical(rows, joint)[:1],
+                          False, partial(np.append, values=settles), self) for settles in settling_times(rows)]
+
+
+class Softening(_Softening):
+    """The springs' deflection grows by `s t`, t the time since the first row: gears soften while they warm up. A force
+    measurement whose gain wanders looks the same. The springs told are those of the first row: not those to mill with."""
+
+    other_laws = (Settling(),)
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
     parameters = (
         Parameter("per_hour", "1/h", 0.1, -2.0, 2.0,
                   source="engineering judgement: some per cent from cold grease to warm, within half an hour",
                   bounds_source="engineering judgement: what is three times as soft after an hour would have been noticed"),
     )
-    sentence = "the robot gives way more, or less, from row to row: it warms up, or the gain of the force measurement wanders"
-    settles = "warm the robot up, measure again, and repeat the first pose at the end"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        time: Array = np.asarray(clock(rows))
-        hours = np.nan_to_num(time - np.nanmin(time)) / HOUR_S
-        return np.asarray(values[0] * hours[:, None] * rows.elastic)
+        return np.asarray(values[0] * since_first(rows)[:, None] / HOUR_S * rows.elastic)
+
+
+def since_first(rows: LoadState) -> Array:
+    """Time (n,) [s] since the first row."""
+    time = clock(rows)
+    return np.asarray(np.nan_to_num(time - np.nanmin(time)))

@@ -149,3 +149,16 @@ def test_a_load_that_comes_from_the_same_side_of_the_cell_acts_there() -> None:
     hung = replace(rows, wrench=np.concatenate([np.tile(rows.fall * 20, (len(rows), 1)), np.zeros((len(rows), 3))], axis=1))
     assert effect.missing(hung)
     assert not effect.missing(rows)
+
+
+def test_a_warm_up_comes_to_an_end() -> None:
+    """By halves: in each ln 2 of its time it goes half of what is left; from the reference, or the first row, on."""
+    settles, rows = 900.0, drawn(5)
+    rows = replace(rows, time=settles * np.log(2) * np.arange(5.0), row=np.arange(1, 6), reference=np.zeros(5, dtype=int))
+    share = np.array([0.0, 0.5, 0.75, 0.875, 0.9375])
+    drift, softening = known("drift.settling"), known("softening.settling")
+    assert drift is not None
+    assert softening is not None
+    off = np.array([2e-5, -1e-5, 5e-6])
+    assert_allclose(drift.contribution(rows, None, np.append(off, settles))[:, :3], share[:, None] * off, atol=1e-15)
+    assert_allclose(softening.contribution(rows, None, np.array([0.2, settles])), 0.2 * share[:, None] * rows.elastic, atol=1e-15)
