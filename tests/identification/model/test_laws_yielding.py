@@ -161,4 +161,5 @@ def test_a_warm_up_comes_to_an_end() -> None:
     assert softening is not None
     off = np.array([2e-5, -1e-5, 5e-6])
     assert_allclose(drift.contribution(rows, None, np.append(off, settles))[:, :3], share[:, None] * off, atol=1e-15)
-    assert_allclose(softening.contribution(rows, None, np.array([0.2, settles])), 0.2 * share[:, None] * rows.elastic, atol=1e-15)
+    softer = softening.contribution(rows, None, np.array([0.2, settles]))
+    assert_allclose(softer, 0.2 * share[:, None] * rows.elastic, atol=1e-15)
