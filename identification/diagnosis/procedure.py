@@ -320,6 +320,9 @@ class Procedure:
         names = credible(seen, best)
         if len(names) < 2:
             return self.unknown(judgement, seen, judgement.detection)
+        doubt = doubt_of(judgement.detection, log_odds(judgement, len(seen.dictionary.entries)))
+        if doubt and judgement.detection.p_value > self.alarm:
+            return self.unknown(judgement, seen, judgement.detection, {cause.label: doubt for cause in names[:NEAREST]})
         rivals = rivals_of(judgement.plain.data, seen, judgement.extended)
         return replace(judgement, verdict="ambiguous", alternatives=names, next_loads=next_loads(rivals, self.rng),
                        robot_difference=robot_difference([model for model, _ in rivals.values()]))

