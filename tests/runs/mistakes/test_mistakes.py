@@ -100,7 +100,9 @@ def test_a_load_under_the_zero_is_found_in_a_short_test(tmp_path: Path, seed: in
     """Forces that seem to differ from visit to visit had grown until they took up the load, and it was not tried."""
     spoiled, _ = MISTAKES["zeroed under load"](right(seed, SHOP), np.random.default_rng([seed, 3]))
     found = diagnosed(tmp_path, *spoiled.write(tmp_path))
-    assert (found["verdict"], [mistake["mistake"] for mistake in found["mistakes"]]) == ("mistake", ["reference_load"])
+    assert [mistake["mistake"] for mistake in found["mistakes"]] == ["reference_load"]
+    # A zero of the force that is off by the same in all rows is the same to a load test.
+    assert {cause["effect"] for cause in found["alternatives"]} <= {"force_offset"}
 
 
 def test_rows_of_two_robots_are_parted(tmp_path: Path) -> None:
