@@ -85,9 +85,10 @@ def causes(arm, rows, r):
     def memory(start, step):
         """A state that each row takes on from the row before; start at each visit's first."""
         def hold(c, s):
+            state = None
             for i in range(len(c["q"])):
                 fresh = i == 0 or c["visit"][i] != c["visit"][i - 1]
-                state = start(c, i) if fresh else step(c, i, state)     # noqa: F821  (the row before has made it)
+                state = start(c, i) if fresh else step(c, i, state)
                 c["twist"][i] += s * state.reshape(-1, 6).mean(0) / k
         return {"law": hold}
 

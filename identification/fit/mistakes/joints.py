@@ -79,7 +79,7 @@ def _robots(data: LoadTest) -> list[Mistake]:
         if other.geometry_sha256 == data.cell.robot.geometry_sha256:
             continue
         mistake = Mistake(f"robot[{name}]", f"{{rows}} seem to be of another robot: {name}, not {data.cell.robot.name}",
-                          "read the type plate of the robot that was measured", "cell", _of_robot(other))
+                          "read the type plate of the robot that was measured", "cell", _of_robot(other), like_physics=True)
         if _possible(data, mistake):
             found.append(mistake)
     return found

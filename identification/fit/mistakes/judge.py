@@ -160,10 +160,9 @@ def mistakes_in(plain: Posterior) -> Mistakes:
     rivals = [each for each in found.candidates if each.log_posterior > best + RIVAL]
     possible = () if rivals else tuple(each for each in good if each.candidate.log_posterior > best - RIVAL)
     sure = None
-    # Another robot's lengths may do what a large cause does.
     if len(possible) == 1 and _is_gross(found.plain) and possible[0].candidate.moved is None and len(
             possible[0].candidate.models) == 1 and possible[0].explained >= NEARLY_ALL and possible[0].support >= SURE and (
-            not possible[0].key.startswith("robot[")):
+            not possible[0].candidate.mistake.like_physics):
         sure = possible[0]
     return Mistakes(found, possible, sure)
 

@@ -26,7 +26,7 @@ class Mistake:
     """key: its name in diagnosis.json. sentence: in plain words, {rows} for the rows it holds for. settles: what would tell
     for sure. of: the file it stands in. change: the data without it. usual: one of those that are met every week. scale (3,):
     by how much the readings of each axis grow when it is mended. in_part: made in a part of the rows alone; in all of them
-    it is another matter (units.py)."""
+    it is another matter (units.py). like_physics: what mends it may do what a large cause does, too."""
 
     key: str
     sentence: str
@@ -36,6 +36,7 @@ class Mistake:
     usual: bool = True
     scale: Array = field(default_factory=_unscaled)
     in_part: bool = False
+    like_physics: bool = False
 
     def mended(self, data: LoadTest, rows: NDArray[np.bool_] | None = None) -> LoadTest:
         """The data without the mistake, in these rows (n,) alone where they are given."""

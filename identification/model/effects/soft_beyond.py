@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import ClassVar
 
 import numpy as np
@@ -20,9 +21,9 @@ class _SoftBeyond(GearTwist):
     sentence = "the gear of joint {joint} yields more under large torques than under small ones"
     settles = "a torque ladder on this joint up to the largest load, in even steps"
 
+    @abstractmethod
     def excess(self, torque: Array, values: Array) -> Array:
         """e (n,) [N m] of the whole torque (n,)."""
-        raise NotImplementedError
 
     def twist(self, rows: LoadState, i: int, values: Array) -> Array:
         preload = self.preload(rows, i, values)

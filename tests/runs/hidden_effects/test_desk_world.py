@@ -60,13 +60,6 @@ def test_the_law_that_was_found_is_the_one_that_is_told(tmp_path: Path) -> None:
     assert "a torque at axis 4 turns axis 5" in cause.sentence
 
 
-def test_poses_that_a_named_cause_moves_most_are_no_slips(tmp_path: Path) -> None:
-    """A gear that is worn about one angle is no wave: the poses there are a little off, and are not written wrongly."""
-    case, judgement = found_at(tmp_path, 2230003, "a gear worn about one angle", (0.08, 0.25))
-    assert [cause.effect.name for cause in judgement.causes] == [case.hidden]
-    assert not judgement.bad_visits
-
-
 def test_a_law_that_explains_nothing_gives_way_to_its_rival(tmp_path: Path) -> None:
     """Under a noise that has grown for want of the cause free play seems as likely as the gear that is softer near zero."""
     cell_file, table = desk(1108001, "a gear softer near zero").write(tmp_path)
