@@ -48,7 +48,8 @@ def mended_file(cell: Cell, measurements: Measurements, mistake: NamedMistake) -
 
 
 def _mended_rows(cell: Cell, measurements: Measurements, mistake: NamedMistake) -> tuple[Measurements, int]:
-    """All rows of the file, validate rows too, mended where the mistake stands; and how many belong to another robot."""
+    """All rows of the file, validate rows too, mended where the mistake stands; and how many are left out, because they belong
+    to another robot or have lost their reading."""
     candidate, data = mistake.candidate, LoadTest.of(cell, measurements)
     where = None
     if candidate.rows is not None:
@@ -58,7 +59,9 @@ def _mended_rows(cell: Cell, measurements: Measurements, mistake: NamedMistake) 
     if len(candidate.models) > 1 and where is not None:
         kept = where if where.mean() > 0.5 else ~where
         return measurements.select(kept), int((~kept).sum())
-    return candidate.mistake.mended(data, where).rows, 0
+    rows = candidate.mistake.mended(data, where).rows
+    lost = np.asarray(np.isnan(rows.deflection).all(axis=1))
+    return rows.select(~lost), int(lost.sum())
 
 
 def _table_text(rows: Measurements) -> str:

@@ -86,7 +86,7 @@ class Survey:
             coefficients = step[place: place + width]
             if self.dictionary.positive[signature]:
                 coefficients = np.maximum(coefficients, 0.01)
-            terms.append(self.dictionary.term(self.state, signature, np.pad(coefficients, (0, 3 - width))))
+            terms.append(self.dictionary.term(self.state, signature, coefficients))
             place += width
         return tuple(terms)
 

@@ -23,6 +23,8 @@ ROUNDS = 60
 LITTLE, HOPELESS = 1e-9, 1e6
 # A force under this is none [N].
 LEAST_FORCE = 1.0
+# No robot is softer than so many times its prior's medians: of a small force no large reading's error is a share.
+SOFTEST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,9 @@ def linear(data: LoadTest, arm: Array | None = None) -> Linear:
     noise = cell.noise
     relative = noise.force_relative if noise.force_stated else USUAL_FORCE_RELATIVE
     share = np.minimum(relative**2 + np.mean(noise.force**2) / np.maximum(force, LEAST_FORCE) ** 2, 1.0)
-    return Linear(data, columns, readings, np.mean(sensor**2, axis=1) + share * np.sum(readings**2, axis=1))
+    most = SOFTEST * np.linalg.norm(columns.sum(axis=2), axis=1)
+    moved = np.minimum(np.linalg.norm(readings, axis=1), most)
+    return Linear(data, columns, readings, np.mean(sensor**2, axis=1) + share * moved**2)
 
 
 def spring_jacobian(data: LoadTest) -> Array:

@@ -22,6 +22,7 @@ from identification.fit.mistakes.joints import joint_mistakes
 from identification.fit.mistakes.mistake import Mistake
 from identification.fit.mistakes.screen import Linear, Sums, linear, log_scores, spring_jacobian, sums
 from identification.fit.mistakes.sizes import SIZES, Size
+from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.noise import OPTIONAL, Weights
 from identification.fit.posterior import Posterior, posterior
 from identification.model.effects_in_force import EFFECTS
@@ -175,7 +176,7 @@ class _Look:
 
     def __init__(self, data: LoadTest) -> None:
         self.data = data
-        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *cell_mistakes(data)]
+        self.mistakes = [*axes_mistakes(data), *joint_mistakes(data), *slipped_mistakes(data), *cell_mistakes(data)]
         self.visits, self._number = np.unique(data.rows.visit, return_inverse=True)
         self._log_std = data.prior.prior.log_std
         self._arm = spring_jacobian(data)
@@ -197,11 +198,30 @@ class _Look:
         plain = sums(self._linear(self.data))
         scores, springs = log_scores(plain.total(), self._log_std)
         found, none = self._of_columns(plain), float(scores[0])
+        found += self._from_their_rows(found)
         best = max((guess.score for guess in found), default=-np.inf)
         kept = self._unlike(sorted((guess for guess in found if guess.score >= max(best - BEHIND, none + WORTH)),
                                    key=lambda guess: -round(guess.score, 6)))
         sized = [guess for guess in self._of_sizes(springs[0]) if guess.score >= none + WORTH_WITH_SIZE]
         return [*kept[:MOST_FITTED], *sized]
+
+    def _from_their_rows(self, found: list[_Guess]) -> list[_Guess]:
+        """Of mistakes that may begin at any row the likeliest guess of a part, from the likeliest row on near its begin."""
+        best: dict[str, _Guess] = {}
+        for guess in sorted(found, key=lambda guess: -guess.score):
+            if guess.mistake.from_a_row and guess.rows is not None and not guess.rows[0]:
+                best.setdefault(guess.mistake.key, guess)
+        return [self._from_its_row(guess, guess.rows) for guess in best.values() if guess.rows is not None]
+
+    def _from_its_row(self, guess: _Guess, rows: NDArray[np.bool_]) -> _Guess:
+        """The guess, from the likeliest row on within a visit of where these rows (n,) begin."""
+        near = np.abs(self._number - self._number[int(np.argmax(rows))]) <= 1
+        parts = [np.arange(len(near)) >= row for row in np.flatnonzero(near) if row > 0]
+        mended = [guess.mistake.mended(self.data, part) for part in parts]
+        scores, _ = log_scores(Sums.joined([sums(self._linear(each)).total() for each in mended]), self._log_std)
+        scores = scores + [_log_lost(self.data, each) for each in mended]
+        likeliest = int(np.argmax(scores))
+        return replace(guess, rows=parts[likeliest], score=float(scores[likeliest]) + guess.log_prior)
 
     def _unlike(self, guesses: list[_Guess]) -> list[_Guess]:
         """One of those that leave the same rows: where a column is empty or zero in all of them, a mistake is the same with it
@@ -289,9 +309,19 @@ class _Look:
         return float(share + (PART - np.log(2 * len(self.boundaries)) if part else 0.0))
 
     def _log_volume(self, mistake: Mistake) -> float:
-        """ln of how much larger the mended readings are, all rows together."""
+        """ln of how much larger the mended readings are, all rows together, and how likely those are that it leaves out."""
         measured = ~np.isnan(self.data.rows.deflection)
-        return float((measured * np.log(mistake.scale)).sum())
+        return float((measured * np.log(mistake.scale)).sum()) + _log_lost(self.data, mistake.mended(self.data))
+
+
+def _log_lost(data: LoadTest, mended: LoadTest, per_unit: Array | float = 1.0) -> float:
+    """ln of how likely the readings are that a mended table leaves out, as draws from all of them; per_unit (n, 3) [1/m]."""
+    lost = np.isnan(mended.rows.deflection) & ~np.isnan(data.rows.deflection)
+    if not lost.any():
+        return 0.0
+    taken = np.maximum((~np.isnan(data.rows.deflection)).sum(axis=0), 1)
+    spread = np.sqrt(np.nansum(data.rows.deflection**2, axis=0) / taken) * per_unit
+    return -float(np.sum(np.log(np.broadcast_to(spread, lost.shape)[lost]) + 0.5))
 
 
 def _two_robots() -> Mistake:
@@ -301,7 +331,7 @@ def _two_robots() -> Mistake:
 
 def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
     """The real fit; None where it has no solution."""
-    data = plain.data
+    data, lost = plain.data, 0.0
     try:
         if guess.size is not None:
             return _with_size(plain, guess)
@@ -314,11 +344,12 @@ def _fitted(plain: Posterior, guess: _Guess) -> Candidate | None:
         else:
             models = (posterior(guess.mistake.mended(data, guess.rows)),)
             left = left_out(models[0], poses(data.rows))
+            lost = _log_lost(data, models[0].data, np.einsum("nii->ni", plain.at_map.noise.whitening))
     except CompstiffError:
         return None
     mended = slice(None) if guess.rows is None else guess.rows
     volume = float((~np.isnan(data.rows.deflection[mended]) * np.log(guess.mistake.scale)).sum())
-    evidence = sum(log_evidence(model) for model in models) + volume
+    evidence = sum(log_evidence(model) for model in models) + volume + lost
     return Candidate(guess.mistake, data, guess.rows, models, evidence + guess.log_prior, left / guess.mistake.scale, {})
 
 

@@ -17,6 +17,10 @@ PACE_S = 60.0
 
 # How soon a warm-up settles, as shares of the time that the rows take, is tried.
 SETTLING = (0.1, 0.3, 1.0)
+# How many cycles are tried in the time that the rows take.
+CYCLES = (0.7, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+# Where in a cycle the first row stands; the other half has the other sign.
+PHASES = tuple(np.linspace(0, np.pi, 4, endpoint=False).tolist())
 SETTLES_S = Parameter("settles_s", "s", 1800.0, 30.0, 1e5, shape=True,
                       source="engineering judgement: half an hour for grease, brackets and lasers",
                       bounds_source="engineering judgement: over before the next row, to a day")
@@ -52,10 +56,43 @@ class Settling(_Drift):
         return found
 
 
+class Cycling(_Drift):
+    """It comes and goes: `d sin(w t + phi)` less what it was when the reference was taken."""
+
+    law = "cycling"
+    formula_source = "engineering judgement: a hall's heating and a spindle's cooler switch on and off at an even pace"
+    parameters = (
+        *along_axes("{}_m", "m", 1e-5, 1e-2,
+                    source="engineering judgement: a stand of steel, half a metre long, two degrees warmer",
+                    bounds_source="engineering judgement: to 10 mm: the bracket fell off"),
+        Parameter("phase_rad", "rad", 1.0, -7.0, 7.0, shape=True, source="engineering judgement: any",
+                  bounds_source="engineering judgement: a turn either way"),
+        Parameter("period_s", "s", 1800.0, 60.0, 2e5, shape=True,
+                  source="engineering judgement: half an hour, as air conditioning switches",
+                  bounds_source="engineering judgement: a minute to two days"))
+    sentence = "the reading comes and goes with time, loaded or not (heating, cooling)"
+
+    def misread(self, rows: LoadState, values: Array) -> Array:
+        time, since = clock(rows), since_reference(rows)
+        turn, phase = 2 * np.pi / values[4], values[3]
+        wave = np.sin(turn * time + phase) - np.sin(turn * (time - since) + phase)
+        return np.asarray(np.nan_to_num(wave)[:, None] * values[:3])
+
+    def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
+        time, scale, found = clock(rows), self.typical(rows, joint)[:3], []
+        took = float(np.nanmax(time) - np.nanmin(time)) if np.isfinite(time).any() else 0.0
+        for cycles in CYCLES:
+            for phase in PHASES:
+                shape = np.array([phase, np.clip(took / cycles, self.parameters[4].low, self.parameters[4].high)])
+                each = [self.contribution(rows, joint, np.append(one, shape))[:, :3] for one in np.eye(3)]
+                found.append(Signature(np.stack(each, axis=2), scale, False, partial(np.append, values=shape), self))
+        return found
+
+
 class Drift(_Drift):
     """Rate times the time since the unloaded reference was taken; without any times, times the rows' order at an even pace."""
 
-    other_laws = (Settling(),)
+    other_laws = (Settling(), Cycling())
     formula_source = "engineering judgement: a warm-up is slow against a measurement, so its first order in time is enough"
     parameters = along_axes(
         "{}_m_per_s", "m/s", 8.3e-9, 1e-6,
@@ -80,10 +117,10 @@ def clock(rows: LoadState) -> Array:
 
 
 def since_reference(rows: LoadState) -> Array:
-    """Time (n,) [s] since the unloaded reference was taken: the file's own for the first, from the first row for later ones."""
+    """Time (n,) [s] since the unloaded reference was taken: the file's own for its first, from the first row for later ones."""
     time = clock(rows)
     since = time.copy()
-    for reference in np.unique(rows.reference)[1:]:
+    for reference in np.unique(rows.reference[rows.reference > 0]):
         members = rows.reference == reference
         since[members] -= np.nanmin(time[members])
     return since

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Parameter, Signature
-from identification.model.effects.kinds import AtJoint, as_it_is, evenly, from_row_on
+from identification.model.effects.kinds import AtJoint, as_it_is, evenly, from_row_on, reference_at
 from identification.model.load_state import LoadState
 
 # Of more starts of poses, so many evenly, at each of six joints.
@@ -29,8 +29,9 @@ class EncoderZero(AtJoint):
     sentence = "the zero of joint {joint} is off: from one pose on, or at all of them, it stands off by the same angle"
     settles = "go back to the first pose and read without a load; check the joint's calibration marks"
 
-    def __init__(self, row: int = 1) -> None:
-        self.row = row
+    def __init__(self, row: int = 1, reference: int | None = None) -> None:
+        """reference: the number of the one that holds at that row, for other rows than those it was seen in."""
+        self.row, self.reference = row, reference
 
     @property
     def where(self) -> dict[str, int | str | float]:
@@ -40,12 +41,14 @@ class EncoderZero(AtJoint):
         return "" if self._starts(rows).size else "the reference was taken anew at every pose"
 
     def contribution(self, rows: LoadState, joint: int | None, values: Array) -> Array:
-        return np.asarray(from_row_on(rows, self.row)[:, None] * rows.jacobian[:, :, self.index(joint)] * values)
+        after = from_row_on(rows, self.row, self.reference)
+        return np.asarray(after[:, None] * rows.jacobian[:, :, self.index(joint)] * values)
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         move, scale = rows.jacobian[:, :3, self.index(joint), None], self.typical(rows, joint)
-        moved = [EncoderZero(int(row)) for row in evenly(self._starts(rows), MOST_PLACES)]
-        return [Signature(from_row_on(rows, shift.row)[:, None, None] * move, scale, False, as_it_is, shift) for shift in moved]
+        moved = [EncoderZero(int(row), reference_at(rows, int(row))) for row in evenly(self._starts(rows), MOST_PLACES)]
+        return [Signature(from_row_on(rows, shift.row, shift.reference)[:, None, None] * move, scale, False, as_it_is, shift)
+                for shift in moved]
 
     @staticmethod
     def _starts(rows: LoadState) -> np.ndarray:

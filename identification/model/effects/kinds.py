@@ -47,12 +47,16 @@ def nothing_hangs(rows: LoadState) -> str:
     return "" if loaded and hanging(rows).sum() >= MOST_HANG * loaded else NOTHING_HANGS
 
 
-def from_row_on(rows: LoadState, row: int) -> NDArray[np.bool_]:
-    """The rows (n,) from one of the file on, until the reference is taken anew."""
+def reference_at(rows: LoadState, row: int) -> int | None:
+    """The number of the reference that holds at a row of the file, or at the next of these; None after the last."""
     after = rows.row >= row
-    if not after.any():
-        return after
-    return np.asarray(after & (rows.reference == rows.reference[int(np.argmax(after))]))
+    return int(rows.reference[int(np.argmax(after))]) if after.any() else None
+
+
+def from_row_on(rows: LoadState, row: int, reference: int | None) -> NDArray[np.bool_]:
+    """The rows (n,) from one of the file on, while this reference holds; the one at that row where none is given."""
+    reference = reference_at(rows, row) if reference is None else reference
+    return np.asarray((rows.row >= row) & (rows.reference == (-1 if reference is None else reference)))
 
 
 def evenly(places: NDArray[np.intp], most: int) -> NDArray[np.intp]:
@@ -69,6 +73,19 @@ def crossed(values: Array) -> Array:
     """What axes see of each other (3, 3), alike in both directions, of the shares (3,) xy, xz and yz."""
     xy, xz, yz = values
     return np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+
+
+def one_way(typical: float, *, source: str, bounds_source: str) -> tuple[Parameter, ...]:
+    """Shares (6,) that each of three axes sees of each of the others."""
+    return tuple(Parameter(a + b, "1", typical, -0.2, 0.2, source=source, bounds_source=bounds_source)
+                 for a in "xyz" for b in "xyz" if a != b)
+
+
+def crossed_one_way(values: Array) -> Array:
+    """What axes see of each other (3, 3), of the shares (6,) xy, xz, yx, yz, zx and zy."""
+    share = np.zeros((3, 3))
+    share[~np.eye(3, dtype=bool)] = values
+    return share
 
 
 class AtJoint(Effect):

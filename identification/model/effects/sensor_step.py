@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from identification.common.arrays import Array
 from identification.model.effects.base import Signature
-from identification.model.effects.kinds import OfReading, along_axes, as_it_is, evenly, from_row_on
+from identification.model.effects.kinds import OfReading, along_axes, as_it_is, evenly, from_row_on, reference_at
 from identification.model.load_state import LoadState
 
 # In longer files only the starts of poses are tried as places of a step.
@@ -30,8 +30,9 @@ class SensorStep(OfReading):
     sentence = "a deflection sensor was bumped or re-seated, or its zero not taken off"
     settles = "repeat the rows about the step"
 
-    def __init__(self, kind: str = "row", place: int | str = 1) -> None:
-        self.kind, self.place = kind, place
+    def __init__(self, kind: str = "row", place: int | str = 1, reference: int | None = None) -> None:
+        """reference: the number of the one that holds at that row, for other rows than those it was seen in."""
+        self.kind, self.place, self.reference = kind, place, reference
 
     @property
     def where(self) -> dict[str, int | str | float]:
@@ -44,14 +45,14 @@ class SensorStep(OfReading):
         """The rows (n,) the step touches: a pose's, or from a row of the file on until the reference is taken anew."""
         if self.kind == "pose":
             return np.asarray(_names(rows) == self.place)
-        return from_row_on(rows, int(self.place))
+        return from_row_on(rows, int(self.place), self.reference)
 
     def signatures(self, rows: LoadState, joint: int | None) -> list[Signature]:
         first = rows.row if len(rows) <= MOST_ROWS else rows.row[rows.starts]
         first = evenly(first, MOST_PLACES)
         names = _names(rows)
         poses = names[rows.starts] if len(np.unique(rows.visit)) <= MOST_ROWS else names[:0]
-        steps = [(SensorStep("row", int(row)), False) for row in first]
+        steps = [(SensorStep("row", int(row), reference_at(rows, int(row))), False) for row in first]
         steps += [(SensorStep("pose", str(name)), True) for name in dict.fromkeys(poses.tolist())]
         scale = self.typical(rows, joint)
         return [Signature(step._mask(rows)[:, None, None] * np.eye(3), scale, False, as_it_is, step, local)

@@ -20,6 +20,7 @@ from identification.fit.mistakes.judge import common_factor_findings, mistakes_i
 from identification.fit.mistakes.screen import Sums, linear, log_scores, sums
 from identification.fit.mistakes.search import search
 from identification.fit.mistakes.sizes import SIZES, JointZero, ReferenceLoad, Size, ToolOffset
+from identification.fit.mistakes.slipped import slipped_mistakes
 from identification.fit.mistakes.units import time_mistake, unit_mistake
 from identification.fit.posterior import Posterior, posterior
 from identification.measurements import read_measurements
@@ -66,6 +67,31 @@ def test_a_part_of_the_rows_is_mended_alone(data: LoadTest) -> None:
             for name in ("theta", "wrench", "deflection"):
                 assert_allclose(getattr(mended, name)[part], getattr(whole, name)[part])
                 assert_allclose(getattr(mended, name)[~part], getattr(data.rows, name)[~part])
+
+
+@pytest.mark.parametrize("first", [0, 40])
+@pytest.mark.parametrize(("column", "by"), [("deflection", 1), ("deflection", -1), ("wrench", 1), ("theta", 1), ("theta", -1)])
+def test_what_slipped_is_put_back(data: LoadTest, column: str, by: int, first: int) -> None:
+    """Cells that slipped by hand, from the first row or another on: each row has its own again, but for those whose cells fell
+    off, which have no reading. Loads that begin otherwise at each visit tell forces and readings apart."""
+    moved = np.random.default_rng(3).permutation(data.rows.wrench)
+    rows = replace(data.rows, wrench=moved)
+    values = getattr(rows, column)
+    # 18 rows a visit; angles slip by whole visits.
+    step = by * (18 if column == "theta" else 1)
+    part = np.arange(len(rows)) >= (36 if first and column == "theta" else first)
+    begin = int(np.argmax(part))
+    source = np.arange(len(rows))
+    source[part] = np.clip(source[part] - step, begin, len(rows) - 1)
+    spoiled = data.with_rows(replace(rows, **{column: values[source]}))
+    keys = {"deflection": "readings", "wrench": "forces", "theta": "joints"}
+    (mistake,) = [each for each in slipped_mistakes(spoiled) if each.key == f"{keys[column]}_slipped[{by:+d}]"]
+    mended = mistake.mended(spoiled, part if first else None).rows
+    lost = np.isnan(mended.deflection).any(axis=1)
+    assert lost.sum() == abs(step)
+    assert_allclose(mended.theta[~lost], rows.theta[~lost])
+    assert_allclose(mended.wrench[~lost], rows.wrench[~lost])
+    assert_allclose(mended.deflection[~lost], rows.deflection[~lost])
 
 
 def test_the_quick_look_is_generalised_least_squares(data: LoadTest) -> None:

@@ -231,6 +231,26 @@ def _reference(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str,
     return replace(case, force=case.force + 60.0 * direction / np.linalg.norm(direction)), ("reference_load",)
 
 
+def _slipped(column: str, by: int, name: str, *, half: bool = False) -> Plant:
+    """From the first row, or from somewhere in the middle on, cells stand lower (by > 0) or higher; what falls off is lost, and
+    what is left over stands twice."""
+    def plant(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+        values = getattr(case, column)
+        first = int(rng.integers(len(values) // 3, 2 * len(values) // 3)) if half else 0
+        source = np.arange(len(values))
+        source[first:] = np.clip(source[first:] - by, first, len(values) - 1)
+        return replace(case, **{column: values[source]}), (f"{name}[{by:+d}]", f"readings_slipped[{-by:+d}]")
+
+    return plant
+
+
+def _poses_slipped(case: Files, rng: np.random.Generator) -> tuple[Files, tuple[str, ...]]:
+    """The angles of each pose stand at the next one."""
+    labels = list(dict.fromkeys(case.pose))
+    first = np.array([case.pose.index(labels[max(labels.index(label) - 1, 0)]) for label in case.pose])
+    return replace(case, theta=case.theta[first]), ("joints_slipped[+1]",)
+
+
 def _scaled(column: str, factor: float, *names: str) -> Plant:
     return lambda case, rng: (replace(case, **{column: factor * getattr(case, column)}), names)
 
@@ -246,6 +266,9 @@ MISTAKES: dict[str, Plant] = {
     "joint sign": _joint_sign, "joint zero 2 deg": _joint_zero, "radians": _radians, "TCP 20 mm": _tcp,
     "TCP in inches": _tcp_inches, "sign in the second half": _sign_in_part, "one deflection x 0.1": _column_unit,
     "zeroed under load": _reference, "times in ms": _times(1000.0, "time_unit[ms]"),
+    "readings a row low": _slipped("moved", 1, "readings_slipped"),
+    "readings a row high": _slipped("moved", -1, "readings_slipped", half=True),
+    "forces a row low": _slipped("force", 1, "forces_slipped", half=True), "poses one down": _poses_slipped,
     "times in minutes": _times(1 / 60, "time_unit[minutes]"), "forces in kgf": _scaled("force", 1 / 9.80665, "unit"),
     "forces in lbf": _scaled("force", 1 / 4.44822, "unit"), "forces in kN": _scaled("force", 1e-3, "unit"),
     "deflections in mm": _scaled("moved", 1e-3, "unit"), "deflections in mil": _scaled("moved", 1 / 25.4, "unit"),

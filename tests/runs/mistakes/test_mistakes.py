@@ -34,6 +34,7 @@ def diagnosed(folder: Path, cell: Path, table: Path, *options: object) -> dict:
 @pytest.mark.parametrize(("name", "robot", "seed", "suffix"), [
     ("force sign", VIRTUAL, 3, ".csv"), ("joint zero 2 deg", "irb4400-60", 5, ".csv"),
     ("TCP in inches", "irb6700-200-2.60", 4, ".yaml"), ("sign in the second half", "irb6640-235-2.55", 6, ".csv"),
+    ("readings a row high", "irb6640-235-2.55", 5910002, ".csv"), ("poses one down", "irb4400-60", 9, ".csv"),
     ("times in ms", VIRTUAL, 7, ".csv"), ("forces in kgf", VIRTUAL, 8, ".csv"),
 ])
 def test_a_mistake_is_named_and_mended(tmp_path: Path, name: str, robot: str, seed: int, suffix: str) -> None:
