@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -148,10 +148,12 @@ class Judgement:
 
     @property
     def expected_std(self) -> Array:
-        """What the noise allows (n, 3) [m]: as estimated with the causes named, else as stated (estimated where it is not)."""
+        """What the noise allows (n, 3) [m]: as estimated with the causes named; else, since that has grown for want of them, as
+        stated or as is usual (the sensor's own as estimated where it is not stated)."""
         components = self.extended.components
         if self.verdict in ("ambiguous", "unknown", "mistake"):
-            components = components.within(self.plain.at_map.noise.stated)
+            usual = components.within(self.plain.at_map.noise.stated).at_most(1.0).of_the_usual_parts()
+            components = replace(usual, degrees=np.inf)
         return residual_std(self.plain.data, components, self.extended.compliance)
 
     @property

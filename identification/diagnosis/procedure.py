@@ -58,6 +58,8 @@ NAMING = 0.01
 CERTAINLY = float(np.log(1000.0))
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
+# Nor is a noise believed without a look for causes where far readings leave so many times what it allows, heavy tails and all.
+FAR_OFF = 1.4
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
@@ -200,7 +202,7 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
-        if detection.p_value <= LOOKED_AT:
+        if detection.p_value <= LOOKED_AT or rms(plain.residual) > FAR_OFF * rms(judgement.expected_std):
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= CERTAINLY:
                 return found
@@ -218,7 +220,7 @@ class Procedure:
         # The parts of the noise that came in for want of a cause must not hide it from the search.
         usual = posterior(plain.data, (), plain, usual_noise=True)
         found = self.searched(usual)
-        if not found.enough:
+        if not found.enough or found.best is None:
             # Nor must parts that there are and that have grown, which they do without end where the cause is large.
             quiet = self.searched(likeliest_fit(under_ordinary_noise(usual), self.catalogue, 2))
             if quiet.enough or log_evidence(quiet.fitted) > log_evidence(found.fitted) + LIKELIER:
