@@ -21,7 +21,8 @@ STEP = 1e-5
 @dataclass(frozen=True)
 class Rows:
     """One load test in base axes: q (n, 6) [rad], force (n, 3) [N], tcp (n, 3) [m], jacobian (n, 3, 6), tool (n, 3, 3), whose
-    columns are the flange's axes, torque (n, 6) [N m], twist (n, 6) [rad] of the springs."""
+    columns are the flange's axes, torque (n, 6) [N m], twist (n, 6) [rad] of the springs, tilt (n, 3) [rad] of the
+    tool by it."""
 
     q: np.ndarray
     force: np.ndarray
@@ -30,6 +31,7 @@ class Rows:
     tool: np.ndarray
     torque: np.ndarray
     twist: np.ndarray
+    tilt: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -189,6 +191,22 @@ def _one_axis_of_force(rows: Rows, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(rows.force * np.eye(3)[rng.integers(3)])
 
 
+def _hook(rows: Rows, rng: np.random.Generator) -> np.ndarray:
+    return np.asarray(rows.force / np.linalg.norm(rows.force, axis=1, keepdims=True))
+
+
+def _read_beside(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """A reflector up to 100 mm from the tip."""
+    lever = rng.standard_normal(3)
+    return Hidden("reading_point", np.cross(rows.tilt, rows.tool @ (lever / np.linalg.norm(lever))), 0.1)
+
+
+def _gauge_leans(rows: Rows, rng: np.random.Generator) -> Hidden:
+    """One gauge, by up to 11 degrees."""
+    read, of = rng.permutation(3)[:2]
+    return Hidden("deflection_sensor_crosstalk", np.outer(_moved(rows)[:, of], np.eye(3)[read]), 0.19)
+
+
 def _gauge_scale(rows: Rows, rng: np.random.Generator) -> Hidden:
     return Hidden("deflection_sensor_gain", _moved(rows) * np.eye(3)[rng.integers(3)], 0.29)
 
@@ -253,7 +271,8 @@ TERMS: dict[str, Term] = {
     "gauges turned": _gauges_turned, "a gauge zero": _gauge_zero, "a gauge bumped": _gauge_bumped, "a joint off": _joint_off,
     "a joint off later": _joint_off_later, "a wave over the angle": _wave, "a robot that softens": _softens,
     "a gear unlike to either sign": _unlike_signs, "a gear softer when loaded": _softer_when_loaded,
-    "a gear worn about one angle": _worn_stretch}
+    "a gear worn about one angle": _worn_stretch, "a hook that nobody weighed": _other_force("hook_weight", _hook),
+    "read beside the TCP": _read_beside, "a gauge that leans": _gauge_leans}
 
 
 def desk(seed: int, term: str | None, shares: tuple[float, float] = (0.08, 0.25)) -> Desk:
@@ -292,5 +311,9 @@ def _rows(arm: Robot, q: np.ndarray, tool: np.ndarray, force: np.ndarray, stiffn
 
     jacobian = slopes(np.eye(6), lambda step: arm.tcp(q + step, tool))
     torque = np.einsum("nij,ni->nj", jacobian, force)
-    return Rows(q, force, arm.tcp(q, tool), jacobian, slopes(np.eye(3), lambda step: arm.tcp(q, tool + step)), torque,
-                torque / stiffness)
+    twist = torque / stiffness
+    # How the flange's axes turn with the springs: w = 1/2 sum a x da.
+    turned = [slopes(np.eye(3), lambda step, sign=sign: arm.tcp(q + sign * STEP * twist, tool + step)) for sign in (-1, 1)]
+    tool_axes = slopes(np.eye(3), lambda step: arm.tcp(q, tool + step))
+    tilt = 0.5 * np.cross(tool_axes, (turned[1] - turned[0]) / (2 * STEP), axis=1).sum(axis=2)
+    return Rows(q, force, arm.tcp(q, tool), jacobian, tool_axes, torque, twist, tilt)

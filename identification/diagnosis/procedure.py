@@ -38,7 +38,7 @@ from identification.diagnosis.share import share_of
 from identification.diagnosis.swing import allowed_for, swing_of
 from identification.fit.load_test import LoadTest
 from identification.fit.mending import BadVisit, with_mends
-from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated
+from identification.fit.misfit import GRANTED, GRANTED_AFTER_NAMING, beyond_stated, far_off
 from identification.fit.mistakes.evidence import log_evidence, under_ordinary_noise
 from identification.fit.mistakes.judge import RIVAL, Mistakes, beyond_the_fit, fitted_or_mistaken, mistakes_in
 from identification.fit.mistakes.search import Search
@@ -58,13 +58,17 @@ NAMING = 0.01
 CERTAINLY = float(np.log(1000.0))
 # Up to this probability of the detection a cause is looked for all the same, and must be that much likelier than nothing.
 LOOKED_AT = 0.3
-# Nor is a noise believed without a look for causes where far readings leave so many times what it allows, heavy tails and all.
-FAR_OFF = 1.4
+# Readings that are so many times off what the noise allows, heavy tails with it, are no noise (misfit.far_off).
+FAR_OFF = 1.3
+FAR_IN_WORDS = ("the readings are off by {:.1f} times what the noise allows, however heavy its tails: those that are far off "
+                "count for little, and hold something else")
 # Several causes may each be certain while what else is at work is not: they are named if so much is on them alone.
 POSSIBLE = 0.5
 # Laws of one gear that differ in a correction by less than so many times the noise may stay open under one name.
 OPEN_LAWS_DIFFER = 1.0
 MOST_CAUSES = 3
+# A set of more names tells nobody what to look at: the nearest go with an unknown cause.
+MOST_IN_A_SET = 12
 # ln Bayes factor against the plain model under which no cause explains anything.
 SUPPORT = 1.0
 # A misfit of so many times the noise's chi-squared, explained to this share, has its cause though not its exact law.
@@ -202,10 +206,13 @@ class Procedure:
                               left_out={name: why for name, why in missing.items() if why})
         if detection.p_value <= self.alarm or judgement.scatter:
             return self.named(judgement)
-        if detection.p_value <= LOOKED_AT or rms(plain.residual) > FAR_OFF * rms(judgement.expected_std):
+        far = far_off(plain)
+        if detection.p_value <= LOOKED_AT or far > FAR_OFF:
             found = self.named(judgement)
             if found.log_odds is not None and found.log_odds >= CERTAINLY:
                 return found
+            if far > FAR_OFF and found.verdict != "mistake":
+                return replace(found, verdict="unknown", withdrawn={}, patterns=(FAR_IN_WORDS.format(far), *found.patterns))
         unseen = beyond_the_fit(plain)
         return judgement if unseen is None else replace(judgement, verdict="mistake", mistakes=(unseen,))
 
@@ -286,6 +293,10 @@ class Procedure:
             difference = robot_difference([with_free_laws(model) for model, _ in laws.values()])
             if difference > OPEN_LAWS_DIFFER * rms(judgement.expected_std):
                 return self.ambiguous(judgement, seen, best)
+        far = far_off(extended)
+        if far > FAR_OFF:
+            return self.unknown(judgement, seen, judgement.detection,
+                                dict.fromkeys((cause.label for cause in causes), FAR_IN_WORDS.format(far)))
         nothing = of_nothing(extended)
         if nothing:
             return self.unknown(judgement, seen, judgement.detection, dict.fromkeys(sorted(nothing), NOTHING_IN_WORDS))
@@ -320,7 +331,7 @@ class Procedure:
     def ambiguous(self, judgement: Judgement, seen: Survey, best: Hypothesis) -> Judgement:
         """The set of names with the loads that would settle it, and what the choice means for a correction."""
         names = credible(seen, best)
-        if len(names) < 2:
+        if not 2 <= len(names) <= MOST_IN_A_SET:
             return self.unknown(judgement, seen, judgement.detection)
         doubt = doubt_of(judgement.detection, log_odds(judgement, len(seen.dictionary.entries)))
         if doubt and judgement.detection.p_value > self.alarm:

@@ -27,6 +27,8 @@ from identification.model.effects.kinds import OF_THE_KIND
 # So many checks, and causes that would not have been noticed, are told on the terminal.
 MOST_CHECKS, MOST_OVERLOOKED = 4, 6
 FORMAT = "compstiff-diagnosis"
+# A p-value above this is no alarm.
+ALARMING = 0.05
 
 
 def record(judgement: Judgement) -> dict[str, Any]:
@@ -156,14 +158,21 @@ def _cause(judgement: Judgement, cause: Cause) -> dict[str, Any]:
     raise KeyError(cause.label)
 
 
+def _chance(judgement: Judgement) -> str:
+    """The p-value in words; one that is no alarm beside a misfit is that of a noise which has grown."""
+    p_value = judgement.detection.p_value
+    grown = p_value > ALARMING and judgement.verdict in ("unknown", "ambiguous", "mistake")
+    return (f"p {'<=' if p_value <= judgement.detection.resolution else '='} {p_value:.3g}"
+            f"{' if it is as large as these rows would need' if grown else ''}")
+
+
 def answer(judgement: Judgement) -> list[str]:
     """The answer in plain words."""
     before, allowed = 1e6 * rms(judgement.plain.residual), 1e6 * rms(judgement.expected_std)
     others = " of the other rows" if judgement.bad_visits or judgement.bad_rows else ""
     lines = [*_verdict(judgement),
              f"the plain model leaves {before:.2f} um RMS{others}, the noise allows {allowed:.2f} um "
-             f"(p {'<=' if judgement.detection.p_value <= judgement.detection.resolution else '='} "
-             f"{judgement.detection.p_value:.3g})"]
+             f"({_chance(judgement)})"]
     lines += [*_beside_the_names(judgement), *_overlooked(judgement)]
     decades = _decades(judgement)
     if decades is not None and judgement.detection.p_value > NAMING:

@@ -18,7 +18,7 @@ class HookWeight(OfWrench):
 
     name = "hook_weight"
     family = "load path"
-    formula_source = "a weight that hangs wherever a load does"
+    formula_source = "engineering judgement: a weight that hangs wherever a load does"
     parameters = (Parameter("force_n", "N", 10.0, -200.0, 200.0,
                             source="engineering judgement: a hook, a shackle and a sling of 1 kg",
                             bounds_source="engineering judgement: a carrier of 20 kg, counted twice or not at all"),)

@@ -1,0 +1,146 @@
+"""What gauges and loading rigs get wrong, against rows written down by hand and rigid bodies that turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from identification.model.effects import effects
+from identification.model.effects.base import Effect, Signature
+from identification.model.law_of import known
+from identification.model.load_state import LoadState, load_state
+from identification.model.rotations import Frame
+from tests.support import random_poses, robot
+
+TOOL = Frame(np.eye(3), np.array([0.1, 0.0, 0.2]))
+COMPLIANCE = 1 / np.array([1.6e6, 5.1e6, 1.5e6, 0.5e6, 0.2e6, 0.08e6])
+
+
+def law(name: str) -> Effect:
+    effect = known(name)
+    assert effect is not None
+    return effect
+
+
+def loaded(wrench: np.ndarray, *, poses: int | None = None) -> LoadState:
+    """These loads (n, 6), each at a pose of its own, or all at `poses` of them one after the other."""
+    arm, rng = robot("irb6700-200-2.60"), np.random.default_rng(17)
+    count = len(wrench) if poses is None else poses
+    visit = np.arange(len(wrench)) * count // len(wrench)
+    state = load_state(arm, TOOL, random_poses(arm, count, rng, 0.6)[visit], wrench, COMPLIANCE)
+    return replace(state, visit=visit)
+
+
+def forces(sizes: list[float], along: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.outer(sizes, along / np.linalg.norm(along)), np.zeros((len(sizes), 3))], axis=1)
+
+
+DRAWN = np.concatenate([np.random.default_rng(2).uniform(-400, 400, (9, 3)), np.zeros((9, 3))], axis=1)
+
+
+def tilt(rows: LoadState, n: int) -> Rotation:
+    """The tool's turn under its load, by the work of the load: dq = c J^T w."""
+    return Rotation.from_rotvec(rows.jacobian[n, 3:] @ (COMPLIANCE * (rows.jacobian[n].T @ rows.wrench[n])))
+
+
+@pytest.mark.parametrize(("name", "values"), [
+    ("reading_point", [0.03, -0.01, 0.02]), ("reading_point.base", [0.03, -0.01, 0.02]),
+    ("reading_point.gauges", [0.01, 0.02, 0.03, -0.04, 0.05, -0.06])])
+def test_a_point_beside_the_tcp_moves_as_a_rigid_tool_does(name: str, values: list[float]) -> None:
+    rows = loaded(DRAWN)
+    read = law(name).contribution(rows, None, np.array(values))[:, :3]
+    levers = np.array([[0, *values[:2]], [values[2], 0, values[3]], [*values[4:], 0]]) if name.endswith("gauges") else None
+    for n in range(len(rows)):
+        turn = tilt(rows, n)
+        if levers is None:
+            lever = np.array(values) if name.endswith("base") else rows.tool[n] @ values
+            expected = turn.apply(lever) - lever
+        else:
+            expected = np.array([(turn.apply(lever) - lever)[axis] for axis, lever in enumerate(levers)])
+        assert_allclose(read[n], expected, rtol=2e-3, atol=2e-3 * np.abs(expected).max())
+
+
+def test_a_gauge_that_sticks_lags_on_both_ways() -> None:
+    """Out by two steps, back, through zero to the other side; at the next pose anew. Half widths of 3 um in x, 1 in z."""
+    sizes = [0, 100, 200, 100, 0, -100, 0]
+    rows = loaded(np.tile(forces([float(size) for size in sizes], np.array([1.0, 2.0, -1.0])), (2, 1)), poses=2)
+    read = law("gauge_friction").contribution(rows, None, np.array([3e-6, 0.0, 1e-6]))[:, :3]
+    steps = np.array([0, -1, -1, 1, 1, 1, -1])
+    for visit in range(2):
+        mine = rows.visit == visit
+        way = np.sign(rows.elastic[mine][1, :3])
+        assert np.abs(np.diff(rows.elastic[mine][:, :3], axis=0)[:, [0, 2]]).min() > 6e-6
+        assert_allclose(read[mine], steps[:, None] * way * [3e-6, 0.0, 1e-6], atol=1e-12)
+
+
+def test_friction_takes_from_a_load_that_grows_and_adds_to_one_that_is_taken_off() -> None:
+    sizes = [0.0, 100, 250, 250, 100, 0, 80]
+    rows = loaded(np.tile(forces(sizes, np.array([0.0, 1.0, 1.0])), (2, 1)), poses=2)
+    true = law("load_friction").true_wrench(rows, None, np.array([0.03]))
+    assert true is not None
+    share = np.array([0.97, 0.97, 0.97, 0.97, 1.03, 1.03, 0.97])
+    assert_allclose(true, rows.wrench * np.tile(share, 2)[:, None], atol=1e-9)
+    assert law("load_friction").missing(loaded(forces([0.0, 100, 200], np.array([1.0, 0, 0])), poses=1))
+    assert not law("load_friction").missing(rows)
+
+
+def test_a_hook_adds_its_weight_to_each_load_and_to_none_else() -> None:
+    rows = loaded(np.concatenate([forces([0.0, 100, 250, -50], np.array([1.0, 2, 2])), DRAWN]))
+    true = law("hook_weight").true_wrench(rows, None, np.array([15.0]))
+    assert true is not None
+    size = np.linalg.norm(rows.wrench[:, :3], axis=1)
+    assert_allclose(np.linalg.norm(true[:, :3], axis=1), np.where(size > 0, size + 15.0, 0.0))
+    assert_allclose(np.cross(true[:, :3], rows.wrench[:, :3]), 0.0, atol=1e-9 * size.max() ** 2)
+    assert law("hook_weight").missing(loaded(forces([0.0, 100, -100, 102], np.array([1.0, 0, 0]))))
+    assert not law("hook_weight").missing(rows)
+
+
+@pytest.mark.parametrize("name", ["force_crosstalk.one_way", "deflection_sensor_crosstalk.one_way"])
+def test_cross_talk_one_way_is_a_share_of_one_axis_in_another(name: str) -> None:
+    """Of y in x alone, then of x in z alone."""
+    rows = loaded(DRAWN)
+    for place, seen, of in ((0, 0, 1), (4, 2, 0)):
+        values = np.eye(6)[place] * 0.05
+        if name.startswith("force"):
+            true = law(name).true_wrench(rows, None, values)
+            assert true is not None
+            got, source = true[:, :3] - rows.wrench[:, :3], rows.wrench[:, :3]
+        else:
+            got, source = law(name).contribution(rows, None, values)[:, :3], rows.elastic[:, :3]
+        expected = np.zeros_like(source)
+        expected[:, seen] = 0.05 * source[:, of]
+        assert_allclose(got, expected, atol=1e-12 * np.abs(source).max())
+
+
+def test_a_drift_that_cycles_is_back_after_a_period() -> None:
+    rows = replace(loaded(DRAWN), time=450.0 * np.arange(9), row=np.arange(1, 10), reference=np.zeros(9, dtype=int))
+    off = np.array([2e-5, -1e-5, 5e-6])
+    moved = law("drift.cycling").contribution(rows, None, np.array([*off, 0.0, 1800.0]))[:, :3]
+    assert_allclose(moved, np.array([0, 1, 0, -1, 0, 1, 0, -1, 0.0])[:, None] * off, atol=1e-15)
+    later = law("drift.cycling").contribution(rows, None, np.array([*off, np.pi / 2, 1800.0]))[:, :3]
+    assert_allclose(later, np.array([0, -1, -2, -1, 0, -1, -2, -1, 0.0])[:, None] * off, atol=1e-15)
+
+
+def shapes(name: str, rows: LoadState) -> list[tuple[Signature, int | None]]:
+    effect = effects()[name]
+    return [(shape, joint) for joint in effect.places for shape in effect.signatures(rows, joint)]
+
+
+@pytest.mark.parametrize("name", ["sensor_step", "encoder_zero", "drift"])
+def test_some_rows_show_what_they_show_among_all(name: str) -> None:
+    """Rows of later references by themselves, as rows that are kept for validation are: a step or a drift that ended with an
+    earlier reference is not in them."""
+    references = np.repeat(np.arange(3), [5, 3, 1])
+    rows = replace(loaded(DRAWN), time=600.0 * np.arange(9), row=np.arange(1, 10), reference=references)
+    later = load_state(rows.robot, TOOL, rows.theta[5:], rows.wrench[5:], COMPLIANCE)
+    later = replace(later, visit=rows.visit[5:], time=rows.time[5:], row=rows.row[5:], reference=references[5:])
+    seen = shapes(name, rows)
+    assert len(seen) > 3
+    for shape, joint in seen:
+        values = shape.values(shape.scale)
+        among = shape.effect.contribution(rows, joint, values)
+        assert_allclose(shape.effect.contribution(later, joint, values), among[5:], atol=1e-12)
